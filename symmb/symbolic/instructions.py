@@ -1,0 +1,89 @@
+"""The instruction list of a CasADi SX Function, walked with any number type.
+
+CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. Walking that list with
+SymPy expressions gives a SymPy export, with intervals an interval evaluation, with variable names C code.
+What each operation means is the caller's affair; here is only the walk.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import casadi as ca
+
+from .._errors import DeclarationError
+
+T = TypeVar("T")
+
+_NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
+
+
+def operation_name(code: int) -> str:
+    """Name of an operation code for messages.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> operation_name(ca.OP_ATAN2)
+    'OP_ATAN2'
+    """
+    return _NAMES.get(code, f"operation {code}")
+
+
+def interpret(
+    f: ca.Function,
+    inputs: Sequence[Sequence[T]],
+    operation: Callable[[int, tuple[T, ...]], T],
+    constant: Callable[[float], T],
+) -> list[list[T]]:
+    """Evaluate an SX Function with numbers of type T, one instruction after the other.
+
+    Parameters
+    ----------
+    f : casadi.Function      built from SX expressions
+    inputs                   for each input of ``f`` its structural nonzeros, in column-major order
+    operation                ``operation(code, arguments)`` with ``code`` one of CasADi's ``OP_`` numbers and
+                             one or two arguments (none for a free symbol, ``OP_PARAMETER``)
+    constant                 turns a float into a T
+
+    Returns
+    -------
+    list of lists            for each output of ``f`` its structural nonzeros, in column-major order
+
+    Raises
+    ------
+    DeclarationError         if ``f`` is not an SX Function or calls another one, or ``inputs`` do not fit
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> x = ca.SX.sym("x", 2)
+    >>> f = ca.Function("f", [x], [x[0] * x[1] + 3])
+    >>> interpret(f, [["x0", "x1"]], lambda code, a: f"{operation_name(code)}({', '.join(a)})", str)
+    [['OP_ADD(OP_MUL(x0, x1), 3.0)']]
+    """
+    if not f.is_a("SXFunction"):
+        raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
+    given, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
+    if given != expected:
+        raise DeclarationError(
+            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, "
+            f"but values for {given} are given."
+        )
+    # Every work slot is written before it is read, so the filling value of `work` is never seen.
+    work = [constant(0.0)] * f.sz_w()
+    outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
+    for k in range(f.n_instructions()):
+        code, arguments, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if code == ca.OP_INPUT:
+            work[results[0]] = inputs[arguments[0]][arguments[1]]
+        elif code == ca.OP_OUTPUT:
+            outputs[results[0]][results[1]] = work[arguments[0]]
+        elif code == ca.OP_CONST:
+            work[results[0]] = constant(f.instruction_constant(k))
+        elif code == ca.OP_CALL:
+            raise DeclarationError(
+                f"Function '{f.name()}' calls another Function inside: build that one without never_inline."
+            )
+        else:
+            work[results[0]] = operation(code, tuple(work[i] for i in arguments))
+    return outputs
