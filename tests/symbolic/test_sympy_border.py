@@ -1,0 +1,224 @@
+"""The SymPy border: numbers on both sides must agree, exact constants stay exact, faults are told."""
+
+import math
+import subprocess
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+
+from symmb._errors import DeclarationError
+from symmb.symbolic.sympy_border import from_sympy, is_sympy, to_sympy
+
+X, Y = ca.SX.sym("x"), ca.SX.sym("y")
+NAMES = ["rod1.theta", "l1"]
+SYMBOLS = {"rod1.theta": X, "l1": Y}
+A, B = sp.symbols("rod1.theta l1", real=True)
+
+SMOOTH = [(0.31, 0.74), (0.87, 0.22), (0.05, 0.93)]
+CORNERS = [
+    (0.0, 1.0),
+    (1.0, 0.5),
+    (-0.5, 1.0),
+    (1.5, -1.0),
+    (2.5, 1.0),
+    (-2.3, -0.7),
+    (1.0, 1.0),
+    (-1.5, 1.0),
+]
+
+OUT_SMOOTH = {
+    "polynomial": X**2 * Y - 3 * X / Y + 2 * X - 1 / X,
+    "powers": X**1.5 + Y**X + ca.sqrt(X) + X**-3 + X**0.3,
+    "exponential": ca.exp(-X) + ca.expm1(Y) + ca.log(X) + ca.log1p(Y),
+    "trigonometric": ca.sin(X) * ca.cos(Y)
+    + ca.tan(X)
+    + ca.asin(X)
+    + ca.acos(Y)
+    + ca.atan(X)
+    + ca.atan2(X, Y),
+    "hyperbolic": ca.sinh(X) + ca.cosh(Y) + ca.tanh(X) + ca.asinh(X) + ca.acosh(1 + X) + ca.atanh(Y),
+    "error function": ca.erf(X) + ca.erfinv(Y),
+    "hypot": ca.hypot(X, Y),
+    "constants": 0.1 * X + Y / 12 + ca.pi / 6 + 9.81 + 2**0.5 * X,
+}
+OUT_CORNERS = {
+    "absolute": ca.fabs(X) + 2 * ca.sign(Y),
+    "extremes": ca.fmin(X, Y) - 3 * ca.fmax(X, 2 * Y),
+    "rounding": ca.floor(X) + 10 * ca.ceil(Y),
+    "fmod": ca.fmod(X, Y),
+    "remainder": ca.remainder(X, Y),
+    "copysign": ca.copysign(X, Y),
+    "relations": (Y > X) + 2 * (X <= Y) + 4 * (X == Y) + 8 * (X != Y),
+    "logic": ca.logic_and(X > 0, Y < 1) + 2 * ca.logic_or(X, Y - 1) + 4 * ca.logic_not(X - 1),
+    "branches": ca.if_else(X > 0, X**2 + Y, ca.if_else(Y > 0.8, 3, -Y)) * 2 + ca.if_else(X == Y, 1, 5),
+}
+IN_SMOOTH = {
+    "powers": B ** sp.Rational(3, 2) / sp.sqrt(A) + A**-2 + sp.cbrt(B) + 2**A + B**A,
+    "trigonometric": sp.sec(A)
+    + sp.csc(B)
+    + sp.cot(A)
+    + sp.tan(B)
+    + sp.acos(A)
+    + sp.atan2(A, -B)
+    + sp.asin(A),
+    "constants": sp.pi * A + sp.E * B + sp.Rational(1, 12) + sp.Float("0.1") + sp.GoldenRatio,
+    "error functions": sp.erfc(A) + sp.erf(B),
+    "exponential": sp.exp(A) * sp.log(B, 10) + sp.sinh(A) - sp.acosh(1 + B),
+}
+IN_CORNERS = {
+    "piecewise": sp.Piecewise((A**2, A < 0), (B, sp.And(A < 2, B > 0)), (3, True)),
+    "covered piecewise": sp.Piecewise((A, A < 1), (B, A >= 1)),
+    "extremes": sp.Max(A, B, 1) + sp.Min(A, B**2),
+    "steps": sp.Heaviside(A) + 10 * sp.Heaviside(B - 1, 0) + 100 * sp.Heaviside(A - B, 1),
+    "absolute": sp.Abs(A) + sp.sign(B) + sp.floor(A) + sp.ceiling(B) + sp.Mod(A, B),
+    "logic": sp.Piecewise((1, sp.Or(sp.Not(sp.Eq(A, B)), A >= 1)), (0, True)),
+}
+
+
+def _casadi(expr, point):
+    return float(ca.Function("f", [X, Y], [expr])(*point))
+
+
+def _sympy(expr, point):
+    # exact rationals, so that SymPy decides ties and corners exactly
+    return float(expr.subs({A: sp.Rational(str(point[0])), B: sp.Rational(str(point[1]))}).evalf(30))
+
+
+def _cases(smooth, corners):
+    return [
+        pytest.param(expr, points, id=name)
+        for group, points in [(smooth, SMOOTH), (corners, CORNERS)]
+        for name, expr in group.items()
+    ]
+
+
+@pytest.mark.parametrize("expr, points", _cases(OUT_SMOOTH, OUT_CORNERS))
+def test_out_and_back(expr, points):
+    [out] = to_sympy(expr, [X, Y], NAMES)
+    back = from_sympy(out, SYMBOLS)
+    for point in points:
+        value = _casadi(expr, point)
+        assert _sympy(out, point) == pytest.approx(value, rel=1e-14, abs=1e-14), (out, point)
+        assert _casadi(back, point) == pytest.approx(value, rel=1e-13, abs=1e-13), (out, point)
+
+
+@pytest.mark.parametrize("expr, points", _cases(IN_SMOOTH, IN_CORNERS))
+def test_in(expr, points):
+    for point in points:
+        expected = _sympy(expr, point)
+        assert _casadi(from_sympy(expr, SYMBOLS), point) == pytest.approx(expected, rel=1e-14, abs=1e-14), (
+            point
+        )
+
+
+def test_every_scalar_operation_of_casadi_has_a_counterpart():
+    # what SX can hold, found by trying: every operation that evaluates on two numbers or one
+    missing = []
+    for name in [name for name in dir(ca) if name.startswith("OP_")]:
+        code = getattr(ca, name)
+        try:
+            expr = ca.SX.binary(code, X, Y) if code in _BINARY else ca.SX.unary(code, X)
+        except (RuntimeError, NotImplementedError):
+            continue
+        try:
+            to_sympy(expr, [X, Y], NAMES)
+        except DeclarationError:
+            missing.append(name)
+    assert missing == ["OP_PRINTME"]
+
+
+_BINARY = {
+    getattr(ca, "OP_" + name)
+    for name in "ADD SUB MUL DIV POW CONSTPOW LT LE EQ NE AND OR FMOD COPYSIGN IF_ELSE_ZERO FMIN FMAX ATAN2 "
+    "PRINTME LIFT HYPOT REMAINDER".split()
+}
+
+
+@pytest.mark.parametrize(
+    "value, expected",
+    [
+        (0.5, sp.Rational(1, 2)),
+        (1 / 12, sp.Rational(1, 12)),
+        (9.81, sp.Rational(981, 100)),
+        (-7.0, sp.Integer(-7)),
+        (math.pi, sp.pi),
+        (-math.pi / 6, -sp.pi / 6),
+        (math.radians(2.5), sp.pi / 72),
+        (math.inf, sp.oo),
+        (math.sqrt(2), sp.Float(math.sqrt(2))),
+        (1e-20, sp.Float(1e-20)),
+    ],
+)
+def test_constants(value, expected):
+    assert to_sympy(ca.SX(value), [], []) == sp.Matrix([expected])
+
+
+def test_floats_near_a_fraction_are_not_rounded():
+    for value in [np.nextafter(1 / 3, 1), np.nextafter(0.5, 0), math.pi * (1 + 1e-15), 3.14159265358979]:
+        [constant] = to_sympy(ca.SX(value), [], [])
+        assert float(constant) == value
+
+
+def test_matrices_keep_shape_and_structural_zeros():
+    sparse = ca.SX(3, 2)
+    sparse[2, 0], sparse[0, 1] = X * Y, ca.sin(X)
+    matrix = to_sympy(sparse, [X, Y], NAMES)
+    assert matrix == sp.Matrix([[0, sp.sin(A)], [0, 0], [A * B, 0]])
+    back = from_sympy(matrix, SYMBOLS)
+    assert back.sparsity() == sparse.sparsity()
+    assert to_sympy(ca.SX(2, 3), [], []) == sp.zeros(2, 3)
+
+
+def test_branches_read_as_one_piecewise():
+    [expr] = to_sympy(ca.if_else(X < 0, Y, ca.if_else(X < 1, X, 3)), [X, Y], NAMES)
+    assert expr == sp.Piecewise((B, A < 0), (A, A < 1), (3, True))
+
+
+def test_is_sympy_recognises_expressions_and_matrices():
+    assert is_sympy(A + 1) and is_sympy(sp.Matrix([A])) and is_sympy(A < B)
+    assert not is_sympy(1.0) and not is_sympy(X) and not is_sympy("l1")
+
+
+def test_border_loads_without_sympy():
+    code = (
+        "import sys; from symmb.symbolic.sympy_border import is_sympy; "
+        "raise SystemExit(is_sympy(1.0) or 'sympy' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_faults_going_out():
+    with pytest.raises(DeclarationError, match="not listed: y"):
+        to_sympy(X * Y, [X], ["x"])
+    with pytest.raises(DeclarationError, match="NaN constant"):
+        to_sympy(X * math.nan, [X], ["x"])
+
+
+def test_unknown_names_are_told_at_once_with_near_misses():
+    expr = sp.Symbol("rod1.thta") * sp.Symbol("mass_of_crane")
+    with pytest.raises(DeclarationError) as fault:
+        from_sympy(expr, SYMBOLS)
+    assert "Unknown symbol 'rod1.thta'" in str(fault.value)
+    assert "Did you mean 'rod1.theta'?" in str(fault.value)
+    assert "Unknown symbol 'mass_of_crane' in a SymPy expression. Known names: rod1.theta, l1." in str(
+        fault.value
+    )
+
+
+@pytest.mark.parametrize(
+    "expr, message",
+    [
+        (sp.besselj(0, A), "'besselj' in besselj.* has no CasADi counterpart"),
+        (sp.Function("theta")(A), "function of time.*Symbol\\('rod1.theta'\\)"),
+        (sp.Derivative(sp.Function("theta")(A), A), "function of time"),
+        (A * sp.nan, "contains nan"),
+        (sp.I * A, "'ImaginaryUnit'"),
+        (sp.Piecewise((A, A < 0), (B, A > 1)), "leaves a gap: end it with a branch"),
+    ],
+)
+def test_faults_coming_in(expr, message):
+    with pytest.raises(DeclarationError, match=message):
+        from_sympy(expr, SYMBOLS)
