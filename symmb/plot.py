@@ -1,0 +1,269 @@
+"""Pictures from plain arrays: bounds over time, error against run time, trajectories.
+
+Figures are drawn without pyplot, so nothing global is touched; matplotlib loads on the first call.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from symmb._types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, FigureBase
+
+_PANELS = 6
+"""Most outputs whose bounds are drawn."""
+_WIDTH = 10.0
+"""Width of a figure [inch]; the heights below too."""
+_ROW = 1.8
+_HEAD = 0.3
+_DIAGRAM = 3.8
+_DPI = 150
+_COLOURS = ("#0b6fb8", "#d1495b", "#2e8b57", "#e08e00", "#7a4fb5", "#4b5563", "#00929c", "#9c5a2d")
+"""Told apart also by those who do not tell red from green: line style and marker differ as well."""
+_MARKERS = "osD^vPX*"
+_DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
+_BAND = "#c9d3dd"
+
+
+@dataclass(frozen=True)
+class Band:
+    """The reference: lower, upper (n_t, n_y)."""
+
+    label: str
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Bounds by one setting of one family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
+
+    family: str
+    label: str
+    kind: str
+    lower: Array
+    upper: Array
+    error: Array
+    evaluations: int
+    seconds: float
+
+
+def family(name: str) -> str:
+    """The method without the numbers that set its resolution.
+
+    Examples
+    --------
+    >>> family("PolynomialChaos.paper(order=2)"), family("MonteCarlo(1000, sampler=Sobol())")
+    ('PolynomialChaos.paper', 'MonteCarlo(sampler=Sobol())')
+    """
+    constructor, _, options = name.partition("(")
+    kept = [
+        option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)
+    ]
+    return f"{constructor}({', '.join(kept)})" if kept else constructor
+
+
+def plot_comparison(
+    t: Array,
+    names: Sequence[str],
+    reference: Band,
+    curves: Sequence[Curve],
+    *,
+    measured: npt.NDArray[np.bool_],
+    uncertainty: Array,
+    title: str = "",
+    path: str | Path | None = None,
+) -> "Figure":
+    """Bounds over time above, mean error against run time below.
+
+    Parameters
+    ----------
+    t : (n_t,)              times [s]
+    names : n_y names       of the outputs
+    curves                  the settings to draw; a family is one curve of the error diagram, and its most accurate
+                            setting stands for it above
+    measured : (n_y,)       which outputs count in the mean error
+    uncertainty : (n_y,)    the reference's, in the norm of the error; smaller mean errors are drawn at its mean, hollow
+    path : optional         where to write the picture; the suffix decides the format
+    """
+    families: dict[str, list[Curve]] = {}
+    for curve in curves:
+        families.setdefault(curve.family, []).append(curve)
+    shown = _hardest(curves, measured)
+    n_legend = -(-(len(families) + 1) // 3)
+    heights = [_HEAD + 0.2 * n_legend + _ROW * _rows(len(shown)), _DIAGRAM]
+    figure = _figure(sum(heights))
+    above, below = figure.subfigures(2, 1, height_ratios=heights)
+    best = [min(group, key=lambda curve: _error(curve, measured)) for group in families.values()]
+    _draw_bounds(above, t, names, shown, reference, best, title)
+    _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
+    return _saved(figure, path)
+
+
+def plot_trajectory(
+    t: Array, values: Array, names: Sequence[str], path: str | Path | None = None, *, title: str = ""
+) -> "Figure":
+    """Values (n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for path."""
+    figure = _figure(_HEAD + _ROW * _rows(len(names)))
+    for i, axes in enumerate(_panels(figure, t, names)):
+        axes.plot(t, values[:, i], color=_COLOURS[0], linewidth=1.2)
+    figure.suptitle(title, fontsize=10)
+    return _saved(figure, path)
+
+
+def _draw_bounds(
+    figure: "FigureBase",
+    t: Array,
+    names: Sequence[str],
+    shown: Sequence[int],
+    reference: Band,
+    curves: Sequence[Curve],
+    title: str,
+) -> None:
+    panels = _panels(figure, t, [names[i] for i in shown])
+    for axes, i in zip(panels, shown, strict=True):
+        axes.fill_between(
+            t, reference.lower[:, i], reference.upper[:, i], color=_BAND, linewidth=0, label=reference.label
+        )
+        for k, curve in enumerate(curves):
+            style: dict[str, Any] = {
+                "color": _of(_COLOURS, k),
+                "linestyle": _of(_DASHES, k),
+                "linewidth": 1.1,
+            }
+            axes.plot(t, curve.lower[:, i], label=f"{curve.label}, {curve.kind}", **style)
+            axes.plot(t, curve.upper[:, i], **style)
+        axes.set_ylim(*_window(reference, curves, i))
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    part = (
+        f"the {len(shown)} of {len(names)} outputs with the largest errors" if len(shown) < len(names) else ""
+    )
+    figure.suptitle(": ".join(filter(None, [title, part])), fontsize=10)
+
+
+def _draw_errors(
+    axes: "Axes", families: Sequence[Sequence[Curve]], measured: npt.NDArray[np.bool_], uncertainty: Array
+) -> None:
+    from matplotlib.patheffects import withStroke
+
+    floor = float(np.nan_to_num(uncertainty[measured]).mean()) if measured.any() else 0.0
+    for k, group in enumerate(families):
+        points = sorted((curve.seconds, _error(curve, measured), curve.evaluations) for curve in group)
+        points = [point for point in points if 0.0 < max(point[1], floor) < np.inf]
+        if not points:
+            continue
+        seconds, errors, runs = zip(*points, strict=True)
+        heights = np.maximum(errors, floor)
+        style: dict[str, Any] = {"color": _of(_COLOURS, k), "linestyle": _of(_DASHES, k), "linewidth": 1.2}
+        marker = {"marker": _of(_MARKERS, k), "markersize": 6}
+        axes.plot(seconds, heights, **style)
+        axes.plot([], [], **style, **marker, label=group[0].family)
+        above = k % 2 == 0
+        for x, y, error, n in zip(seconds, heights, errors, runs, strict=True):
+            face = "white" if error < floor else style["color"]
+            axes.plot(x, y, color=style["color"], **marker, markerfacecolor=face, zorder=3)
+            axes.annotate(
+                str(n),
+                (x, y),
+                (4, 4 if above else -4),
+                textcoords="offset points",
+                verticalalignment="bottom" if above else "top",
+                fontsize=7.5,
+                color=style["color"],
+                path_effects=[withStroke(linewidth=2, foreground="white")],
+                zorder=2.5,
+            )
+    if floor > 0.0:
+        label = "reference's uncertainty\n(hollow: error not above it)"
+        axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
+    axes.set_ylabel("mean error, share of the width", fontsize=8.5)
+    axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
+    axes.margins(0.06, 0.1)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    _dress(axes)
+
+
+def _figure(height: float) -> "Figure":
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH, height), dpi=_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _saved(figure: "Figure", path: str | Path | None) -> "Figure":
+    if path is not None:
+        figure.savefig(path)
+    return figure
+
+
+def _panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Axes"]:
+    """One named panel an output, on a common time axis."""
+    n_columns = _columns(len(names))
+    grid = figure.subplots(_rows(len(names)), n_columns, sharex=True, squeeze=False).ravel()
+    for axes in grid[len(names) :]:
+        axes.set_visible(False)
+    for i, (axes, name) in enumerate(zip(grid, names, strict=False)):
+        axes.set_title(name, fontsize=9, loc="left", fontweight="bold", pad=3)
+        axes.set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+        axes.grid(color="#e3e7eb", linewidth=0.6)
+        _dress(axes)
+        if i + n_columns >= len(names):
+            axes.set_xlabel("time [s]", fontsize=8)
+            axes.tick_params(labelbottom=True)
+    return list(grid[: len(names)])
+
+
+def _dress(axes: "Axes") -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+
+
+def _columns(n: int) -> int:
+    return 1 if n == 1 else 2 if n in (2, 4) else 3
+
+
+def _rows(n: int) -> int:
+    return -(-n // _columns(n))
+
+
+def _of(styles: Sequence[Any], k: int) -> Any:
+    return styles[k % len(styles)]
+
+
+def _error(curve: Curve, measured: npt.NDArray[np.bool_]) -> float:
+    """Mean error over the outputs that count; infinite where it is not a number."""
+    error = curve.error[measured]
+    return float(np.nan_to_num(error, nan=np.inf).mean()) if error.size else 0.0
+
+
+def _hardest(curves: Sequence[Curve], measured: npt.NDArray[np.bool_]) -> list[int]:
+    """The outputs to draw, in their order: those with the largest median error."""
+    if len(measured) <= _PANELS or not curves:
+        return list(range(min(len(measured), _PANELS)))
+    median = np.median([np.nan_to_num(curve.error, nan=np.inf) for curve in curves], axis=0)
+    return sorted(np.argsort(np.where(measured, -median, 1.0), kind="stable")[:_PANELS].tolist())
+
+
+def _window(reference: Band, curves: Sequence[Curve], i: int) -> tuple[float, float]:
+    """Limits that show the reference and bounds up to as far again outside it; wilder bounds leave the panel."""
+    low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
+    room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
+    lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])
+    highs = np.concatenate([[high], *(curve.upper[:, i] for curve in curves)])
+    bottom, top = max(np.nanmin(lows), low - room), min(np.nanmax(highs), high + room)
+    margin = 0.05 * (top - bottom) or room
+    return float(bottom - margin), float(top + margin)

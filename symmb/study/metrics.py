@@ -1,0 +1,123 @@
+"""How far bounds are off a reference: error, over, under and coverage, one number an output.
+
+All are shares of the reference's width, except for an output that has none; see `zero_width`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from symmb._types import Array
+
+_SCALE = 1e-9
+"""Share of an output's scale below which a width or a deviation counts as none."""
+_ABSOLUTE = 1e-14
+"""The same for an output that is zero throughout, whose scale is rounding noise [the output's own unit]."""
+_COVER = 1e-6
+"""Share of the largest reference width by which `outer` may miss the reference and still contain it."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Deviation of one method's bounds from the reference, each entry (n_y,).
+
+    Attributes
+    ----------
+    error : (n_y,)          root mean square over time of both bounds' deviations, over that of the width
+    outer_error : (n_y,)    the same of the outer bounds
+    over : (n_y,)           mean outward excess over the mean width
+    under : (n_y,)          mean inward shortfall over the mean width
+    coverage : (n_y,)       share of times at which the outer bounds contain the reference
+    """
+
+    error: Array
+    outer_error: Array
+    over: Array
+    under: Array
+    coverage: Array
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """The reference bounds and their own uncertainty: what `Score` is measured with.
+
+    Parameters
+    ----------
+    lower, upper : (n_t, n_y)   reference bounds, in the outputs' units
+    uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
+
+    Examples
+    --------
+    >>> yardstick = Yardstick(np.zeros((3, 1)), np.ones((3, 1)), np.zeros(1))
+    >>> score = yardstick.score(np.full((3, 1), -0.1), np.full((3, 1), 0.8))
+    >>> print(score.over, score.under, score.error.round(3))
+    [0.1] [0.2] [0.158]
+    """
+
+    lower: Array
+    upper: Array
+    uncertainty: Array
+
+    @property
+    def zero_width(self) -> npt.NDArray[np.bool_]:
+        """(n_y,) True where the output is the same at all points of the box: errors there are absolute."""
+        return _largest(self.upper - self.lower) <= self._negligible
+
+    def relative(self, deviation: Array) -> Array:
+        """Root mean square of deviations (..., n_y) over that of the reference's width; (n_y,).
+
+        An output without width has no such share: its deviation is 0 up to 1e-9 of the output's scale
+        and absolute beyond.
+        """
+        rms = _rms(deviation)
+        negligible = _largest(deviation) <= self._negligible
+        absolute = np.where(negligible, 0.0, rms)
+        return np.where(self.zero_width, absolute, rms / self._unit(_rms(self.upper - self.lower)))
+
+    def deviation(self, lower: Array, upper: Array) -> Array:
+        """Error of the bounds lower, upper (n_t, n_y), in the norm of `Score.error`; (n_y,)."""
+        return self.relative(np.stack([lower - self.lower, upper - self.upper]))
+
+    def score(self, lower: Array, upper: Array, estimate: Array | None = None) -> Score:
+        """Measure bounds lower, upper (n_t, n_y), widened by `estimate` (n_t, n_y) where outer ones are meant."""
+        outer_lower = lower if estimate is None else lower - estimate
+        outer_upper = upper if estimate is None else upper + estimate
+        excess = np.maximum(self.lower - lower, 0.0) + np.maximum(upper - self.upper, 0.0)
+        shortfall = np.maximum(lower - self.lower, 0.0) + np.maximum(self.upper - upper, 0.0)
+        tolerance = self._tolerance()
+        inside = (outer_lower <= self.lower + tolerance) & (outer_upper >= self.upper - tolerance)
+        return Score(
+            error=self.deviation(lower, upper),
+            outer_error=self.deviation(outer_lower, outer_upper),
+            over=self._mean_share(excess),
+            under=self._mean_share(shortfall),
+            coverage=inside.mean(axis=0),
+        )
+
+    @property
+    def _negligible(self) -> Array:
+        scale = np.maximum(_largest(self.lower), _largest(self.upper))
+        return np.maximum(_SCALE * scale, _ABSOLUTE)
+
+    def _unit(self, size: Array) -> Array:
+        """The size by which deviations are divided: 1 for outputs without width."""
+        return np.where(self.zero_width, 1.0, size)
+
+    def _mean_share(self, amount: Array) -> Array:
+        mean = np.where(self.zero_width & (_largest(amount) <= self._negligible), 0.0, amount.mean(axis=0))
+        return mean / self._unit((self.upper - self.lower).mean(axis=0))
+
+    def _tolerance(self) -> Array:
+        width = self.upper - self.lower
+        uncertainty = np.nan_to_num(self.uncertainty) * self._unit(_rms(width))
+        share = np.maximum(_COVER * _largest(width), uncertainty)
+        return np.where(self.zero_width, np.maximum(share, self._negligible), share)
+
+
+def _largest(values: Array) -> Array:
+    return np.abs(values).max(axis=tuple(range(values.ndim - 1)))
+
+
+def _rms(values: Array) -> Array:
+    return np.sqrt(np.square(values).mean(axis=tuple(range(values.ndim - 1))))

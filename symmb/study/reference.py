@@ -1,0 +1,140 @@
+"""The reference of a comparison: the best bounds at hand, how uncertain they are, and what they cost."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._box import Box
+from symmb._errors import PropagationError
+from symmb._types import Array, Executor
+from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Sobol, Vertex, propagate
+from symmb.simulate import Simulator
+from symmb.study.metrics import Yardstick
+
+_RUNS = 2000
+"""About the number of runs that the finer resolution takes."""
+_GRID_DIMENSIONS = 5
+"""Most parameters that are scanned on a grid: beyond, `_RUNS` points leave two or three a dimension."""
+_SAMPLES = 512, 2048
+"""Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Reference bounds, and what `Yardstick` needs to measure others with them.
+
+    Attributes
+    ----------
+    method : str                the constructor's text
+    lower, upper : (n_t, n_y)
+    uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
+    evaluations, failed : int or None     runs, and how many failed; None if read from a file
+    seconds : float or None     run time [s]; None if given ready-made or read from a file
+    """
+
+    method: str
+    lower: Array
+    upper: Array
+    uncertainty: Array
+    evaluations: int | None = None
+    failed: int | None = None
+    seconds: float | None = None
+
+    @property
+    def yardstick(self) -> Yardstick:
+        """The measure that scores other bounds."""
+        return Yardstick(self.lower, self.upper, self.uncertainty)
+
+
+def find_reference(
+    simulator: Simulator,
+    box: Box,
+    reference: Method | Bounds | None = None,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Reference:
+    """Reference bounds of `simulator` over `box`.
+
+    Without `reference`, a grid of 2 m + 1 points a dimension holds another of m + 1; the change between their
+    bounds is the uncertainty. Beyond five parameters Sobol samples, 512 and 2048, take the grids' place, joined
+    by the vertices of the box as long as these are no more than 2000.
+
+    Parameters
+    ----------
+    reference : Method or Bounds, optional      bounds known better; their `estimate` is the uncertainty
+
+    Raises
+    ------
+    PropagationError    if given bounds do not fit the simulator's times and outputs
+    """
+    if isinstance(reference, Bounds):
+        return _of_bounds(_fitting(reference, simulator), seconds=None)
+    start = time.perf_counter()
+    if reference is not None:
+        bounds = propagate(simulator, reference, box, executor=executor, progress=progress)
+        return _of_bounds(bounds, seconds=time.perf_counter() - start)
+    coarse, fine, *shared = [
+        propagate(simulator, method, box, executor=executor, progress=progress)
+        for method in _resolutions(len(box.names))
+    ]
+    lower, upper = _hull([coarse, fine, *shared])
+    coarse_lower, coarse_upper = _hull([coarse, *shared])
+    unknown = np.full(lower.shape[1], np.nan)
+    return Reference(
+        method=" with ".join(bounds.method for bounds in [fine, *shared]),
+        lower=lower,
+        upper=upper,
+        uncertainty=Yardstick(lower, upper, unknown).deviation(coarse_lower, coarse_upper),
+        evaluations=sum(bounds.evaluations for bounds in [coarse, fine, *shared]),
+        failed=sum(len(bounds.failed) for bounds in [coarse, fine, *shared]),
+        seconds=time.perf_counter() - start,
+    )
+
+
+def _resolutions(n_p: int) -> list[Method]:
+    """The method at the coarser resolution, at the finer one, and what joins both."""
+    if n_p <= _GRID_DIMENSIONS:
+        m = max(round((_RUNS ** (1 / n_p) - 1) / 2), 1)
+        return [Scanning(m + 1), Scanning(2 * m + 1)]
+    samples: list[Method] = [MonteCarlo(n, sampler=Sobol()) for n in _SAMPLES]
+    return [*samples, Vertex()] if 2**n_p <= _RUNS else samples
+
+
+def _hull(parts: list[Bounds]) -> tuple[Array, Array]:
+    lower = np.min([bounds.lower for bounds in parts], axis=0)
+    return lower, np.max([bounds.upper for bounds in parts], axis=0)
+
+
+def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
+    unknown = np.full(len(bounds.names), np.nan)
+    yardstick = Yardstick(bounds.lower, bounds.upper, unknown)
+    return Reference(
+        method=bounds.method,
+        lower=bounds.lower,
+        upper=bounds.upper,
+        uncertainty=unknown if bounds.estimate is None else yardstick.relative(bounds.estimate),
+        evaluations=bounds.evaluations,
+        failed=len(bounds.failed),
+        seconds=seconds,
+    )
+
+
+def _fitting(bounds: Bounds, simulator: Simulator) -> Bounds:
+    if tuple(bounds.names) != tuple(simulator.outputs):
+        raise PropagationError(
+            f"The reference bounds {', '.join(bounds.names)}, but the outputs are {', '.join(simulator.outputs)}. "
+            "Give a reference of the same outputs in the same order."
+        )
+    if len(bounds.t) != len(simulator.times) or not np.allclose(
+        bounds.t, simulator.times, rtol=0.0, atol=1e-9
+    ):
+        raise PropagationError(
+            f"The reference holds {len(bounds.t)} times from {bounds.t[0]:g} to {bounds.t[-1]:g} s, the simulator "
+            f"{len(simulator.times)} from {simulator.times[0]:g} to {simulator.times[-1]:g} s. Give both the same times."
+        )
+    return bounds

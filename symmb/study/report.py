@@ -1,0 +1,120 @@
+"""A comparison as text: one aligned line a method, with what it was measured against."""
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.study.metrics import Yardstick
+from symmb.study.row import NotRun, Row
+
+_WIDTH = 110
+_LEFT = {"method", "kind", "worst output"}
+
+
+def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
+    """The rows as an aligned table; errors are means over the outputs that have a width, and the worst of them."""
+    header = ["method", "kind", "runs", "failed", "run [s]", "error", "outer", "over", "under", "covered"]
+    lines = [
+        [*header, "worst output"],
+        *([*_cells(row, yardstick), _worst(row, yardstick, outputs)] for row in rows),
+    ]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
+    left = [name in _LEFT for name in lines[0]]
+    text = [
+        "  ".join(
+            cell.ljust(width) if is_left else cell.rjust(width)
+            for cell, width, is_left in zip(line, widths, left, strict=True)
+        ).rstrip()
+        for line in lines
+    ]
+    return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])
+
+
+def not_run(methods: Iterable[NotRun]) -> list[str]:
+    """One line for each method that could not run."""
+    return [wrapped(f"{method.name} did not run: {method.reason}") for method in methods]
+
+
+def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
+    """One line for each output without width: whose bounds miss it, and by how much."""
+    lines = []
+    for i in np.flatnonzero(yardstick.zero_width):
+        misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
+        found = f"absolute error of {', '.join(misses)}" if misses else "all bounds are right there"
+        lines.append(wrapped(f"{outputs[i]} has no width and is left out of the mean errors: {found}."))
+    return lines
+
+
+def mean_and_worst(values: Array, yardstick: Yardstick, outputs: Sequence[str]) -> str:
+    """Mean and largest of values (n_y,), with the name of the output where it is largest."""
+    share = np.where(yardstick.zero_width, np.nan, values)
+    if np.isnan(share).all():
+        return "not known"
+    worst = int(np.nanargmax(share))
+    return (
+        f"{number(_mean(values, yardstick))} of the width, at most {number(share[worst])} ({outputs[worst]})"
+    )
+
+
+def number(value: float) -> str:
+    """A share or an error with two digits, all of one width.
+
+    Examples
+    --------
+    >>> number(0.2267), number(0.0), number(float("nan"))
+    ('2.3e-01', '0', '–')
+    """
+    if np.isnan(value):
+        return "–"
+    return "0" if value == 0.0 else f"{value:.1e}"
+
+
+def seconds(value: float) -> str:
+    """A duration with three digits.
+
+    Examples
+    --------
+    >>> seconds(0.01234), seconds(123.4)
+    ('0.0123', '123')
+    """
+    return f"{value:.3g}" if value >= 1e-3 else f"{value:.1e}"
+
+
+def _cells(row: Row, yardstick: Yardstick) -> list[str]:
+    score = row.score
+    return [
+        row.name,
+        row.kind,
+        str(row.evaluations),
+        str(row.failed) if row.failed else "–",
+        seconds(row.run_seconds),
+        _at_most(_mean(score.error, yardstick), _mean(yardstick.uncertainty, yardstick)),
+        "–" if row.estimate is None else number(_mean(score.outer_error, yardstick)),
+        number(_mean(score.over, yardstick)),
+        number(_mean(score.under, yardstick)),
+        f"{100.0 * score.coverage.mean():.1f} %",
+    ]
+
+
+def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
+    error = np.where(yardstick.zero_width, -1.0, np.nan_to_num(row.score.error, nan=np.inf))
+    worst = int(np.argmax(error))
+    if yardstick.zero_width[worst]:
+        return "–"
+    return f"{_at_most(row.score.error[worst], yardstick.uncertainty[worst])} {outputs[worst]}"
+
+
+def _at_most(error: float, uncertainty: float) -> str:
+    """An error below the reference's own uncertainty is only known to be no larger than that."""
+    return f"≤ {number(uncertainty)}" if error < uncertainty else number(error)
+
+
+def _mean(values: Array, yardstick: Yardstick) -> float:
+    counted = values[~yardstick.zero_width]
+    return float(counted.mean()) if counted.size else float("nan")
+
+
+def wrapped(text: str) -> str:
+    return textwrap.fill(text, _WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
