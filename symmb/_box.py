@@ -1,0 +1,147 @@
+"""The box of interval parameters and its map to the unit box [-1, 1]^d."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import SupportsFloat
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Box:
+    """Independent intervals of parameters, x in [lower, upper], in the parameters' own units.
+
+    Parameters
+    ----------
+    **intervals : (lower, upper)
+        One pair for each parameter, by name. ``lower == upper`` is legal and means a fixed value.
+
+    Attributes
+    ----------
+    names : tuple of d names
+    bounds : tuple of d pairs (lower, upper)
+
+    Raises
+    ------
+    DeclarationError
+        If there is no interval, or one is reversed, not finite or not a pair.
+
+    Examples
+    --------
+    >>> box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
+    >>> box.center
+    array([1., 3.])
+    >>> box.from_unit([[-1.0, 1.0]])
+    array([[0.95, 4.  ]])
+    """
+
+    names: tuple[str, ...]
+    bounds: tuple[tuple[float, float], ...]
+
+    def __init__(self, **intervals: tuple[float, float]):
+        if not intervals:
+            raise DeclarationError("A Box needs at least one interval, e.g. Box(l1=(0.95, 1.05)).")
+        object.__setattr__(self, "names", tuple(intervals))
+        object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, pair in intervals.items()))
+
+    @classmethod
+    def around(
+        cls,
+        parameters: Mapping[str, SupportsFloat],
+        spread: float,
+        names: Iterable[str] | None = None,
+    ) -> "Box":
+        """Nominal values widened by a share of themselves: nominal (1 ± spread).
+
+        Parameters
+        ----------
+        parameters : mapping of name to nominal value
+        spread : share of the nominal value, 0.05 for ± 5 %
+        names : the parameters to widen; all of them where left out
+
+        Raises
+        ------
+        DeclarationError
+            If a name is unknown, a nominal value is 0 (a share of it is no interval) or the spread is
+            not a positive finite number.
+
+        Examples
+        --------
+        >>> Box.around({"l1": 1.0, "m": -2.0}, 0.05)
+        Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
+        """
+        if not (math.isfinite(spread) and spread > 0):
+            raise DeclarationError(f"Box.around: spread must be positive and finite, got {spread!r}.")
+        nominal = {name: float(value) for name, value in parameters.items()}
+        intervals = {}
+        for name in nominal if names is None else names:
+            if name not in nominal:
+                raise DeclarationError(
+                    f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}"
+                )
+            if nominal[name] == 0.0:
+                raise DeclarationError(
+                    f"Box.around: parameter '{name}' has nominal value 0, of which a share is no interval. "
+                    f"Give its interval in a Box: {name}=(lower, upper)."
+                )
+            ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
+            intervals[name] = min(ends), max(ends)
+        return cls(**intervals)
+
+    @property
+    def lower(self) -> Array:
+        """(d,) lower ends."""
+        return np.array([low for low, _ in self.bounds])
+
+    @property
+    def upper(self) -> Array:
+        """(d,) upper ends."""
+        return np.array([high for _, high in self.bounds])
+
+    @property
+    def center(self) -> Array:
+        """(d,) midpoints."""
+        return np.array([low + 0.5 * (high - low) for low, high in self.bounds])
+
+    @property
+    def radius(self) -> Array:
+        """(d,) half widths."""
+        return np.array([0.5 * (high - low) for low, high in self.bounds])
+
+    def from_unit(self, unit: Array) -> Array:
+        """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
+        unit = np.asarray(unit, dtype=float)
+        inside = self.center + unit * self.radius
+        return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
+
+    def to_unit(self, values: Array) -> Array:
+        """Parameter values (N, d) as points (N, d) of [-1, 1]^d; 0 where an interval has no width."""
+        radius = self.radius
+        return (np.asarray(values, dtype=float) - self.center) / np.where(radius > 0, radius, np.inf)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __repr__(self) -> str:
+        inside = ", ".join(
+            f"{name}=({low:.12g}, {high:.12g})"
+            for name, (low, high) in zip(self.names, self.bounds, strict=True)
+        )
+        return f"Box({inside})"
+
+
+def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:
+    try:
+        low, high = (float(end) for end in pair)
+    except (TypeError, ValueError) as error:
+        raise DeclarationError(f"Box: '{name}' must be a pair (lower, upper), got {pair!r}.") from error
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise DeclarationError(f"Box: the ends of '{name}' must be finite, got ({low}, {high}).")
+    if low > high:
+        raise DeclarationError(f"Box: '{name}' has lower {low} above upper {high}. Exchange them.")
+    return low, high

@@ -1,0 +1,94 @@
+"""Legendre coefficients from node values, by one running matrix product."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array
+from symmb.bounds._basis import Basis
+from symmb.bounds._legendre import MultiIndices, basis_values, mean_squares
+from symmb.bounds._nodes import Nodes
+from symmb.simulate import Mask
+
+SMALLEST_EIGENVALUE = 0.01
+"""Of the normalised Gram matrix, 1 for an undisturbed quadrature. Below it the remaining nodes leave some
+polynomial ten times less certain than the others, and a fit around failed nodes is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The linear map from node values to coefficients.
+
+    With V the basis at the nodes and W the weights, only the sums V^T W y are accumulated. Projection
+    divides them by the mean squares, eqs. (30)-(34); least squares solves (V^T W V) a = V^T W y, over the
+    nodes that did not fail. Both are the same where the quadrature is exact for products of basis
+    polynomials.
+
+    Attributes
+    ----------
+    alpha : (n_b, d) multi-indices
+    nodes : (N, d)
+    weights : (N,)
+    projects : by projection as long as no node failed
+    """
+
+    alpha: MultiIndices
+    nodes: Array
+    weights: Array
+    projects: bool
+
+    @classmethod
+    def of(cls, rule: Nodes, basis: Basis, d: int, order: int) -> "Fit":
+        """The fit of an order with d parameters.
+
+        Raises
+        ------
+        PropagationError
+            If the nodes cannot tell the polynomials of the basis apart.
+        """
+        fit = cls(basis.indices(d, order), *rule.points(d, order), rule.projects)
+        gram = fit._gram(np.ones(len(fit.nodes), dtype=bool))
+        determined = np.abs(gram - np.eye(len(gram))).max() < 1e-8 if rule.projects else _regular(gram)
+        if not determined:
+            raise PropagationError(
+                f"{len(fit.nodes)} nodes of {rule!r} do not determine the {len(gram)} polynomials of "
+                f"{basis!r} of order {order} in {d} parameters. Use TotalDegree() or more nodes."
+            )
+        return fit
+
+    @cached_property
+    def values(self) -> Array:
+        """V (N, n_b)."""
+        return basis_values(self.alpha, self.nodes)
+
+    @cached_property
+    def functionals(self) -> Array:
+        """V^T W (n_b, N): what node values are multiplied with, in any order and in parts."""
+        return self.values.T * self.weights
+
+    def determined(self, ok: Mask) -> bool:
+        """Whether the nodes marked in ok (N,) are enough to fit all coefficients."""
+        return bool(ok.all()) or (self.weights.min() > 0 and _regular(self._gram(ok)))
+
+    def coefficients(self, sums: Array, ok: Mask) -> Array:
+        """Coefficients (n_b, m) from V^T W y (n_b, m) over the nodes marked in ok (N,)."""
+        norms = np.sqrt(mean_squares(self.alpha))[:, None]
+        if ok.all():
+            return sums / norms**2 if self.projects else self._inverse @ (sums / norms) / norms
+        return np.linalg.solve(self._gram(ok), sums / norms) / norms
+
+    @cached_property
+    def _inverse(self) -> Array:
+        gram = self._gram(np.ones(len(self.nodes), dtype=bool))
+        return np.asarray(np.linalg.inv(gram), dtype=float)
+
+    def _gram(self, ok: Mask) -> Array:
+        """V^T W V over nodes marked in ok, for polynomials of mean square 1."""
+        scaled: Array = self.values[ok] / np.sqrt(mean_squares(self.alpha))
+        return (scaled.T * self.weights[ok]) @ scaled
+
+
+def _regular(gram: Array) -> bool:
+    return bool(np.linalg.eigvalsh(gram)[0] >= SMALLEST_EIGENVALUE)

@@ -1,0 +1,70 @@
+"""Legendre polynomials on [-1, 1]^d with the uniform density 2^-d: values, norms, ranges, multi-indices.
+
+phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1; its mean square is 1/(2n+1),
+eq. (18) with W = 1/2. Multivariate polynomials are products, eq. (22), numbered by the rows of ``alpha``
+(n_b, d).
+"""
+
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import legendre
+
+from symmb._types import Array
+
+MultiIndices = npt.NDArray[np.intp]
+
+
+def basis_values(alpha: MultiIndices, points: Array) -> Array:
+    """Values (N, n_b) of the polynomials ``alpha`` (n_b, d) at points (N, d)."""
+    values = np.ones((len(points), len(alpha)))
+    for k in range(alpha.shape[1]):
+        values *= legendre.legvander(points[:, k], int(alpha[:, k].max()))[:, alpha[:, k]]
+    return values
+
+
+def mean_squares(alpha: MultiIndices) -> Array:
+    """Mean squares (n_b,) over the box, eq. (31)."""
+    return 1.0 / np.prod(2.0 * alpha + 1.0, axis=1)
+
+
+@cache
+def univariate_minimum(n: int) -> float:
+    """Minimum of phi_n over [-1, 1], eq. (24): -1 for odd n, the lowest stationary value for even n > 0."""
+    if n == 0:
+        return 1.0
+    if n % 2:
+        return -1.0
+    series = legendre.Legendre.basis(n)
+    return float(series(np.real(series.deriv().roots())).min())
+
+
+def basis_ranges(alpha: MultiIndices) -> tuple[Array, Array]:
+    """Exact ranges (n_b,), (n_b,) of the products over the box."""
+    low, high = np.ones(len(alpha)), np.ones(len(alpha))
+    for k in range(alpha.shape[1]):
+        minimum = np.array([univariate_minimum(int(n)) for n in alpha[:, k]])
+        ends = np.stack([low * minimum, low, high * minimum, high])
+        low, high = ends.min(axis=0), ends.max(axis=0)
+    return low, high
+
+
+def total_degree(d: int, order: int) -> MultiIndices:
+    """Multi-indices (n_b, d) with sum at most ``order``, by degree; n_b = C(d + order, d), eq. (21)."""
+    rows: list[tuple[int, ...]] = []
+    for degree in range(order + 1):
+        rows.extend(homogeneous(d, degree))
+    return np.array(rows, dtype=np.intp)
+
+
+def homogeneous(d: int, degree: int) -> list[tuple[int, ...]]:
+    """Multi-indices of d entries with sum ``degree``, the first entry falling."""
+    if d == 1:
+        return [(degree,)]
+    return [(first, *rest) for first in range(degree, -1, -1) for rest in homogeneous(d - 1, degree - first)]
+
+
+def tensor_degree(d: int, order: int) -> MultiIndices:
+    """Multi-indices ((order + 1)^d, d) with every entry at most ``order``."""
+    return np.indices((order + 1,) * d).reshape(d, -1).T

@@ -1,0 +1,96 @@
+"""What a bounding method is: a frozen object that turns a simulator and a box into Bounds."""
+
+import time
+from abc import ABC, abstractmethod
+from dataclasses import MISSING, fields, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from symmb._box import Box
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array, Executor
+from symmb.bounds._result import Bounds, Kind
+from symmb.simulate import Progress, Simulator
+
+
+class Method(ABC):
+    """A way to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
+
+    kind: ClassVar[Kind]
+
+    def bounds(
+        self,
+        simulator: Simulator,
+        box: Box,
+        *,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> Bounds:
+        """Bound all outputs of a simulator at all its times over a box.
+
+        Parameters
+        ----------
+        simulator : where the trajectories come from
+        box : intervals of some or all parameters; the others keep their nominal values
+        executor : anything with an ordered ``map``; None runs in this thread
+        progress : called with runs done and runs in all
+
+        Returns
+        -------
+        Bounds
+            ``lower`` and ``upper`` (n_t, n_y).
+
+        Raises
+        ------
+        DeclarationError
+            If the box names a parameter that the simulator does not have.
+        PropagationError
+            If the simulator lacks what the method needs, or too many runs fail.
+        """
+        for name in box.names:
+            if name not in simulator.parameters:
+                raise DeclarationError(
+                    f"Box: {simulator!r} has no parameter '{name}'.{did_you_mean(name, simulator.parameters)}"
+                )
+        start = time.perf_counter()
+        result = self._bounds(simulator, box, executor, progress)
+        return replace(result, seconds=time.perf_counter() - start)
+
+    @abstractmethod
+    def _bounds(
+        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+    ) -> Bounds: ...
+
+
+def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
+    """Points (N, len(box)) of the unit box as samples (N, d) of all parameters, in the simulator's order."""
+    P = np.tile(np.array(list(simulator.parameters.values()), dtype=float), (len(unit), 1))
+    P[:, parameter_columns(simulator, box)] = box.from_unit(unit)
+    return P
+
+
+def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
+    """Where the box's parameters stand among the simulator's."""
+    order = list(simulator.parameters)
+    return [order.index(name) for name in box.names]
+
+
+def constructor_text(instance: Any, *leading: str, name: str | None = None) -> str:
+    """The call that makes an options object; fields at their defaults are left out.
+
+    ``leading`` are texts for the first fields, shown as they are ("" shows nothing).
+    """
+    options = [
+        f"{option.name}={getattr(instance, option.name)!r}"
+        for option in fields(instance)[len(leading) :]
+        if option.default is MISSING or getattr(instance, option.name) != option.default
+    ]
+    return f"{name or type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
+
+
+def require_whole(owner: str, name: str, value: object, least: int) -> None:
+    """DeclarationError unless value is an integer of at least ``least``."""
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
+        raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}, got {value!r}.")

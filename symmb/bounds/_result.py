@@ -1,0 +1,129 @@
+"""What every bounding method returns."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array
+
+Kind = Literal["enclosure", "estimate", "sampled"]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failed run: parameter values by name, time of the failure [s], what was said."""
+
+    parameters: dict[str, float]
+    time: float
+    message: str
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
+        return f"{values}: t = {self.time:.6g}: {self.message}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bounds:
+    """Lower and upper bounds of every output at every time.
+
+    Attributes
+    ----------
+    t : (n_t,) times [s]
+    names : n_y outputs
+    lower, upper : (n_t, n_y) best estimate of the bounds
+    kind : "enclosure" (proved to contain the responses), "estimate" (of a surrogate: may miss either way) or
+        "sampled" (attained: the responses reach at least this far)
+    method : text of the method's constructor
+    evaluations : runs; a run with derivatives counts as many as they cost
+    estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
+    inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
+    failed : the runs that failed
+    seconds : wall time of runs and bounding [s]
+
+    Examples
+    --------
+    >>> t = np.array([0.0, 1.0])
+    >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
+    (array([0., 1.]), array([0., 3.]))
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    kind: Kind
+    method: str
+    evaluations: int
+    estimate: Array | None = None
+    inner: tuple[Array, Array] | None = None
+    failed: tuple[Failure, ...] = ()
+    seconds: float = field(default=float("nan"))
+
+    @property
+    def outer(self) -> tuple[Array, Array]:
+        """(lower, upper) widened by the estimated error, where there is one."""
+        if self.estimate is None:
+            return self.lower, self.upper
+        return self.lower - self.estimate, self.upper + self.estimate
+
+    def __getitem__(self, name: str) -> tuple[Array, Array]:
+        """(lower, upper) of one output, each (n_t,)."""
+        if name not in self.names:
+            raise DeclarationError(f"Bounds: no output '{name}'.{did_you_mean(name, self.names)}")
+        column = self.names.index(name)
+        return self.lower[:, column], self.upper[:, column]
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz file of exactly this name."""
+        about = {
+            "names": self.names,
+            "kind": self.kind,
+            "method": self.method,
+            "evaluations": self.evaluations,
+            "failed": [[run.parameters, run.time, run.message] for run in self.failed],
+            "seconds": self.seconds,
+        }
+        none = np.empty((0, 0))
+        inner_lower, inner_upper = (none, none) if self.inner is None else self.inner
+        with open(path, "wb") as file:
+            np.savez_compressed(
+                file,
+                about=np.array(json.dumps(about)),
+                t=self.t,
+                lower=self.lower,
+                upper=self.upper,
+                estimate=none if self.estimate is None else self.estimate,
+                inner_lower=inner_lower,
+                inner_upper=inner_upper,
+            )
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Bounds":
+        """Read what ``save`` wrote."""
+        with np.load(path) as file:
+            about = json.loads(str(file["about"]))
+            return cls(
+                t=file["t"],
+                names=tuple(about["names"]),
+                lower=file["lower"],
+                upper=file["upper"],
+                kind=about["kind"],
+                method=about["method"],
+                evaluations=about["evaluations"],
+                estimate=file["estimate"] if file["estimate"].size else None,
+                inner=(file["inner_lower"], file["inner_upper"]) if file["inner_lower"].size else None,
+                failed=tuple(Failure(*run) for run in about["failed"]),
+                seconds=about["seconds"],
+            )
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return (
+            f"Bounds({self.kind}, {self.method}, {len(self.names)} outputs x {len(self.t)} times, "
+            f"{self.evaluations} evaluations{failed})"
+        )

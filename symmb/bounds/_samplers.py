@@ -1,0 +1,54 @@
+"""Points of the unit box: random, low-discrepancy, stratified."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from symmb._types import Array
+
+
+class Sampler(Protocol):
+    """A way to spread n points over [-1, 1]^d."""
+
+    def points(self, n: int, d: int, seed: int) -> Array:
+        """(n, d) points."""
+        ...
+
+
+@dataclass(frozen=True)
+class Random:
+    """Independent uniform points.
+
+    Examples
+    --------
+    >>> Random().points(2, 3, seed=0).shape
+    (2, 3)
+    """
+
+    def points(self, n: int, d: int, seed: int) -> Array:
+        """(n, d) points."""
+        return np.random.default_rng(seed).uniform(-1.0, 1.0, (n, d))
+
+
+@dataclass(frozen=True)
+class Sobol:
+    """The first n points of a scrambled Sobol' sequence (Sobol' 1967; Owen 1998)."""
+
+    def points(self, n: int, d: int, seed: int) -> Array:
+        """(n, d) points."""
+        from scipy.stats import qmc
+
+        sequence = qmc.Sobol(d, rng=np.random.default_rng(seed))
+        return 2.0 * sequence.random_base2((n - 1).bit_length())[:n] - 1.0
+
+
+@dataclass(frozen=True)
+class LatinHypercube:
+    """One point in each of n slices of every parameter (McKay, Beckman and Conover 1979)."""
+
+    def points(self, n: int, d: int, seed: int) -> Array:
+        """(n, d) points."""
+        from scipy.stats import qmc
+
+        return 2.0 * qmc.LatinHypercube(d, rng=np.random.default_rng(seed)).random(n) - 1.0

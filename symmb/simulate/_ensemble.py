@@ -1,0 +1,200 @@
+"""What the uncertainty side knows of a simulation: parameters in, trajectories out, block by block.
+
+A simulator runs samples in blocks whose limits depend on the sample index alone. A reduction turns each
+block into a small state, and the states are merged in block order. So the result is the same to the last
+bit whether the blocks are run one after another, in threads, in processes or on other machines.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, Protocol, TypeVar, runtime_checkable
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from symmb._errors import SimulationError
+from symmb._types import Array, Executor
+
+S = TypeVar("S")
+Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
+Progress = Callable[[int, int], None]
+"""Called with the number of samples done and the number of all."""
+
+BLOCK = 128
+"""Samples a block: large enough for batched loops, small enough for 12 outputs x 1001 times to take 12 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Trajectories of N samples at n_t times.
+
+    Attributes
+    ----------
+    Y : (N, n_t, n_y) outputs, nan from the first invalid time on where a sample failed
+    ok : (N,) bool
+    t_failed : (N,) time at which a sample failed [s], nan where ok
+    messages : one text for each failed sample, in order
+    """
+
+    Y: Array
+    ok: Mask
+    t_failed: Array
+    messages: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reduction(Generic[S]):
+    """How trajectories become a small state; picklable if its three functions are.
+
+    Attributes
+    ----------
+    init : () -> state of no samples
+    update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
+    merge : (state, state) -> state of both, the first one with the lower sample numbers
+    """
+
+    init: Callable[[], S]
+    update: Callable[[S, Ensemble, Indices], S]
+    merge: Callable[[S, S], S]
+
+
+class Simulator(Protocol):
+    """Anything that turns parameter samples into trajectories: symbolic model, function, external program."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Nominal values by name; the order is that of the columns of P."""
+        ...
+
+    @property
+    def times(self) -> Array:
+        """(n_t,) output times [s]."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """n_y names."""
+        ...
+
+    def run(self, P: Array) -> Ensemble:
+        """Run samples P (N, d) as one block in the calling process."""
+        ...
+
+    def stream(
+        self,
+        P: Array,
+        reduction: Reduction[S],
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> S:
+        """Run samples P (N, d) block by block and keep only what ``reduction`` keeps."""
+        ...
+
+
+@runtime_checkable
+class Jets(Protocol):
+    """Capability: derivatives of the trajectory with respect to parameters."""
+
+    def jets(self, p0: Array, directions: Array, order: int) -> Array:
+        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), u each of m directions."""
+        ...
+
+
+@runtime_checkable
+class March(Protocol):
+    """Capability: all samples advanced side by side from one output time to the next."""
+
+    def march(self, P: Array) -> Iterator[tuple[int, Array]]:
+        """Pairs (i, Y_i (N, n_y)) for the times i = 0 ... n_t - 1; rows of failed samples are nan."""
+        ...
+
+
+@runtime_checkable
+class Plain(Protocol):
+    """Capability: the outputs are plain expressions of parameters and time."""
+
+    @property
+    def expression(self) -> ca.Function:
+        """CasADi function (p (d,), t) -> y (n_y,)."""
+        ...
+
+
+def blocks(n: int, size: int = BLOCK) -> list[Indices]:
+    """Sample numbers 0 ... n - 1 cut into runs of ``size``, the last one shorter."""
+    return [np.arange(start, min(start + size, n)) for start in range(0, n, size)]
+
+
+def stream(
+    simulator: Simulator,
+    P: Array,
+    reduction: Reduction[S],
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    block: int = BLOCK,
+) -> S:
+    """The body of every ``Simulator.stream``: run blocks of samples and merge their states in block order.
+
+    Parameters
+    ----------
+    simulator : picklable if the executor runs in other processes
+    P : (N, d) parameter values
+    reduction : what to keep
+    executor : anything with an ordered ``map``; None runs here
+    progress : called after each block with samples done and all
+    block : samples a block; must not depend on the executor
+
+    Raises
+    ------
+    SimulationError
+        If P does not have one column for each parameter.
+    """
+    P = np.asarray(P, dtype=float)
+    if P.ndim != 2 or P.shape[1] != len(simulator.parameters):
+        raise SimulationError(
+            f"{simulator!r}: samples must have shape (N, {len(simulator.parameters)}), "
+            f"one column for each of {', '.join(simulator.parameters)}; got {P.shape}."
+        )
+    parts = blocks(len(P), block)
+    run = map if executor is None else executor.map
+    state = reduction.init()
+    done = 0
+    for indices, part in zip(
+        parts, run(partial(_reduce_block, simulator, reduction), [P[i] for i in parts], parts), strict=True
+    ):
+        state = reduction.merge(state, part)
+        done += len(indices)
+        if progress is not None:
+            progress(done, len(P))
+    return state
+
+
+def run_blocks(
+    simulator: Simulator, P: Array, executor: Executor | None = None, progress: Progress | None = None
+) -> Ensemble:
+    """All trajectories of samples P (N, d), run block by block."""
+    parts = simulator.stream(P, _GATHER, executor, progress)
+    shape = (0, len(simulator.times), len(simulator.outputs))
+    return Ensemble(
+        Y=np.concatenate([np.empty(shape), *(part.Y for part in parts)]),
+        ok=np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)]),
+        t_failed=np.concatenate([np.empty(0), *(part.t_failed for part in parts)]),
+        messages=tuple(message for part in parts for message in part.messages),
+    )
+
+
+def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indices: Indices) -> S:
+    return reduction.update(reduction.init(), simulator.run(P), indices)
+
+
+def _append(state: tuple[Ensemble, ...], block: Ensemble, indices: Indices) -> tuple[Ensemble, ...]:
+    return (*state, block)
+
+
+def _chain(first: tuple[Ensemble, ...], second: tuple[Ensemble, ...]) -> tuple[Ensemble, ...]:
+    return first + second
+
+
+_GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=_chain)
