@@ -88,10 +88,11 @@ def plot_comparison(
     ----------
     t : (n_t,)              times [s]
     names : n_y names       of the outputs
-    curves                  the settings to draw; a family is one curve of the error diagram, and its most accurate
-                            setting stands for it above
+    curves                  the settings to draw; a family is one curve of the error diagram, and its most
+                            accurate setting stands for it above
     measured : (n_y,)       which outputs count in the mean error
-    uncertainty : (n_y,)    the reference's, in the norm of the error; smaller mean errors are drawn at its mean, hollow
+    uncertainty : (n_y,)    the reference's, in the norm of the error; mean errors below its mean are drawn
+                            there, hollow
     path : optional         where to write the picture; the suffix decides the format
     """
     families: dict[str, list[Curve]] = {}
@@ -219,6 +220,7 @@ def _panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Axes"
         axes.set_title(name, fontsize=9, loc="left", fontweight="bold", pad=3)
         axes.set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
         axes.grid(color="#e3e7eb", linewidth=0.6)
+        axes.ticklabel_format(useOffset=False)
         _dress(axes)
         if i + n_columns >= len(names):
             axes.set_xlabel("time [s]", fontsize=8)
@@ -259,11 +261,11 @@ def _hardest(curves: Sequence[Curve], measured: npt.NDArray[np.bool_]) -> list[i
 
 
 def _window(reference: Band, curves: Sequence[Curve], i: int) -> tuple[float, float]:
-    """Limits that show the reference and bounds up to as far again outside it; wilder bounds leave the panel."""
+    """Limits that show the reference and half its range on either side; wilder bounds leave the panel."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
     lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])
     highs = np.concatenate([[high], *(curve.upper[:, i] for curve in curves)])
     bottom, top = max(np.nanmin(lows), low - room), min(np.nanmax(highs), high + room)
-    margin = 0.05 * (top - bottom) or room
+    margin = max(0.05 * (top - bottom), 1e-6 * max(abs(bottom), abs(top))) or room
     return float(bottom - margin), float(top + margin)

@@ -1,0 +1,37 @@
+"""symmb: symbolic multibody dynamics with interval parameters."""
+
+from symmb._errors import AssemblyError as AssemblyError
+from symmb._errors import DeclarationError as DeclarationError
+from symmb._errors import PropagationError as PropagationError
+from symmb._errors import SimulationError as SimulationError
+from symmb._errors import SymmbError as SymmbError
+from symmb.mechanics.body import Body as Body
+from symmb.mechanics.body import Ground as Ground
+from symmb.mechanics.constraint import Cylindrical as Cylindrical
+from symmb.mechanics.constraint import Distance as Distance
+from symmb.mechanics.constraint import Gear as Gear
+from symmb.mechanics.constraint import Motion as Motion
+from symmb.mechanics.constraint import PlanarJoint as PlanarJoint
+from symmb.mechanics.constraint import PointOnLine as PointOnLine
+from symmb.mechanics.constraint import Prismatic as Prismatic
+from symmb.mechanics.constraint import Revolute as Revolute
+from symmb.mechanics.constraint import Screw as Screw
+from symmb.mechanics.constraint import Spherical as Spherical
+from symmb.mechanics.constraint import Universal as Universal
+from symmb.mechanics.constraint import VelocityConstraint as VelocityConstraint
+from symmb.mechanics.constraint import Weld as Weld
+from symmb.mechanics.force import Bushing as Bushing
+from symmb.mechanics.force import Damper as Damper
+from symmb.mechanics.force import Force as Force
+from symmb.mechanics.force import Gravity as Gravity
+from symmb.mechanics.force import Spring as Spring
+from symmb.mechanics.force import SpringDamper as SpringDamper
+from symmb.mechanics.force import Torque as Torque
+from symmb.mechanics.force import TorsionSpring as TorsionSpring
+from symmb.mechanics.parameter import Parameters as Parameters
+from symmb.mechanics.pose import Particle as Particle
+from symmb.mechanics.pose import Planar as Planar
+from symmb.mechanics.pose import Spatial as Spatial
+from symmb.symbolic.symbols import ddt as ddt
+from symmb.symbolic.symbols import t as t
+from symmb.system import System as System

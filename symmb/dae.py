@@ -1,0 +1,212 @@
+"""The DAE bundle: what solvers get. It knows no coordinates by name, and it pickles, which SX does not."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.export import example_c, save_c
+from symmb.mechanics.pose import Spatial
+from symmb.symbolic.symbols import t
+from symmb.system import System
+
+
+@dataclass(frozen=True)
+class DAE:
+    """Compiled equations of motion of a system; see `system` for the notation.
+
+    Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
+    that the scene does not have is None.
+
+    Attributes
+    ----------
+    q_names, v_names, s_names, row_names, p_names : tuples of str
+    rows : dict            constraint -> slice of its rows
+    p_nominal : (n_p,)     nominal parameters
+    q_neutral : (n_q,)     zeros and identity rotations
+    rhs                    -> q', v' [, s']
+    M, Q                   mass matrix (n_v, n_v), forces (n_v,)
+    Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
+    Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
+    forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
+    shift                  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
+    energy                 -> T, V [J]
+    power                  (..., lam) -> power of forces without potential and of drives [W]
+    retract                (q, delta) -> q moved by delta
+    upright                (q, p) -> cosines of the joints, 1 in the meant assembly
+    s_start                (q, p) -> start of the first-order states
+    """
+
+    q_names: tuple[str, ...]
+    v_names: tuple[str, ...]
+    s_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    p_names: tuple[str, ...]
+    rows: dict[str, slice]
+    p_nominal: Array
+    q_neutral: Array
+    rhs: ca.Function
+    M: ca.Function
+    Q: ca.Function
+    Phi: ca.Function | None
+    Phi_q: ca.Function | None
+    Phi_t: ca.Function | None
+    Phi_dot: ca.Function | None
+    G: ca.Function | None
+    gamma: ca.Function | None
+    forward: ca.Function
+    shift: ca.Function | None
+    energy: ca.Function
+    power: ca.Function | None
+    retract: ca.Function
+    upright: ca.Function | None
+    s_start: ca.Function | None
+
+    @property
+    def n_q(self) -> int:
+        """Number of coordinates."""
+        return len(self.q_names)
+
+    @property
+    def n_v(self) -> int:
+        """Number of velocities."""
+        return len(self.v_names)
+
+    @property
+    def n_s(self) -> int:
+        """Number of first-order states."""
+        return len(self.s_names)
+
+    @property
+    def n_c(self) -> int:
+        """Number of position rows."""
+        return 0 if self.Phi is None else self.Phi.numel_out(0)
+
+    @property
+    def n_r(self) -> int:
+        """Number of rows in all, velocity-only ones included."""
+        return len(self.row_names)
+
+    def arguments(self, x: ca.SX, p: ca.SX, time: ca.SX) -> tuple[ca.SX, ...]:
+        """The state x = (q, v[, s]) split into the arguments of the Functions."""
+        n = self.n_q + self.n_v
+        return (x[: self.n_q], x[self.n_q : n], *((x[n:],) if self.n_s else ()), p, time)
+
+    def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
+        """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
+
+        Parameters
+        ----------
+        folder : path                   made if it is not there
+        start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): what the main
+                                        program integrates; default: neutral coordinates at rest, nominal parameters, one second
+
+        Returns
+        -------
+        tuple of Path                   the files written
+        """
+        begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
+        begin.update(start or {})
+        times = np.asarray(begin.pop("times", (0.0, 1.0)))
+        main = example_c(
+            self.rhs,
+            q=begin["q"],
+            v=begin["v"],
+            s=begin["s"],
+            parameters=dict(zip(self.p_names, map(float, begin["p"]), strict=True)),
+            coordinates=self.q_names,
+            t0=float(times[0]),
+            t1=float(times[-1]),
+            steps=max(len(times) - 1, 100),
+        )
+        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
+        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
+        return save_c(functions, folder, example=main)
+
+
+def compile_dae(system: System) -> DAE:
+    """Compile the equations of a system into CasADi Functions.
+
+    Parameters
+    ----------
+    system : System
+
+    Returns
+    -------
+    DAE
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=2.0, pose=mb.Particle())
+    >>> dae = compile_dae(mb.System(ball, mb.Gravity(0, -9.81), mb.Force("push", ball.point(0, 0), (1, 0))))
+    >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
+    DM([0.5, -9.81])
+    """
+    c = system.collected
+    q, v, s, p = system.q, system.v, system.s, system.p
+    states = [("q", q), ("v", v), *([("s", s)] if c.states else []), ("p", p), ("t", t)]
+    names, z = [n for n, _ in states], [x for _, x in states]
+    options = {"cse": True}
+
+    def function(name: str, outputs: list[ca.SX], out: list[str], extra: tuple[tuple[str, ca.SX], ...] = ()) -> ca.Function:
+        return ca.Function(
+            name, [*z, *[x for _, x in extra]], outputs, [*names, *[n for n, _ in extra]], out, options
+        )
+
+    lam = ca.SX(system.lam)
+    n_r = lam.numel()
+    constrained = n_r > 0
+    held = system.Phi.numel() > 0
+    right = ca.SX.sym("gamma", n_r)
+    vdot, multipliers = system.solve(system.Q, right)
+    vdot_free, _ = system.solve(system.Q, system.gamma)
+    delta, _ = system.solve(ca.SX(v.numel(), 1), right)
+    rates = [system.qdot, vdot_free, *([system.s_rate] if c.states else [])]
+    power = system.power
+    displacement = ca.SX.sym("delta", v.numel())
+    return DAE(
+        q_names=c.q_names,
+        v_names=c.v_names,
+        s_names=tuple(state.name for state in c.states),
+        row_names=c.row_names,
+        p_names=tuple(system.parameters),
+        rows=c.rows,
+        p_nominal=system.parameters.nominal,
+        q_neutral=np.array([1.0 if _is_scalar_part(system, name) else 0.0 for name in c.q_names]),
+        rhs=function("rhs", rates, ["qdot", "vdot", "sdot"][: len(rates)]),
+        M=function("M", [system.M], ["M"]),
+        Q=function("Q", [system.Q], ["Q"]),
+        Phi=function("Phi", [system.Phi], ["Phi"]) if held else None,
+        Phi_q=function("Phi_q", [system.Phi_q], ["Phi_q"]) if held else None,
+        Phi_t=function("Phi_t", [ca.densify(system.Phi_t)], ["Phi_t"]) if "Phi_t" in system.parts else None,
+        Phi_dot=function("Phi_dot", [system.Phi_dot], ["Phi_dot"]) if constrained else None,
+        G=function("G", [system.G], ["G"]) if constrained else None,
+        gamma=function("gamma", [system.gamma], ["gamma"]) if constrained else None,
+        forward=function("forward", [ca.densify(vdot), multipliers], ["vdot", "lam"], (("gamma", right),)),
+        shift=function("shift", [ca.densify(delta)], ["delta"], (("r", right),)) if constrained else None,
+        energy=function("energy", [system.kinetic_energy, system.potential_energy], ["T", "V"]),
+        power=function("power", [power], ["power"], (("lam", lam),)) if not ca.sparsify(power).nnz() == 0 else None,
+        retract=ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"]),
+        upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
+        s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])]) if c.states else None,
+    )
+
+
+def _is_scalar_part(system: System, name: str) -> bool:
+    body, _, part = name.rpartition(".")
+    return part == "e0" and any(b.name == body and isinstance(b.pose, Spatial) for b in system.bodies)
+
+
+def _retract(system: System, delta: ca.SX) -> ca.SX:
+    """The retraction of all bodies; coordinates that were left out of a particle simply are not there."""
+    c = system.collected
+    out, at_q, at_v = [], 0, 0
+    for body, n_v in zip(c.bodies, c.block_sizes, strict=True):
+        n_q = 7 if isinstance(body.pose, Spatial) else n_v
+        out.append(body.pose.retract(c.q[at_q : at_q + n_q], delta[at_v : at_v + n_v]))
+        at_q, at_v = at_q + n_q, at_v + n_v
+    return ca.vertcat(*out) if out else ca.SX(0, 1)

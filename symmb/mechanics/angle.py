@@ -1,0 +1,31 @@
+"""The angle between two bodies about a common axis, with its turns counted."""
+
+import math
+
+import casadi as ca
+
+from symmb.mechanics.body import _Framed
+from symmb.mechanics.pose import angle_about_z, turns_about_z
+from symmb.symbolic.geometry import triad, turn
+from symmb.symbolic.symbols import Kind, Symbol, declare
+
+
+def relative_angle(
+    name: str, a: _Framed, axis_a: ca.SX, b: _Framed, axis_b: ca.SX
+) -> tuple[ca.SX, tuple[Symbol, ...]]:
+    """Angle of body b against body a about an axis fixed in both [rad], and the records its state needs.
+
+    For bodies that turn about z alone it is a difference of coordinates. Quaternions know an angle only up to whole
+    turns: a first-order state named `name.angle` follows it, and does nothing but choose the number of turns, so that an
+    error in it never becomes an error of the angle.
+    """
+    if turns_about_z(a.pose) and turns_about_z(b.pose):
+        return (angle_about_z(b.pose, b.frame) - angle_about_z(a.pose, a.frame)) * axis_a[2], ()
+    frame_a = triad(axis_a)
+    A = a.frame.R @ frame_a
+    B = b.frame.R @ turn(axis_a, axis_b) @ frame_a
+    wrapped = ca.atan2(ca.dot(A[:, 1], B[:, 0]), ca.dot(A[:, 0], B[:, 0]))
+    rate = ca.dot(A[:, 2], b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega)
+    state = ca.SX.sym(f"{name}.angle")
+    records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
+    return wrapped + 2 * math.pi * ca.floor((state - wrapped) / (2 * math.pi) + 0.5), records

@@ -1,0 +1,198 @@
+"""Bodies and points fixed to them."""
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Expr
+from symmb.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
+from symmb.symbolic.geometry import is_zero, vector
+from symmb.symbolic.symbols import ddt
+
+
+class _Framed:
+    """What bodies and the ground share: a name, a pose, a frame and points."""
+
+    name: str
+    pose: Pose
+    frame: Frame
+    com: tuple[Expr, ...]
+
+    def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
+        """Point fixed to the body at (x, y, z) [m] in body axes, from the origin of the points (see `com`)."""
+        return Point(self, vector([x, y, z], f"point of {self.name!r}") - vector(self.com, f"com of {self.name!r}"))
+
+    @property
+    def rotation(self) -> ca.SX:
+        """Rotation matrix, body to world, (3, 3)."""
+        return self.frame.R
+
+    @property
+    def x(self) -> ca.SX:
+        """World x of the centre of mass [m]."""
+        return self.frame.r[0]
+
+    @property
+    def y(self) -> ca.SX:
+        """World y of the centre of mass [m]."""
+        return self.frame.r[1]
+
+    @property
+    def z(self) -> ca.SX:
+        """World z of the centre of mass [m]."""
+        return self.frame.r[2]
+
+    @property
+    def vx(self) -> ca.SX:
+        """World x velocity of the centre of mass [m/s]."""
+        return self.frame.velocity[0]
+
+    @property
+    def vy(self) -> ca.SX:
+        """World y velocity of the centre of mass [m/s]."""
+        return self.frame.velocity[1]
+
+    @property
+    def vz(self) -> ca.SX:
+        """World z velocity of the centre of mass [m/s]."""
+        return self.frame.velocity[2]
+
+    @property
+    def theta(self) -> ca.SX:
+        """Angle about +z of a planar body [rad]."""
+        if not isinstance(self.pose, Planar):
+            raise DeclarationError(
+                f"Body {self.name!r} is {self.pose!r} and has no single angle theta. Use joint.angle or body.rotation."
+            )
+        return self.frame.q[2]
+
+    @property
+    def omega(self) -> ca.SX:
+        """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial one."""
+        if isinstance(self.pose, Planar):
+            return self.frame.v[2]
+        return self.frame.omega
+
+
+@dataclass(frozen=True, eq=False)
+class Body(_Framed):
+    """A rigid body; its coordinates are those of its centre of mass.
+
+    Parameters
+    ----------
+    name : str             without dots; coordinates are called `name.x`, ...
+    mass : Expr            [kg], not negative; 0 is a massless body
+    inertia : Expr         about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a
+                           symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`
+    pose : Pose            how the body moves
+    com : tuple            centre of mass from the origin of the points, in body axes [m]
+
+    Examples
+    --------
+    >>> rod = Body("rod", mass=2.0, inertia=0.5, pose=Planar())
+    >>> rod.point(0.5, 0).x
+    SX((rod.x+(cos(rod.theta)*0.5)))
+    """
+
+    name: str
+    mass: Expr
+    inertia: Expr = 0.0
+    pose: Pose = field(default_factory=Planar)
+    com: tuple[Expr, ...] = (0.0, 0.0, 0.0)
+    frame: Frame = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frame", self.pose.frame(self.name))
+
+
+class Ground(_Framed):
+    """The world frame, which does not move."""
+
+    def __init__(self) -> None:
+        self.name = "ground"
+        self.pose = Fixed()
+        self.com = (0.0, 0.0, 0.0)
+        self.frame = self.pose.frame(self.name)
+
+    def __repr__(self) -> str:
+        return "Ground()"
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point fixed to a body, `s` (3,) from its centre of mass in body axes [m]."""
+
+    body: "_Framed"
+    s: ca.SX
+
+    @property
+    def r(self) -> ca.SX:
+        """World position [m], (3,)."""
+        return self.body.frame.r + self.body.frame.R @ self.s
+
+    @property
+    def velocity(self) -> ca.SX:
+        """World velocity [m/s], (3,)."""
+        return ddt(self.r)
+
+    @property
+    def x(self) -> ca.SX:
+        """World x [m]."""
+        return self.r[0]
+
+    @property
+    def y(self) -> ca.SX:
+        """World y [m]."""
+        return self.r[1]
+
+    @property
+    def z(self) -> ca.SX:
+        """World z [m]."""
+        return self.r[2]
+
+    @property
+    def vx(self) -> ca.SX:
+        """World x velocity [m/s]."""
+        return self.velocity[0]
+
+    @property
+    def vy(self) -> ca.SX:
+        """World y velocity [m/s]."""
+        return self.velocity[1]
+
+    @property
+    def vz(self) -> ca.SX:
+        """World z velocity [m/s]."""
+        return self.velocity[2]
+
+
+def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
+    """Inertia about the centre of mass in body axes, (3, 3), from what the pose takes.
+
+    Raises
+    ------
+    DeclarationError       if the number of values does not fit the pose
+    """
+    if isinstance(body.pose, Planar) and inertia.numel() == 1:
+        return ca.diag(ca.vertcat(0, 0, inertia))
+    if isinstance(body.pose, Spatial) and inertia.numel() == 3:
+        return ca.sparsify(ca.diag(inertia))
+    if isinstance(body.pose, Spatial) and inertia.shape == (3, 3):
+        return ca.sparsify(inertia)
+    if isinstance(body.pose, Particle) and is_zero(inertia):
+        return ca.SX(3, 3)
+    wanted = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "none"}
+    raise DeclarationError(
+        f"Body {body.name!r}: inertia of shape {inertia.shape} does not fit {body.pose!r}; "
+        f"expected {wanted.get(type(body.pose), 'none')}."
+    )
+
+
+def as_matrix(value: Expr) -> Expr:
+    """Nested sequences as one SX matrix or vector; everything else as it is."""
+    if isinstance(value, list | tuple | np.ndarray):
+        rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in value]
+        return ca.vertcat(*[ca.horzcat(*[ca.SX(entry) for entry in row]) for row in rows])
+    return value

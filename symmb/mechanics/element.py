@@ -1,0 +1,64 @@
+"""What constraints and forces have in common."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import casadi as ca
+
+from symmb.mechanics.body import Ground, Point, _Framed
+from symmb.mechanics.pose import Fixed, Planar, Pose
+from symmb.symbolic.geometry import is_zero
+
+Bind = Callable[[Any, str], ca.SX]
+"""Turns a law as declared (number, SX or SymPy) into SX; the text says whose law it is, for error messages."""
+
+
+class Element(ABC):
+    """A declared constraint or force: it has a name, knows its bodies and finds its own faults."""
+
+    name: str
+
+    @property
+    def title(self) -> str:
+        """Class and name, as messages tell it."""
+        return f"{type(self).__name__} {self.name!r}"
+
+    @abstractmethod
+    def bodies(self) -> tuple[_Framed, ...]:
+        """The bodies and grounds the element is attached to."""
+
+    @abstractmethod
+    def faults(self) -> Iterator[str]:
+        """What is wrong with the declaration by itself, one sentence with remedy each."""
+
+
+def point_faults(title: str, *points: object) -> Iterator[str]:
+    """Faults of the points an element is attached to."""
+    for point in points:
+        if not isinstance(point, Point):
+            yield f"{title}: expected a point, got {type(point).__name__}. Use body.point(x, y) or ground.point(x, y)."
+        elif isinstance(point.body.pose, Planar) and not is_zero(point.s[2]):
+            yield (
+                f"{title}: the point on planar body {point.body.name!r} lies out of its plane (z = {point.s[2]}). "
+                "Use z = 0 or pose=Spatial()."
+            )
+
+
+def body_faults(title: str, *bodies: object) -> Iterator[str]:
+    """Faults of the bodies an element is attached to."""
+    for body in bodies:
+        if not isinstance(body, _Framed):
+            yield f"{title}: expected a body, got {type(body).__name__}."
+
+
+def pose_faults(title: str, bodies: tuple[_Framed, ...], allowed: tuple[tuple[type[Pose], ...], ...]) -> Iterator[str]:
+    """Faults of a joint whose bodies have poses it makes no sense with."""
+    for body, poses in zip(bodies, allowed, strict=True):
+        if not isinstance(body.pose, (*poses, Fixed)):
+            names = " or ".join(f"pose={p.__name__}()" for p in poses)
+            yield f"{title}: makes no sense on {body.pose!r} body {body.name!r}. Use {names}, or another joint."
+    if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
+        yield f"{title}: both points are on the ground, nothing is left to constrain."
+    elif len(bodies) > 1 and bodies[0] is bodies[1]:
+        yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to constrain."

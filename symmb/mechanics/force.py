@@ -1,0 +1,293 @@
+"""Forces: each says which wrenches act on which bodies, and which potential it has if it has one."""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from symmb._types import Expr
+from symmb.mechanics.angle import relative_angle
+from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.element import Bind, Element, body_faults, point_faults, pose_faults
+from symmb.mechanics.pose import Planar, Spatial
+from symmb.symbolic.geometry import is_zero, unit, vector
+from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A wrench on a body about its centre of mass: force in world axes [N], torque in body axes [N m], (3,) each."""
+
+    body: _Framed
+    force: ca.SX
+    torque: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """Loads of one origin, and the potential [J] they derive from; None where their work is counted instead."""
+
+    loads: tuple[Load, ...]
+    potential: ca.SX | None = None
+
+
+def force_at(point: Point, force: ca.SX) -> Load:
+    """Load of a world force at a point of a body."""
+    return Load(point.body, force, ca.cross(point.s, point.body.frame.R.T @ force))
+
+
+def moment_on(body: _Framed, torque: ca.SX) -> Load:
+    """Load of a world torque on a body."""
+    return Load(body, ca.SX(3, 1), body.frame.R.T @ torque)
+
+
+def _constant(*laws: ca.SX) -> bool:
+    """Whether laws depend on parameters alone, so that a potential exists."""
+    for law in laws:
+        for symbol in symbols_in(law):
+            record = lookup(symbol)
+            if is_time(symbol) or record is None or record.kind is not Kind.PARAMETER:
+                return False
+    return True
+
+
+class ForceElement(Element):
+    """An element that adds to the generalised forces Q."""
+
+    @abstractmethod
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        """The actions of the force; `masses` lists every body of the system with its mass."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity(ForceElement):
+    """Uniform gravity (gx, gy, gz) [m/s^2] in world axes on every body of the system."""
+
+    gx: Expr
+    gy: Expr
+    gz: Expr = 0.0
+    name: str = "gravity"
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return ()
+
+    def faults(self) -> Iterator[str]:
+        yield from ()
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        g = ca.vertcat(*[bind(c, f"Gravity: {n}") for n, c in zip(("gx", "gy", "gz"), (self.gx, self.gy, self.gz), strict=True)])
+        for body, mass in masses:
+            potential = -mass * ca.dot(g, body.frame.r) if _constant(g, mass) else None
+            yield Action((Load(body, mass * g, ca.SX(3, 1)),), potential)
+
+
+@dataclass(frozen=True, eq=False)
+class SpringDamper(ForceElement):
+    """Spring and damper along the line between two points: pull k (d - length) + c d'.
+
+    A spring of length 0 pulls along the vector between the points and stays smooth where they meet.
+
+    Parameters
+    ----------
+    name : str
+    point_a, point_b : Point
+    stiffness : Expr       k [N/m]
+    damping : Expr         c [N s/m]
+    length : Expr          without load [m]
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    stiffness: Expr = 0.0
+    damping: Expr = 0.0
+    length: Expr = 0.0
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        yield from point_faults(self.title, self.point_a, self.point_b)
+
+    def _pull(self, force: ca.SX) -> tuple[Load, ...]:
+        return (force_at(self.point_a, force), force_at(self.point_b, -force))
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        k = bind(self.stiffness, f"{self.title}: stiffness")
+        c = bind(self.damping, f"{self.title}: damping")
+        length = bind(self.length, f"{self.title}: length")
+        d = self.point_b.r - self.point_a.r
+        if not is_zero(k):
+            stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
+            force = k * d if is_zero(length) else k * (1 - length / ca.norm_2(d)) * d
+            yield Action(self._pull(force), 0.5 * k * stretch if _constant(k, length) else None)
+        if not is_zero(c):
+            rate = ddt(d)
+            force = c * rate if is_zero(length) and not is_zero(k) else c * ca.dot(unit(d), rate) * unit(d)
+            yield Action(self._pull(force))
+
+
+def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
+    """Spring between two points: stiffness [N/m], length without load [m]."""
+    return SpringDamper(name, point_a, point_b, stiffness, 0.0, length)
+
+
+def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDamper:
+    """Damper along the line between two points: damping [N s/m]."""
+    return SpringDamper(name, point_a, point_b, 0.0, damping, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TorsionSpring(ForceElement):
+    """Torsion spring and damper between two bodies about an axis fixed in both.
+
+    The torque on body b is -(stiffness (alpha - angle) + damping alpha'), alpha the angle of b against a.
+
+    Parameters
+    ----------
+    name : str
+    body_a, body_b : Body or Ground
+    stiffness : Expr       [N m/rad]
+    damping : Expr         [N m s/rad]
+    angle : Expr           without load [rad]
+    axis : tuple           in both bodies' axes
+    """
+
+    name: str
+    body_a: _Framed
+    body_b: _Framed
+    stiffness: Expr
+    damping: Expr = 0.0
+    angle: Expr = 0.0
+    axis: tuple[Expr, ...] = (0, 0, 1)
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.body_a, self.body_b)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(body_faults(self.title, self.body_a, self.body_b))
+        yield from faults
+        if faults:
+            return
+        yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial), (Planar, Spatial)))
+        axis = vector(self.axis, f"axis of {self.title}")
+        if any(isinstance(b.pose, Planar) for b in self.bodies()) and not (is_zero(axis[0]) and is_zero(axis[1])):
+            yield f"{self.title}: axis {self.axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
+
+    @cached_property
+    def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        axis = unit(vector(self.axis))
+        return relative_angle(self.name, self.body_a, axis, self.body_b, axis)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        k = bind(self.stiffness, f"{self.title}: stiffness")
+        c = bind(self.damping, f"{self.title}: damping")
+        rest = bind(self.angle, f"{self.title}: angle")
+        alpha, _ = self._alpha
+        axis = self.body_a.frame.R @ unit(vector(self.axis))
+
+        def pair(torque: ca.SX) -> tuple[Load, ...]:
+            return (moment_on(self.body_a, -torque * axis), moment_on(self.body_b, torque * axis))
+
+        if not is_zero(k):
+            yield Action(pair(-k * (alpha - rest)), 0.5 * k * (alpha - rest) ** 2 if _constant(k, rest) else None)
+        if not is_zero(c):
+            yield Action(pair(-c * ddt(alpha)))
+
+
+@dataclass(frozen=True, eq=False)
+class Bushing(ForceElement):
+    """Elastic mount between two points: springs and dampers along and about the axes of body a.
+
+    Parameters
+    ----------
+    name : str
+    point_a, point_b : Point
+    stiffness, damping : scalar or (x, y, z)                          [N/m], [N s/m]
+    rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad]; the small rotation of b
+                           against a, of which the sine is taken about each axis
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    stiffness: Expr
+    damping: Expr = 0.0
+    rotational_stiffness: Expr = 0.0
+    rotational_damping: Expr = 0.0
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        yield from point_faults(self.title, self.point_a, self.point_b)
+
+    def _diagonal(self, bind: Bind, what: str) -> ca.SX:
+        value = getattr(self, what)
+        values = value if isinstance(value, tuple | list) else (value,) * 3
+        return ca.sparsify(ca.diag(ca.vertcat(*[bind(v, f"{self.title}: {what}") for v in values])))
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a, b = self.bodies()
+        K, C = self._diagonal(bind, "stiffness"), self._diagonal(bind, "damping")
+        d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
+        # The reaction on body a acts where body b's point is: only then do the loads balance and conserve energy.
+        there = Point(a, a.frame.R.T @ (self.point_b.r - a.frame.r))
+
+        def push(force: ca.SX) -> tuple[Load, ...]:
+            return (force_at(self.point_b, force), force_at(there, -force))
+
+        if not is_zero(K):
+            yield Action(push(-a.frame.R @ K @ d), 0.5 * ca.dot(d, K @ d) if _constant(K) else None)
+        if not is_zero(C):
+            yield Action(push(-a.frame.R @ C @ ddt(d)))
+        K, C = self._diagonal(bind, "rotational_stiffness"), self._diagonal(bind, "rotational_damping")
+        if is_zero(K) and is_zero(C):
+            return
+        relative = a.frame.R.T @ b.frame.R
+        sines = ca.inv_skew(relative - relative.T) / 2
+        omega = relative @ b.frame.omega - a.frame.omega
+        torque = -a.frame.R @ (K @ sines + C @ omega)
+        yield Action((moment_on(b, torque), moment_on(a, -torque)))
+
+
+@dataclass(frozen=True, eq=False)
+class Force(ForceElement):
+    """A force (fx, fy, fz) [N] in world axes at a point."""
+
+    name: str
+    point: Point
+    force: tuple[Expr, ...]
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point.body,)
+
+    def faults(self) -> Iterator[str]:
+        yield from point_faults(self.title, self.point)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        yield Action((force_at(self.point, vector([bind(f, f"{self.title}: force") for f in self.force], self.title)),))
+
+
+@dataclass(frozen=True, eq=False)
+class Torque(ForceElement):
+    """A torque tz or (tx, ty, tz) [N m] in world axes on a body."""
+
+    name: str
+    body: _Framed
+    torque: Expr
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.body,)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(body_faults(self.title, self.body))
+        yield from faults
+        if not faults:
+            yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial),))
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        values = self.torque if isinstance(self.torque, tuple | list) else (0, 0, self.torque)
+        yield Action((moment_on(self.body, vector([bind(v, f"{self.title}: torque") for v in values], self.title)),))

@@ -1,0 +1,68 @@
+"""Parameters: named symbols with nominal values."""
+
+from collections.abc import Iterator, Mapping
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.symbolic.symbols import Kind, declare
+
+
+class Parameters(Mapping[str, float]):
+    """Named parameters with nominal values; a mapping from name to nominal value.
+
+    Parameters
+    ----------
+    **nominal : float      nominal value of each parameter, in SI units
+
+    Raises
+    ------
+    DeclarationError       if a value is not a finite number or a name is taken by the class itself
+
+    Examples
+    --------
+    >>> p = Parameters(l1=1.0, m1=2.5)
+    >>> p.l1, p["m1"]
+    (SX(l1), 2.5)
+    """
+
+    def __init__(self, **nominal: float) -> None:
+        faults = [f"parameter {n!r}: the name is taken; choose another." for n in nominal if hasattr(type(self), n)]
+        for name, value in nominal.items():
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+                faults.append(f"parameter {name!r}: nominal value {value!r} is not a finite number.")
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        self._nominal = {name: float(value) for name, value in nominal.items()}
+        self._symbols = ca.vertcat(*[ca.SX.sym(name) for name in nominal]) if nominal else ca.SX(0, 1)
+        self._records = declare(nominal, Kind.PARAMETER, self._symbols)
+
+    def __getattr__(self, name: str) -> ca.SX:
+        names = list(self.__dict__.get("_nominal", ()))
+        if name not in names:
+            raise AttributeError(f"no parameter {name!r}; declared are: {', '.join(names) or 'none'}.")
+        return self._symbols[names.index(name)]
+
+    @property
+    def symbols(self) -> ca.SX:
+        """All symbols as one vector, (n_p,), in the order of declaration."""
+        return self._symbols
+
+    @property
+    def nominal(self) -> Array:
+        """All nominal values, (n_p,)."""
+        return np.array(list(self._nominal.values()))
+
+    def __getitem__(self, name: str) -> float:
+        return self._nominal[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._nominal)
+
+    def __len__(self) -> int:
+        return len(self._nominal)
+
+    def __repr__(self) -> str:
+        return f"Parameters({', '.join(f'{n}={v:g}' for n, v in self._nominal.items())})"

@@ -1,0 +1,144 @@
+"""How a body may move: each pose gives coordinates, velocities and the frame they span.
+
+All poses feed one and the same kinematics: position r (3,), rotation R (3, 3), body to world, and the twist
+(r', omega) in R^6 = S v, with r' in world axes, omega in body axes and S a constant selection. A planar pose is the
+spatial one with structural zeros.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb.symbolic.geometry import product, quaternion_rate, rotation_matrix, rotation_z, vector
+from symmb.symbolic.symbols import Kind, Symbol, declare
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Coordinates of one body and the frame they span.
+
+    q (n_q,), v (n_v,), rate q' = N v (n_q,), r (3,) [m], R (3, 3), S (6, n_v); `records` keep the symbols known.
+    """
+
+    q: ca.SX
+    v: ca.SX
+    rate: ca.SX
+    r: ca.SX
+    R: ca.SX
+    S: ca.SX
+    records: tuple[Symbol, ...]
+
+    @property
+    def velocity(self) -> ca.SX:
+        """Velocity of the origin in world axes [m/s], (3,)."""
+        return self.S[:3, :] @ self.v
+
+    @property
+    def omega(self) -> ca.SX:
+        """Angular velocity in body axes [rad/s], (3,)."""
+        return self.S[3:, :] @ self.v
+
+
+class Pose(ABC):
+    """What a body may do: its coordinates and the frame they span."""
+
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+
+    @abstractmethod
+    def frame(self, name: str) -> Frame:
+        """The frame of the body of that name, in new symbols `name.x`, ..."""
+
+    @abstractmethod
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        """q moved by the small displacement delta (n_v,), in the sense of velocity times time."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
+
+def _selection(rows: tuple[int, ...]) -> ca.SX:
+    S = np.zeros((6, len(rows)))
+    S[list(rows), range(len(rows))] = 1.0
+    return ca.SX(ca.sparsify(ca.DM(S)))
+
+
+def _frame(pose: Pose, name: str, rows: tuple[int, ...]) -> tuple[ca.SX, ca.SX, ca.SX, tuple[str, ...], tuple[str, ...]]:
+    q_names = tuple(f"{name}.{c}" for c in pose.coordinates)
+    v_names = tuple(f"{name}.{c}" for c in pose.velocities)
+    q = ca.vertcat(*[ca.SX.sym(n) for n in q_names])
+    v = ca.vertcat(*[ca.SX.sym(n) for n in v_names])
+    return q, v, _selection(rows), q_names, v_names
+
+
+class Planar(Pose):
+    """Motion in the xy plane: q = (x, y, theta), v = q', theta [rad] positive about +z."""
+
+    coordinates = ("x", "y", "theta")
+    velocities = ("vx", "vy", "omega")
+
+    def frame(self, name: str) -> Frame:
+        q, v, S, q_names, v_names = _frame(self, name, (0, 1, 5))
+        records = declare(q_names, Kind.COORDINATE, q, v) + declare(v_names, Kind.VELOCITY, v)
+        return Frame(q, v, v, vector(q[:2]), rotation_z(q[2]), S, records)
+
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        return q + delta
+
+
+class Spatial(Pose):
+    """Free motion in space: q = (r, e), v = (r', omega), e a unit quaternion, scalar first, omega in body axes."""
+
+    coordinates = ("x", "y", "z", "e0", "e1", "e2", "e3")
+    velocities = ("vx", "vy", "vz", "omega_x", "omega_y", "omega_z")
+
+    def frame(self, name: str) -> Frame:
+        q, v, S, q_names, v_names = _frame(self, name, (0, 1, 2, 3, 4, 5))
+        rate = ca.vertcat(v[:3], quaternion_rate(q[3:], v[3:]))
+        records = declare(q_names, Kind.COORDINATE, q, rate) + declare(v_names, Kind.VELOCITY, v)
+        return Frame(q, v, rate, q[:3], rotation_matrix(q[3:]), S, records)
+
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        e = product(q[3:], ca.vertcat(1, delta[3:] / 2))
+        return ca.vertcat(q[:3] + delta[:3], e / ca.norm_2(e))
+
+
+class Particle(Pose):
+    """Translation in space without rotation: q = (x, y, z), v = q'."""
+
+    coordinates = ("x", "y", "z")
+    velocities = ("vx", "vy", "vz")
+
+    def frame(self, name: str) -> Frame:
+        q, v, S, q_names, v_names = _frame(self, name, (0, 1, 2))
+        records = declare(q_names, Kind.COORDINATE, q, v) + declare(v_names, Kind.VELOCITY, v)
+        return Frame(q, v, v, q, ca.SX.eye(3), S, records)
+
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        return q + delta
+
+
+class Fixed(Pose):
+    """No motion: the pose of the ground."""
+
+    coordinates = ()
+    velocities = ()
+
+    def frame(self, name: str) -> Frame:
+        none = ca.SX(0, 1)
+        return Frame(none, none, none, ca.SX(3, 1), ca.SX.eye(3), ca.SX(6, 0), ())
+
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        return q
+
+
+def turns_about_z(pose: Pose) -> bool:
+    """Whether a pose can turn about z alone, so that its angle is a plain coordinate."""
+    return isinstance(pose, Planar | Fixed)
+
+
+def angle_about_z(pose: Pose, frame: Frame) -> ca.SX:
+    """The angle about +z of a pose that turns about z alone [rad]."""
+    return frame.q[2] if isinstance(pose, Planar) else ca.SX(0)

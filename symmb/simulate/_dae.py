@@ -1,0 +1,175 @@
+"""The simulator of a declared scene."""
+
+import math
+import os
+import time
+from collections.abc import Iterator
+from threading import RLock
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError, SimulationError
+from symmb._types import Array, Executor
+from symmb.dae import DAE, compile_dae
+from symmb.scene import Scene
+from symmb.simulate._ensemble import Ensemble, Progress, Reduction, stream
+from symmb.solve._integration import Integration, Run
+from symmb.solve.solvers import CVODES, Solver
+from symmb.solve.start import Start, prepare_start
+from symmb.symbolic.jets import jets
+from symmb.symbolic.symbols import t as time_symbol
+
+S = TypeVar("S")
+
+_LOCK = RLock()  # CasADi's reference counts are not atomic: Python threads take turns, its own threads do the work
+
+
+class DAESimulator:
+    """Runs a scene for samples of its parameters; compiled once, pickles.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : Solver, optional      default CVODES()
+
+    Attributes
+    ----------
+    parameters : dict              name -> nominal value, in the order of the columns of P
+    times : (n_t,) array           [s]
+    outputs : tuple of str         names of the n_y outputs
+    solver : Solver
+    setup_seconds : float          deriving, compiling and starting
+    """
+
+    def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
+        begin = time.perf_counter()
+        self.name = scene.name
+        self.solver = CVODES() if solver is None else solver
+        self.parameters = dict(scene.system.parameters)
+        self.times = np.asarray(scene.times, dtype=float)
+        self.outputs = scene.output_names
+        self.dae: DAE = compile_dae(scene.system)
+        self.start: Start = prepare_start(scene, self.dae)
+        self.y = output_function(self.dae, scene, scene.y)
+        self._integrations: dict[tuple[int, bool], Integration] = {}
+        self._threads = os.cpu_count() or 1
+        self.integration()
+        self.setup_seconds = time.perf_counter() - begin
+
+    def __repr__(self) -> str:
+        return f"DAESimulator({self.name!r}, {self.solver!r})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Whoever gets a copy runs many of them side by side already.
+        return {**self.__dict__, "_threads": 1}
+
+    def integration(self, order: int = 0, work: bool = False) -> Integration:
+        """The compiled integration of the Taylor coefficients up to `order`, made when first asked for."""
+        key = (order, work)
+        if key not in self._integrations:
+            self._integrations[key] = self.solver.integration(self.dae, self.times, order=order, work=work)
+        return self._integrations[key]
+
+    def run(self, P: Array) -> Ensemble:
+        """Run samples P (N, d); a sample that breaks down is nan from there on."""
+        with _LOCK:
+            P = np.ascontiguousarray(P, dtype=float)
+            x0, _ = self.start.states(P)
+            runs = self.integration().run_many(x0, P, self._threads)
+            Y = np.stack([self.evaluate(run, p) for run, p in zip(runs, P, strict=True)])
+            return _ensemble(self, Y, runs, P)
+
+    def stream(
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
+    ) -> S:
+        """Run samples block by block and keep only what the reduction keeps."""
+        return stream(self, P, reduction, executor, progress)
+
+    def evaluate(self, run: Run, p: Array) -> Array:
+        """Outputs of one run, (n_t, n_y)."""
+        return _evaluate(self.y, run.X, p, self.times)
+
+    def jets(self, p0: Array, directions: Array, order: int) -> Array:
+        """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), from one larger run each.
+
+        Raises
+        ------
+        SimulationError        if a run breaks down
+        """
+        with _LOCK:
+            directions = np.atleast_2d(np.asarray(directions, dtype=float))
+            m = len(directions)
+            x0 = np.hstack(self.start.jets(np.asarray(p0, dtype=float), directions, order))
+            P = np.hstack([np.tile(p0, (m, 1)), directions])
+            runs = self.integration(order).run_many(x0, P, self._threads)
+            for run in runs:
+                if run.message:
+                    raise SimulationError(f"{self!r}: derivatives break down at t = {run.t_failed:g} s: {run.message}.")
+            f = _jet_outputs(self.y, self.y.numel_in(0), len(p0), order)
+            Y = np.stack([_evaluate(f, run.X, p, self.times) for run, p in zip(runs, P, strict=True)])
+            return Y.reshape(m, len(self.times), order + 1, len(self.outputs)).transpose(2, 0, 1, 3)
+
+    def march(self, P: Array) -> Iterator[tuple[int, Array]]:
+        """All samples side by side with a fixed step: (i, Y_i (N, n_y)) for every output time.
+
+        Raises
+        ------
+        PropagationError       if the solver chooses its steps
+        """
+        if not self.solver.fixed_step:
+            raise PropagationError(f"{self.solver!r} chooses its own steps; for lockstep use RungeKutta or Collocation.")
+        P = np.ascontiguousarray(P, dtype=float)
+        x0, _ = self.start.states(P)
+        for i, x in self.integration().march(x0, P):
+            yield i, self.y(x.T, P.T, self.times[i]).full().T
+
+    @property
+    def expression(self) -> ca.Function:
+        """(p, t) -> y of a scene without bodies, whose outputs are plain expressions."""
+        if self.dae.n_q:
+            raise AttributeError("only a scene without bodies has outputs that are plain expressions")
+        p, t = ca.SX.sym("p", len(self.parameters)), ca.SX.sym("t")
+        return ca.Function("expression", [p, t], [self.y(ca.SX(0, 1), p, t)])
+
+
+def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
+    """(x, p, t) -> y; multipliers are computed only if y contains some."""
+    system = scene.system
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, t)
+    states = [system.q, system.v, *([system.s] if dae.n_s else []), system.p, time_symbol]
+    lam = ca.SX(system.lam)
+    plain = ca.Function("plain", [*states, lam], [ca.densify(y)])
+    needs = dae.gamma is not None and ca.which_depends(y, lam, 1, True)
+    multipliers = dae.forward(*at, dae.gamma(*at))[1] if dae.gamma is not None and any(needs or []) else ca.SX(lam.numel(), 1)
+    return ca.Function("y", [x, p, t], [plain(*at, multipliers)], {"cse": True})
+
+
+def _evaluate(f: ca.Function, X: Array, p: Array, times: Array) -> Array:
+    if f.numel_out(0) == 0:
+        return np.zeros((len(times), 0))
+    return f(X.T, np.tile(p[:, None], (1, len(times))), times[None, :]).full().T
+
+
+def _jet_outputs(y: ca.Function, n_x: int, n_p: int, order: int) -> ca.Function:
+    X = [ca.SX.sym(f"x_{j}", n_x) for j in range(order + 1)]
+    P = [ca.SX.sym(f"p_{j}", n_p) for j in range(order + 1)]
+    t = ca.SX.sym("t")
+    coefficients = ca.vertcat(*jets(y(X[0], P[0], t), [X, P]))
+    straight = ca.substitute(coefficients, ca.vertcat(*P[2:]), ca.SX.zeros(n_p * (order - 1))) if order > 1 else coefficients
+    return ca.Function("jets", [ca.vertcat(*X), ca.vertcat(*P[:2]), t], [straight], {"cse": True})
+
+
+def _ensemble(simulator: DAESimulator, Y: Array, runs: list[Run], P: Array) -> Ensemble:
+    ok = np.array([not run.message and bool(np.isfinite(y).all()) for run, y in zip(runs, Y, strict=True)], dtype=bool)
+    t_failed = np.full(len(runs), math.nan)
+    messages = []
+    for k in np.flatnonzero(~ok):
+        run = runs[k]
+        first = simulator.times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
+        t_failed[k] = run.t_failed if run.message else first
+        values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(simulator.parameters, P[k], strict=True))
+        messages.append(f"t = {t_failed[k]:g} s, {values}: {run.message or 'an output is not finite'}")
+    return Ensemble(Y, ok, t_failed, tuple(messages))

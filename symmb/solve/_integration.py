@@ -1,0 +1,157 @@
+"""Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.solve._problem import Problem
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: X (n_t, n_x), quadratures (n_t, n_quad), and where it broke down: nan or a time, with the reason."""
+
+    X: Array
+    quad: Array
+    t_failed: float = np.nan
+    message: str = ""
+
+
+class Integration:
+    """A problem compiled for a CasADi integrator; pickles, so that other threads and processes get a copy.
+
+    Parameters
+    ----------
+    problem : Problem
+    plugin : str                     CasADi's name of the integrator
+    options : (span, horizon) -> dict
+    times : (n_t,) array             [s]
+    """
+
+    def __init__(
+        self, problem: Problem, plugin: str, options: Callable[[float, float], dict[str, Any]], times: Array
+    ) -> None:
+        self.times = times
+        self._maps: dict[str, Any] = {}
+        self.n_x = problem.x.numel()
+        self.n_quad = problem.quad.numel()
+        self._guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
+        self._project = (
+            None
+            if problem.projected is None
+            else ca.Function("project", [problem.x, problem.p, problem.t], [problem.projected], {"cse": True})
+        )
+        dae = {"x": problem.x, "p": problem.p, "t": problem.t, "ode": problem.ode}
+        if problem.z.numel():
+            dae |= {"z": problem.z, "alg": problem.alg}
+        if self.n_quad:
+            dae |= {"quad": problem.quad}
+        spans = np.diff(times)
+        horizon = float(times[-1] - times[0])
+        self._whole = self._between = None
+        if self.n_x == 0 or len(times) == 1:
+            return
+        if self._project is None:
+            self._whole = ca.integrator("whole", plugin, dae, times[0], times, options(horizon, horizon))
+        # Between two output times: t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
+        begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
+        scaled = {k: ca.substitute(e, problem.t, begin + span * tau) for k, e in dae.items() if k not in ("x", "z", "p", "t")}
+        scaled |= {k: span * scaled[k] for k in ("ode", "quad") if k in scaled}
+        scaled |= {k: dae[k] for k in ("x", "z") if k in dae}
+        scaled |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
+        self._between = ca.integrator("between", plugin, scaled, 0, 1, options(float(spans.max()), horizon))
+
+    def run(self, x0: Array, p: Array) -> Run:
+        """Integrate one sample from x0 (n_x,) with parameters p (n_p,)."""
+        if not np.isfinite(x0).all():
+            return self._failed(x0, float(self.times[0]), "the start could not be solved for")
+        if self._whole is not None:
+            try:
+                result = self._whole(x0=x0, p=p, z0=self._guess(x0, p, self.times[0]))
+            except RuntimeError:
+                pass  # the walk below finds out where
+            else:
+                X = result["xf"].full().T
+                if np.isfinite(X).all():
+                    quad = result["qf"].full().T.reshape(len(self.times), self.n_quad)
+                    return Run(X, quad)
+        return self._walk(x0, p)
+
+    def run_many(self, x0: Array, p: Array, threads: int) -> list[Run]:
+        """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on CasADi's own threads.
+
+        Python threads must not share CasADi objects (their reference counts are not atomic); its thread map may.
+        """
+        good = np.isfinite(x0).all(axis=1)
+        if self._whole is None or threads < 2 or len(x0) < 2 or not good.all():
+            return [self.run(*sample) for sample in zip(x0, p, strict=True)]
+        try:
+            z0 = self._guess(x0.T, p.T, self.times[0])
+            result = self._threaded(len(x0), threads)(x0=x0.T, p=p.T, z0=z0)
+        except RuntimeError:  # one failing sample fails the whole call
+            return [self.run(*sample) for sample in zip(x0, p, strict=True)]
+        X = result["xf"].full().reshape(self.n_x, len(x0), -1).transpose(1, 2, 0)
+        quad = result["qf"].full().reshape(self.n_quad, len(x0), len(self.times)).transpose(1, 2, 0)
+        done = np.isfinite(X).all(axis=(1, 2))
+        return [Run(X[k], quad[k]) if done[k] else self.run(x0[k], p[k]) for k in range(len(x0))]
+
+    def _threaded(self, n: int, threads: int) -> ca.Function:
+        key = (n, threads)
+        if self._maps.get("key") != key and self._whole is not None:
+            self._maps = {"key": key, "map": self._whole.map(n, "thread", threads)}
+        return self._maps["map"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_maps": {}}
+
+    def _walk(self, x0: Array, p: Array) -> Run:
+        X = np.full((len(self.times), self.n_x), np.nan)
+        quad = np.zeros((len(self.times), self.n_quad))
+        X[0] = x = self.project(x0[None], p[None], 0)[0]
+        for i in range(1, len(self.times)):
+            try:
+                x, q = self.advance(i, x[None], p[None])
+            except RuntimeError as error:
+                return Run(X, quad, float(self.times[i - 1]), _reason(error))
+            x = x[0]
+            if not np.isfinite(x).all():
+                return Run(X, quad, float(self.times[i - 1]), "the state became infinite or NaN")
+            X[i], quad[i] = x, quad[i - 1] + q[0]
+        return Run(X, quad)
+
+    def _failed(self, x0: Array, time: float, message: str) -> Run:
+        return Run(np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad)), time, message)
+
+    def advance(self, i: int, x: Array, p: Array) -> tuple[Array, Array]:
+        """From time i - 1 to time i, N samples side by side: x (N, n_x), p (N, n_p) -> x (N, n_x), quad (N, n_quad)."""
+        if self._between is None:
+            return x, np.zeros((len(x), self.n_quad))
+        begin, span = self.times[i - 1], self.times[i] - self.times[i - 1]
+        z0 = self._guess(x.T, p.T, begin)
+        more = np.tile([[begin], [span]], (1, len(x)))
+        result = self._between(x0=x.T, p=np.vstack([p.T, more]), z0=z0)
+        return self.project(result["xf"].full().T, p, i), result["qf"].full().T
+
+    def project(self, x: Array, p: Array, i: int) -> Array:
+        """States (N, n_x) on the constraints of time i, if the solver projects."""
+        if self._project is None:
+            return x
+        return self._project(x.T, p.T, self.times[i]).full().T
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time."""
+        x = self.project(x0, p, 0)
+        yield 0, x
+        for i in range(1, len(self.times)):
+            x, _ = self.advance(i, x, p)
+            yield i, x
+
+
+def _reason(error: RuntimeError) -> str:
+    """The integrator's own words, without the path through CasADi's source."""
+    text = str(error).strip().splitlines()[-1]
+    return text.split(": ", 1)[-1].removesuffix(" documentation.").split(". Consult")[0]

@@ -1,0 +1,115 @@
+"""An initial value problem in SX, as CasADi's integrators take it; and its Taylor coefficients as a larger one."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from symmb.dae import DAE
+from symmb.solve.stabilization import Baumgarte, Projection, Stabilization
+from symmb.symbolic.jets import jets
+
+_PROJECTION_STEPS = 3
+
+
+@dataclass(frozen=True)
+class Problem:
+    """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along, `projected` is x on the constraints."""
+
+    x: ca.SX
+    z: ca.SX
+    p: ca.SX
+    t: ca.SX
+    ode: ca.SX
+    alg: ca.SX
+    quad: ca.SX
+    z_guess: ca.SX
+    projected: ca.SX | None
+
+    def jets(self, order: int) -> "Problem":
+        """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
+        zero = ca.SX.zeros(self.p.shape)
+        p1 = ca.SX.sym("p_1", self.p.numel())
+        X = [self.x, *(ca.SX.sym(f"x_{j}", self.x.numel()) for j in range(1, order + 1))]
+        Z = [self.z, *(ca.SX.sym(f"z_{j}", self.z.numel()) for j in range(1, order + 1))]
+        P = [ca.SX.sym(f"P_{j}", self.p.numel()) for j in range(1, order + 1)]
+        fixed = ca.vertcat(*P) if P else ca.SX(0, 1)
+        values = ca.vertcat(p1, *(zero for _ in P[1:])) if P else fixed
+
+        def expand(f: ca.SX, *curves: list[ca.SX]) -> ca.SX:
+            return ca.substitute(ca.vertcat(*jets(f, [*curves, [self.p, *P]])), fixed, values)
+
+        return replace(
+            self,
+            x=ca.vertcat(*X),
+            z=ca.vertcat(*Z),
+            p=ca.vertcat(self.p, p1),
+            ode=expand(self.ode, X, Z),
+            alg=expand(self.alg, X, Z),
+            quad=ca.SX(0, 1),
+            z_guess=expand(self.z_guess, X),
+            projected=None if self.projected is None else expand(self.projected, X),
+        )
+
+
+def build_problem(dae: DAE, stabilization: Stabilization, *, algebraic: bool, work: bool) -> Problem:
+    """The index-reduced DAE.
+
+    Parameters
+    ----------
+    dae : DAE
+    stabilization : None, Baumgarte or Projection
+    algebraic : bool         keep the multipliers as algebraic variables (index 1) in place of eliminating them
+    work : bool              integrate the power of forces without potential along
+    """
+    x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
+    p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, time)
+    rates = dae.rhs(*at)
+    rates = list(rates) if isinstance(rates, tuple) else [rates]
+    right = dae.gamma(*at) if dae.gamma is not None else ca.SX(0, 1)
+    if isinstance(stabilization, Baumgarte) and dae.Phi_dot is not None:
+        Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)
+        Phi = ca.vertcat(Phi, ca.SX.zeros(dae.n_r - dae.n_c))
+        right = right - 2 * stabilization.alpha * dae.Phi_dot(*at) - stabilization.beta**2 * Phi
+    vdot, lam = dae.forward(*at, right)
+    alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
+    if algebraic and dae.n_r and dae.G is not None:
+        z = ca.SX.sym("lam", dae.n_r)
+        # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
+        guess, lam = lam, z
+        M, G = dae.M(*at), dae.G(*at)
+        vdot = ca.solve(M, dae.Q(*at) - G.T @ z)
+        alg = G @ vdot - right
+    power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
+    return Problem(
+        x=x,
+        z=z,
+        p=p,
+        t=time,
+        ode=ca.densify(ca.vertcat(rates[0], vdot, *rates[2:])),
+        alg=ca.densify(alg),
+        quad=power,
+        z_guess=guess,
+        projected=_project(dae, x, p, time) if isinstance(stabilization, Projection) and dae.n_r else None,
+    )
+
+
+def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX | None:
+    """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
+    if dae.shift is None or dae.Phi_dot is None:
+        return None
+    state = ca.SX.sym("x", x.numel())
+    at = dae.arguments(state, p, time)
+    q, v = at[0], at[1]
+    rest = state[dae.n_q + dae.n_v :]
+    free = ca.SX.zeros(dae.n_r - dae.n_c)
+    step = None
+    if dae.Phi is not None:
+        moved = dae.retract(q, dae.shift(*at, -ca.vertcat(dae.Phi(*at), free)))
+        step = ca.Function("step", [state, p, time], [ca.vertcat(moved, v, rest)])
+    corrected = ca.vertcat(q, v + dae.shift(*at, -dae.Phi_dot(*at)), rest)
+    velocities = ca.Function("velocities", [state, p, time], [corrected])
+    if step is not None:
+        for _ in range(_PROJECTION_STEPS):
+            x = step(x, p, time)
+    return velocities(x, p, time)

@@ -1,0 +1,32 @@
+"""Rank of constraint rows at a consistent position, and which joints are to blame where it is short."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.linalg
+
+from symmb._types import Array
+
+_RANK_TOLERANCE = 1e-9
+
+
+def independent(A: Array) -> tuple[Array, Array]:
+    """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix."""
+    if not A.size:
+        return np.arange(0), np.arange(0)
+    scale = np.linalg.norm(A, axis=1)
+    scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
+    rank = int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * max(A.shape)))
+    rows = np.sort(scipy.linalg.qr(scaled.T, pivoting=True, mode="r")[1][:rank])
+    columns = np.sort(scipy.linalg.qr(scaled[rows], pivoting=True, mode="r")[1][:rank])
+    return rows, columns
+
+
+def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[int, tuple[str, ...]]:
+    """Rank of G, and the constraints whose rows depend on each other."""
+    scale = np.linalg.norm(G, axis=1)
+    scaled = G / np.where(scale > 0, scale, 1.0)[:, None]
+    U, sigma, _ = np.linalg.svd(scaled)
+    rank = int((sigma > _RANK_TOLERANCE * max(G.shape)).sum())
+    involved = np.abs(U[:, rank:]).max(axis=1, initial=0.0) > 1e-6
+    return rank, tuple(name for name, where in rows.items() if involved[where].any())

@@ -1,0 +1,166 @@
+"""CasADi's integrators on the index-reduced DAE."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.dae import DAE
+from symmb.solve._integration import Integration
+from symmb.solve._problem import build_problem
+from symmb.solve.stabilization import Stabilization
+
+
+class Solver(ABC):
+    """What integrates a DAE; a frozen value whose fields are its options."""
+
+    fixed_step: ClassVar[bool] = False
+
+    @abstractmethod
+    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+        """The compiled integration over the given times, of the Taylor coefficients up to `order`."""
+
+    @abstractmethod
+    def tighter(self, factor: float = 10.0) -> "Solver":
+        """The same solver with tolerances `factor` times smaller, or steps as much smaller as that takes."""
+
+    def __repr__(self) -> str:
+        shown = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]  # pyright: ignore[reportArgumentType]
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+class _Casadi(Solver):
+    plugin: ClassVar[str]
+    algebraic: ClassVar[bool] = False
+    stabilization: Stabilization
+
+    @abstractmethod
+    def options(self, span: float, horizon: float) -> dict[str, Any]:
+        """CasADi's options for an interval of length `span` within the whole horizon [s]."""
+
+    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
+        return Integration(problem.jets(order) if order else problem, self.plugin, self.options, times)
+
+
+@dataclass(frozen=True, repr=False)
+class IDAS(_Casadi):
+    """Variable-order BDF on the index-1 DAE, multipliers as algebraic variables (SUNDIALS).
+
+    Parameters
+    ----------
+    rtol : float             relative tolerance
+    atol : float             absolute tolerance, rtol if left out [m, rad, m/s, rad/s]
+    stabilization            None, Baumgarte(...) or Projection()
+    """
+
+    plugin: ClassVar[str] = "idas"
+    algebraic: ClassVar[bool] = True
+
+    rtol: float = 1e-9
+    atol: float | None = None
+    stabilization: Stabilization = None
+
+    def options(self, span: float, horizon: float) -> dict[str, Any]:
+        return {**_tolerances(self.rtol, self.atol)}
+
+    def tighter(self, factor: float = 10.0) -> "IDAS":
+        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
+
+
+@dataclass(frozen=True, repr=False)
+class CVODES(_Casadi):
+    """Variable-order multistep method on the ODE with multipliers eliminated (SUNDIALS).
+
+    Parameters
+    ----------
+    rtol : float             relative tolerance
+    atol : float             absolute tolerance, rtol if left out [m, rad, m/s, rad/s]
+    stiff : bool             BDF with Newton iterations in place of Adams with fixed-point iterations
+    stabilization            None, Baumgarte(...) or Projection()
+    """
+
+    plugin: ClassVar[str] = "cvodes"
+
+    rtol: float = 1e-9
+    atol: float | None = None
+    stiff: bool = False
+    stabilization: Stabilization = None
+
+    def options(self, span: float, horizon: float) -> dict[str, Any]:
+        method = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
+        return {**_tolerances(self.rtol, self.atol), **method}
+
+    def tighter(self, factor: float = 10.0) -> "CVODES":
+        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
+
+
+@dataclass(frozen=True, repr=False)
+class RungeKutta(_Casadi):
+    """Classical fourth-order Runge-Kutta with a fixed step on the ODE with multipliers eliminated.
+
+    Parameters
+    ----------
+    steps : int              over the whole horizon; at least one for each output time
+    stabilization            None, Baumgarte(...) or Projection()
+    """
+
+    plugin: ClassVar[str] = "rk"
+    fixed_step: ClassVar[bool] = True
+
+    steps: int = 2000
+    stabilization: Stabilization = None
+
+    def options(self, span: float, horizon: float) -> dict[str, Any]:
+        return {"number_of_finite_elements": _elements(self.steps, span, horizon)}
+
+    def tighter(self, factor: float = 10.0) -> "RungeKutta":
+        return replace(self, steps=int(np.ceil(self.steps * factor**0.25)))
+
+
+@dataclass(frozen=True, repr=False)
+class Collocation(_Casadi):
+    """Radau collocation with a fixed step on the index-1 DAE, multipliers as algebraic variables.
+
+    Parameters
+    ----------
+    degree : int             collocation points a step; the order is 2 degree - 1
+    steps : int              over the whole horizon; at least one for each output time
+    stabilization            None, Baumgarte(...) or Projection()
+    """
+
+    plugin: ClassVar[str] = "collocation"
+    algebraic: ClassVar[bool] = True
+    fixed_step: ClassVar[bool] = True
+
+    degree: int = 4
+    steps: int = 1000
+    stabilization: Stabilization = None
+
+    def options(self, span: float, horizon: float) -> dict[str, Any]:
+        return {
+            "number_of_finite_elements": _elements(self.steps, span, horizon),
+            "interpolation_order": self.degree,
+            "collocation_scheme": "radau",
+            "rootfinder_options": {"abstol": 1e-12},
+        }
+
+    def tighter(self, factor: float = 10.0) -> "Collocation":
+        return replace(self, steps=int(np.ceil(self.steps * factor ** (1 / (2 * self.degree - 1)))))
+
+
+def _elements(steps: int, span: float, horizon: float) -> int:
+    return max(1, int(np.ceil(steps * span / horizon - 1e-9)))
+
+
+def _tolerances(rtol: float, atol: float | None) -> dict[str, Any]:
+    # The step limit holds from one output time to the next; a run that needs more is lost in a singularity.
+    return {
+        "reltol": rtol,
+        "abstol": rtol if atol is None else atol,
+        "max_num_steps": 200_000,
+        "quad_err_con": True,
+        "disable_internal_warnings": True,
+    }

@@ -1,0 +1,89 @@
+"""Vectors, frames and rotations in three dimensions as CasADi SX; zeros and ones stay structural."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+
+X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in range(3))
+
+
+def vector(values: object, what: str = "vector") -> ca.SX:
+    """A 3-vector from two or three numbers or SX scalars; the third is 0 if left out."""
+    entries = (
+        ca.vertsplit(values)
+        if isinstance(values, ca.SX)
+        else list(np.atleast_1d(np.asarray(values, dtype=object)))
+    )
+    if len(entries) not in (2, 3):
+        raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
+    return ca.densify(ca.vertcat(*entries, *[0] * (3 - len(entries))))
+
+
+def is_zero(expression: ca.SX) -> bool:
+    """Whether an expression is identically zero by structure."""
+    return bool(ca.sparsify(expression).nnz() == 0)
+
+
+def unit(axis: ca.SX) -> ca.SX:
+    """The axis over its length; a constant axis is normalised in numbers, so that zeros and ones stay exact."""
+    if axis.is_constant():
+        values = np.asarray(ca.DM(axis)).ravel()
+        return ca.SX(values / np.linalg.norm(values))
+    return axis / ca.norm_2(axis)
+
+
+def triad(axis: ca.SX) -> ca.SX:
+    """Right-handed orthonormal frame [u1 u2 a] with the given axis as its third column, (3, 3)."""
+    a = unit(axis)
+
+    # The helper direction must not be parallel to the axis: best is a component known to vanish, next a symbolic one
+    # (a small misalignment), and among constants the smallest.
+    def rank(k: int) -> tuple[int, float]:
+        if is_zero(a[k]):
+            return (0, 0.0)
+        return (2, abs(float(a[k]))) if a[k].is_constant() else (1, 0.0)
+
+    helper = (X, Y, Z)[min((2, 0, 1), key=rank)]
+    u1 = unit(ca.cross(helper, a))
+    return ca.horzcat(u1, ca.cross(a, u1), a)
+
+
+def turn(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Least rotation matrix that carries the direction a onto the direction b, (3, 3)."""
+    a, b = unit(a), unit(b)
+    if is_zero(ca.simplify(a - b)):
+        return ca.SX.eye(3)
+    if is_zero(ca.simplify(a + b)):
+        n = triad(a)[:, 0]
+        return 2 * n @ n.T - ca.SX.eye(3)
+    w = ca.skew(ca.cross(a, b))
+    return ca.SX.eye(3) + w + w @ w / (1 + ca.dot(a, b))
+
+
+def rotation_z(theta: ca.SX) -> ca.SX:
+    """Rotation matrix about z by theta [rad], (3, 3)."""
+    c, s = ca.cos(theta), ca.sin(theta)
+    return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
+
+
+def rotation_matrix(e: ca.SX) -> ca.SX:
+    """Rotation matrix, body to world, of the unit quaternion e / |e|, scalar first, (3, 3)."""
+    w, x, y, z = ca.vertsplit(e)
+    s = 2 / ca.sumsqr(e)
+    return ca.vertcat(
+        ca.horzcat(1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+        ca.horzcat(s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)),
+        ca.horzcat(s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)),
+    )
+
+
+def quaternion_rate(e: ca.SX, omega: ca.SX) -> ca.SX:
+    """Rate e * (0, omega) / 2 of a quaternion with the angular velocity omega in body axes [rad/s], (4,)."""
+    return 0.5 * product(e, ca.vertcat(0, omega))
+
+
+def product(a: ca.SX, b: ca.SX) -> ca.SX:
+    """Quaternion product a b, scalar first, (4,)."""
+    av, bv = a[1:4], b[1:4]
+    return ca.vertcat(a[0] * b[0] - ca.dot(av, bv), a[0] * bv + b[0] * av + ca.cross(av, bv))

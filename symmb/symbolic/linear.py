@@ -1,0 +1,62 @@
+"""Symbolic solution of M a + G' lam = f, G a = g: range space where M is regular, the full matrix where it is not."""
+
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+
+from symmb.symbolic.geometry import is_zero
+
+
+def invert_blocks(M: ca.SX, sizes: Sequence[int]) -> ca.SX | None:
+    """Inverse of a block-diagonal matrix block by block; None if a block is singular by structure."""
+    blocks, at = [], 0
+    for n in sizes:
+        block = ca.sparsify(M[at : at + n, at : at + n])
+        at += n
+        if block.sparsity().is_diag():
+            diagonal = ca.diag(block)
+            if any(is_zero(diagonal[i]) for i in range(n)):
+                return None
+            blocks.append(ca.diag(1 / diagonal))
+        elif ca.sprank(block) < n:
+            return None
+        else:
+            blocks.append(ca.sparsify(ca.inv_minor(block)))
+    return ca.diagcat(*blocks)
+
+
+def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+    """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
+
+    Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. With a structurally
+    singular mass block (a massless body) the whole matrix [M G'; G 0] is solved instead.
+
+    Parameters
+    ----------
+    M : (n_v, n_v) SX, block-diagonal with blocks of the given sizes
+    G : (n_c, n_v) SX, may have no rows
+
+    Returns
+    -------
+    callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
+    """
+    n_v, n_c = M.shape[0], G.shape[0]
+    inverse = invert_blocks(M, sizes)
+    if inverse is None:
+        K = ca.sparsify(ca.blockcat([[M, G.T], [G, ca.SX(n_c, n_c)]]))
+
+        def solve_full(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+            z = ca.solve(K, ca.vertcat(f, g))
+            return z[:n_v], z[n_v:]
+
+        return solve_full
+    if n_c == 0:
+        return lambda f, g: (inverse @ f, ca.SX(0, 1))
+    W = ca.sparsify(G @ inverse)
+    D, L, order = ca.ldl(ca.sparsify(W @ G.T), True)
+
+    def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        lam = ca.densify(ca.ldl_solve(ca.densify(W @ f - g), D, L, order))
+        return inverse @ f - W.T @ lam, lam
+
+    return solve

@@ -1,0 +1,108 @@
+"""Which symbol is what: every coordinate, velocity, state and parameter is looked up by the symbol itself.
+
+A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters) keeps a `Symbol` record that adds what it
+is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from weakref import WeakValueDictionary
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+
+t = ca.SX.sym("t")
+"""Time [s], the one independent variable of every law."""
+
+
+class Kind(Enum):
+    """What a symbol stands for."""
+
+    COORDINATE = "coordinate"
+    VELOCITY = "velocity"
+    STATE = "first-order state"
+    PARAMETER = "parameter"
+    MULTIPLIER = "multiplier"
+
+
+@dataclass(frozen=True, eq=False)
+class Symbol:
+    """A declared symbol: dotted name, kind, and for what moves its rate; `value` is where a state starts."""
+
+    name: str
+    kind: Kind
+    sx: ca.SX
+    rate: ca.SX | None = None
+    value: ca.SX | None = None
+
+
+_TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
+
+
+def declare(
+    names: Iterable[str], kind: Kind, symbols: ca.SX, rates: ca.SX | None = None, value: ca.SX | None = None
+) -> tuple[Symbol, ...]:
+    """Enter symbols into the table; whoever declares them keeps the records alive."""
+    records = tuple(
+        Symbol(name, kind, symbols[i], None if rates is None else rates[i], value)
+        for i, name in enumerate(names)
+    )
+    for record in records:
+        _TABLE[record.sx.element_hash()] = record
+    return records
+
+
+def lookup(symbol: ca.SX) -> Symbol | None:
+    """The record of a symbol, None if nobody declared it."""
+    return _TABLE.get(symbol.element_hash())
+
+
+def is_time(symbol: ca.SX) -> bool:
+    """Whether a symbol is the time `t`."""
+    return symbol.element_hash() == t.element_hash()
+
+
+def symbols_in(expression: ca.SX) -> list[ca.SX]:
+    """All symbols of an expression, each as a scalar."""
+    return [s for s in ca.symvar(expression)]
+
+
+def ddt(expression: ca.SX) -> ca.SX:
+    """Rate of a position expression, d/dt f(q, t) = f_q N v + f_t.
+
+    Parameters
+    ----------
+    expression : SX of any shape, in coordinates, first-order states, parameters and `t` [unit]
+
+    Returns
+    -------
+    SX of the same shape, in coordinates, velocities, parameters and `t` [unit/s]
+
+    Raises
+    ------
+    DeclarationError
+        if a velocity or a multiplier stands in the expression: its rate needs the equations of motion
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=1.0, inertia=0.1, pose=mb.Planar())
+    >>> mb.ddt(rod.x ** 2)
+    SX(((2*rod.x)*rod.vx))
+    """
+    expression = ca.SX(expression)
+    moving, rates = [t], [ca.SX(1)]
+    for symbol in symbols_in(expression):
+        record = lookup(symbol)
+        if record is None or record.kind is Kind.PARAMETER:
+            continue
+        if record.rate is None:
+            raise DeclarationError(
+                f"ddt takes expressions of positions, but {record.name!r} is a {record.kind.value}; "
+                "its rate follows from the equations of motion only."
+            )
+        moving.append(record.sx)
+        rates.append(record.rate)
+    return ca.jtimes(expression, ca.vertcat(*moving), ca.vertcat(*rates))
