@@ -9,6 +9,7 @@ from symmb.bounds._exact import Exact as Exact
 from symmb.bounds._inclusion import LegendreInclusion as LegendreInclusion
 from symmb.bounds._inclusion import Range as Range
 from symmb.bounds._method import Method as Method
+from symmb.bounds._natural import IntervalArithmetic as IntervalArithmetic
 from symmb.bounds._nodes import ClenshawCurtis as ClenshawCurtis
 from symmb.bounds._nodes import Gauss as Gauss
 from symmb.bounds._nodes import Nodes as Nodes
@@ -23,3 +24,4 @@ from symmb.bounds._samplers import Sobol as Sobol
 from symmb.bounds._sampling import MonteCarlo as MonteCarlo
 from symmb.bounds._sampling import Scanning as Scanning
 from symmb.bounds._sampling import Vertex as Vertex
+from symmb.bounds._taylor import Taylor as Taylor

@@ -1,0 +1,114 @@
+"""Taylor expansion of the responses about the box's centre, bounded by interval arithmetic."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._box import Box
+from symmb._errors import PropagationError
+from symmb._types import Array, Executor
+from symmb.bounds._legendre import MultiIndices, homogeneous
+from symmb.bounds._method import (
+    Method,
+    constructor_text,
+    parameter_columns,
+    parameter_samples,
+    require_whole,
+)
+from symmb.bounds._result import Bounds, Kind
+from symmb.simulate import Jets, Progress, Simulator
+
+
+@dataclass(frozen=True)
+class Taylor(Method):
+    """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
+
+    Natural interval arithmetic with even powers taken as [0, 1]; the remainder is left out, so nothing is
+    proved. The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| =
+    order: the j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d +
+    order, d) evaluations, the coefficients of one expansion. The executor is not used.
+
+    Parameters
+    ----------
+    order : highest total degree
+
+    Raises
+    ------
+    PropagationError
+        From ``bounds``: the simulator gives no derivatives, or they are not finite.
+
+    Examples
+    --------
+    >>> Taylor(order=2)
+    Taylor(order=2)
+
+    References
+    ----------
+    Wu, Zhang, Chen and Luo, Computer Methods in Applied Mechanics and Engineering (2013), Taylor inclusion
+    functions. Griewank, Utke and Walther, Mathematics of Computation 69 (2000), mixed derivatives from
+    univariate ones.
+    """
+
+    order: int = 2
+
+    kind: ClassVar[Kind] = "estimate"
+
+    def __post_init__(self) -> None:
+        require_whole("Taylor", "order", self.order, 1)
+
+    def _bounds(
+        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+    ) -> Bounds:
+        if not isinstance(simulator, Jets):
+            raise PropagationError(
+                f"{self!r} needs derivatives of the trajectory, but {simulator!r} gives values only. "
+                "Use MonteCarlo or PolynomialChaos."
+            )
+        d = len(box)
+        center = parameter_samples(simulator, box, np.zeros((1, d)))[0]
+        unit = np.array(homogeneous(d, self.order)) / self.order
+        directions = np.zeros((len(unit), len(center)))
+        directions[:, parameter_columns(simulator, box)] = unit * box.radius
+        jets = np.asarray(simulator.jets(center, directions, self.order), dtype=float)
+        if not np.isfinite(jets).all():
+            raise PropagationError(f"{self!r}: {simulator!r} gives derivatives that are not finite.")
+        lower = upper = jets[0, 0]
+        for degree in range(1, self.order + 1):
+            beta = np.array(homogeneous(d, degree))
+            coefficients = _mixed(beta, unit, jets[degree])
+            below, above = _power_ranges(beta, coefficients)
+            lower, upper = lower + below, upper + above
+        return Bounds(
+            t=simulator.times,
+            names=simulator.outputs,
+            lower=lower,
+            upper=upper,
+            kind=self.kind,
+            method=repr(self),
+            evaluations=math.comb(d + self.order, d),
+        )
+
+    def __repr__(self) -> str:
+        return constructor_text(self, f"order={self.order}")
+
+
+def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
+    """Coefficients (n_b, n_t, n_y) of xi^beta from those along directions ``unit`` (m, d), ``along`` (m,
+    n_t, n_y).
+
+    The directions determine every homogeneous polynomial of degree up to the order (principal lattice of a
+    simplex).
+    """
+    monomials = np.prod(unit[:, None, :] ** beta[None, :, :], axis=2)
+    return np.tensordot(np.asarray(np.linalg.pinv(monomials), dtype=float), along, axes=1)
+
+
+def _power_ranges(beta: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
+    """Sum of coefficients times ranges of xi^beta: [0, 1] where all powers are even, else [-1, 1]."""
+    even = (beta % 2 == 0).all(axis=1)
+    swing = np.abs(coefficients[~even]).sum(axis=0)
+    below = np.minimum(coefficients[even], 0.0).sum(axis=0) - swing
+    above = np.maximum(coefficients[even], 0.0).sum(axis=0) + swing
+    return below, above

@@ -1,0 +1,130 @@
+"""One oscillator with closed-form bounds against every method."""
+
+import pickle
+
+import numpy as np
+import pytest
+from conftest import ALL_METHODS
+from oscillators import BOX, TIMES, Wave, wave, wave_bounds
+
+from symmb import _errors as errors
+from symmb.bounds import Box, Method, MonteCarlo, PolynomialChaos, Taylor, Vertex, propagate
+from symmb.simulate import FunctionSimulator
+
+# Largest root mean square error over root mean square width; 2e-4 where nothing is said.
+LARGEST_ERROR = {
+    "PolynomialChaos.paper(order=2)": 0.07,
+    "PolynomialChaos.paper(order=3, nodes=SparseGrid())": 0.07,
+    "PolynomialChaos.paper(order=4, lockstep=True)": 0.07,
+    "Taylor(order=2)": 0.07,
+    "Taylor(order=5)": 0.07,
+    "MonteCarlo(2000)": 0.02,
+    "MonteCarlo(500, sampler=LatinHypercube())": 0.03,
+    "MonteCarlo(500, sampler=Sobol())": 0.03,
+    "Vertex()": 3e-3,
+}
+
+
+def _error(lower, upper, exact):
+    deviation = np.concatenate([lower - exact[0], upper - exact[1]], axis=1)
+    return np.sqrt(np.mean(deviation**2) / np.mean((exact[1] - exact[0]) ** 2))
+
+
+@pytest.mark.parametrize("method", ALL_METHODS, ids=repr)
+def test_against_closed_form(method):
+    exact = wave_bounds()
+    result = propagate(Wave(), method, BOX)
+    assert result.method == repr(method) and result.kind == method.kind
+    assert result.lower.shape == result.upper.shape == (len(TIMES), 1)
+    assert _error(result.lower, result.upper, exact) < LARGEST_ERROR.get(repr(method), 2e-4)
+    assert result.evaluations > 0 and result.failed == () and result.seconds > 0
+    if result.kind == "enclosure":
+        assert (result.lower <= exact[0]).all() and (result.upper >= exact[1]).all()
+    if result.kind == "sampled":
+        assert (result.lower >= exact[0] - 1e-14).all() and (result.upper <= exact[1] + 1e-14).all()
+    if result.inner is not None:
+        assert (result.inner[0] >= exact[0] - 1e-14).all() and (result.inner[1] <= exact[1] + 1e-14).all()
+
+
+@pytest.mark.parametrize("method", ALL_METHODS, ids=repr)
+def test_constructor_text_gives_the_method_back(method):
+    import symmb.bounds
+
+    assert eval(repr(method), vars(symmb.bounds)) == method
+    assert pickle.loads(pickle.dumps(method)) == method
+
+
+@pytest.mark.parametrize("method", [m for m in ALL_METHODS if not isinstance(m, Taylor)], ids=repr)
+def test_parameters_out_of_the_box_keep_their_values(method):
+    box = Box(w=(0.95, 1.05))
+    exact = wave_bounds(Box(amplitude=(1.0, 1.0), w=(0.95, 1.05)))
+    result = propagate(Wave(), method, box)
+    assert _error(result.lower, result.upper, exact) < LARGEST_ERROR.get(repr(method), 2e-4)
+
+
+def test_taylor_with_parameters_out_of_the_box():
+    result = propagate(Wave(), Taylor(order=3), Box(w=(0.95, 1.05)))
+    angle, step = TIMES, 0.05 * TIMES
+    even, odd = (
+        -np.cos(angle) * step**2 / 2,
+        np.abs(np.sin(angle) * step) + np.abs(np.sin(angle) * step**3 / 6),
+    )
+    # x^3 and x are bounded apart, [-1, 1] each.
+    np.testing.assert_allclose(result.upper[:, 0], np.cos(angle) + np.maximum(even, 0) + odd, atol=1e-12)
+    assert result.evaluations == 4
+
+
+@pytest.mark.parametrize("method", ALL_METHODS, ids=repr)
+def test_function_simulator_serves_every_method_or_says_why_not(method):
+    simulator = FunctionSimulator(wave, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
+    if isinstance(method, Taylor):
+        message = r"needs derivatives of the trajectory, but FunctionSimulator\(wave\) gives values only"
+    elif getattr(method, "lockstep", False):
+        message = r"FunctionSimulator\(wave\) runs each sample by itself"
+    elif "Interval" in repr(method):
+        message = r"plain expressions of parameters and time, but FunctionSimulator\(wave\)"
+    else:
+        np.testing.assert_allclose(
+            propagate(simulator, method, BOX).upper, propagate(Wave(), method, BOX).upper, atol=1e-12
+        )
+        return
+    with pytest.raises(errors.PropagationError, match=message):
+        propagate(simulator, method, BOX)
+
+
+def test_unknown_parameter_is_named_with_the_nearest():
+    with pytest.raises(errors.DeclarationError, match=r"no parameter 'amplitud'.*'amplitude'"):
+        propagate(Wave(), Vertex(), Box(amplitud=(0, 1)))
+
+
+def test_not_a_method():
+    with pytest.raises(errors.DeclarationError, match="expected a method"):
+        propagate(Wave(), Vertex, BOX)  # the class, not an object of it
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: MonteCarlo(0), "samples must be an integer of at least 1"),
+        (lambda: MonteCarlo(1.5), "got 1.5"),
+        (lambda: PolynomialChaos(order=0), "order must be an integer"),
+        (lambda: PolynomialChaos(order=2, budget=10), "leave order out"),
+        (lambda: PolynomialChaos(lockstep=True), "give order"),
+        (lambda: PolynomialChaos(tolerance=0.0), "tolerance must be between 0 and 1"),
+        (lambda: Taylor(0), "order must be an integer of at least 1"),
+    ],
+)
+def test_options_out_of_range(make, message):
+    with pytest.raises(errors.DeclarationError, match=message):
+        make()
+
+
+def test_a_method_of_ones_own_needs_one_function():
+    class Nominal(Method):
+        kind = "sampled"
+
+        def _bounds(self, simulator, box, executor, progress):
+            return Vertex()._bounds(simulator, Box(amplitude=(1, 1)), executor, progress)
+
+    result = propagate(Wave(), Nominal(), BOX)
+    np.testing.assert_array_equal(result.lower, result.upper)

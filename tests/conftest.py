@@ -1,0 +1,33 @@
+"""What several test files share: one tuple for each family, so that a new member is tested by one line."""
+
+from symmb.bounds import (
+    Gauss,
+    IntervalArithmetic,
+    LatinHypercube,
+    MonteCarlo,
+    PolynomialChaos,
+    Scanning,
+    Sobol,
+    SparseGrid,
+    Taylor,
+    TotalDegree,
+    Vertex,
+)
+
+ALL_METHODS = (
+    PolynomialChaos(),
+    PolynomialChaos(budget=30),
+    PolynomialChaos(order=4),
+    PolynomialChaos(order=4, nodes=Gauss(), basis=TotalDegree()),
+    PolynomialChaos.paper(order=2),
+    PolynomialChaos.paper(order=4, lockstep=True),
+    PolynomialChaos.paper(order=3, nodes=SparseGrid()),
+    Taylor(order=2),
+    Taylor(order=5),
+    MonteCarlo(2000),
+    MonteCarlo(500, sampler=Sobol()),
+    MonteCarlo(500, sampler=LatinHypercube()),
+    Scanning(21),
+    Vertex(),
+    IntervalArithmetic(),
+)
