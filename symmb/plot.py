@@ -156,7 +156,9 @@ def _draw_errors(
 ) -> None:
     from matplotlib.patheffects import withStroke
 
-    floor = float(np.nan_to_num(uncertainty[measured]).mean()) if measured.any() else 0.0
+    known = uncertainty[measured & np.isfinite(uncertainty)]
+    floor = float(known.mean()) if known.size else 0.0
+    axes.set(xscale="log", yscale="log")
     for k, group in enumerate(families):
         points = sorted((curve.seconds, _error(curve, measured), curve.evaluations) for curve in group)
         points = [point for point in points if 0.0 < max(point[1], floor) < np.inf]
@@ -186,12 +188,12 @@ def _draw_errors(
     if floor > 0.0:
         label = "reference's uncertainty\n(hollow: error not above it)"
         axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
-    axes.set(xscale="log", yscale="log")
     axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
     axes.set_ylabel("mean error, share of the width", fontsize=8.5)
     axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
     axes.margins(0.06, 0.1)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
     _dress(axes)
 
 
@@ -248,15 +250,19 @@ def _of(styles: Sequence[Any], k: int) -> Any:
 
 def _error(curve: Curve, measured: npt.NDArray[np.bool_]) -> float:
     """Mean error over the outputs that count; infinite where it is not a number."""
-    error = curve.error[measured]
-    return float(np.nan_to_num(error, nan=np.inf).mean()) if error.size else 0.0
+    error = _or_infinite(curve.error[measured])
+    return float(error.mean()) if error.size else 0.0
+
+
+def _or_infinite(error: Array) -> Array:
+    return np.where(np.isnan(error), np.inf, error)
 
 
 def _hardest(curves: Sequence[Curve], measured: npt.NDArray[np.bool_]) -> list[int]:
     """The outputs to draw, in their order: those with the largest median error."""
     if len(measured) <= _PANELS or not curves:
         return list(range(min(len(measured), _PANELS)))
-    median = np.median([np.nan_to_num(curve.error, nan=np.inf) for curve in curves], axis=0)
+    median = np.median([_or_infinite(curve.error) for curve in curves], axis=0)
     return sorted(np.argsort(np.where(measured, -median, 1.0), kind="stable")[:_PANELS].tolist())
 
 

@@ -1,4 +1,4 @@
-"""Bound one simulator's responses by several methods and measure each: its error, its cost, what it covers."""
+"""Bound a simulator's responses by several methods and measure each: its error, its cost, what it covers."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -26,20 +26,20 @@ from symmb.study.reference import find_reference
 from symmb.study.row import NotRun, Row
 
 _RUNS = 2000
-"""Most runs that a tensor grid among the default methods may take."""
+"""Most runs that a default method other than Monte Carlo may take."""
 _REPEATS = 3
-_WARM_UP = 2.0
-"""A first run shorter than this is not counted [s]; beyond, warming up no longer shows and costs too much."""
+_WARM_UP = 0.5
+"""A first run shorter than this is not counted [s]; a longer one is: the median of three sorts it out."""
 
 Progress = Callable[[str, int, int], None]
 """Told what runs at present, and how many of its runs are done out of how many."""
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
-    """Several settings of each method that suits the simulator: the points of error-against-run-time curves."""
+    """Several settings of each method that suits the simulator: points of error-against-run-time curves."""
     n_p = len(box.names)
-    methods: list[Method] = [PolynomialChaos(tolerance=1e-1), PolynomialChaos(tolerance=1e-2)]
-    methods += [PolynomialChaos(tolerance=1e-3, budget=_RUNS)]
+    budget = None if n_p <= 2 else _RUNS  # in one or two parameters no level takes as many
+    methods: list[Method] = [PolynomialChaos(tolerance=share, budget=budget) for share in (1e-1, 1e-2, 1e-3)]
     methods += [PolynomialChaos.paper(order) for order in (1, 2, 3, 4) if (order + 1) ** n_p <= _RUNS]
     if isinstance(simulator, Jets):
         methods += [Taylor(1), Taylor(2), Taylor(3)]
@@ -73,8 +73,8 @@ def compare_simulator(
 
     Other Parameters
     ----------------
-    tighter : Simulator, optional   the same simulator at a tolerance ten times tighter, for the reference and the
-                                    solver's own error; without it the reference shares the simulator's error
+    tighter : Simulator, optional   the same simulator at a tolerance ten times tighter, for the reference and
+                                    the solver's own error; without it the reference shares that error
     scene, solver : str             names to print and to save
     setup_seconds : float           deriving and compiling [s]
     threads : int                   number of threads that evaluations take in `simulator` and `executor`

@@ -36,8 +36,8 @@ class Comparison:
     rows : tuple[Row, ...]          the methods that ran, in the order asked for
     not_run : tuple[NotRun, ...]    those that could not
     setup_seconds : float or None   deriving and compiling [s]
-    solver_error : (n_y,) or None   rms difference to a ten times tighter solver at the centre and two opposite
-                                    corners of the box, in the norm of `Score.error`
+    solver_error : (n_y,) or None   rms difference to a ten times tighter solver at the centre and at two
+                                    opposite corners of the box, in the norm of `Score.error`
     threads, repeats : int or None  how run_seconds was measured
     """
 
@@ -67,9 +67,10 @@ class Comparison:
                 "",
                 *report.not_run(self.not_run),
                 *report.zero_width(self.rows, yardstick, self.outputs),
-                "error, outer (bounds widened by the method's own estimate), over, under: shares of the reference's",
-                "width, means over the outputs. covered: share of the times at which outer holds the reference.",
-                f"run [s]: {self._timing()}. A sampled kind lies inside the true bounds.",
+                "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
+                "of the reference's width, means over outputs. covered: share of times at which outer holds",
+                f"the reference. run [s]: {self._timing()}.",
+                "Sampled bounds are attained, not proved.",
             ]
         )
 
@@ -153,7 +154,7 @@ class Comparison:
         )
         first, last = self.times[0], self.times[-1]
         lines = [
-            f"{self.scene}: {len(self.outputs)} outputs at {len(self.times)} times from {first:g} to {last:g} s",
+            f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
             f"box: {names}",
             f"solver: {self.solver}" + self._setup(),
         ]

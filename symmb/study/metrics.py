@@ -70,28 +70,24 @@ class Yardstick:
         An output without width has no such share: its deviation is 0 up to 1e-9 of the output's scale
         and absolute beyond.
         """
-        rms = _rms(deviation)
-        negligible = _largest(deviation) <= self._negligible
-        absolute = np.where(negligible, 0.0, rms)
-        return np.where(self.zero_width, absolute, rms / self._unit(_rms(self.upper - self.lower)))
+        return _rms(self._counted(deviation)) / self._unit(_rms(self.upper - self.lower))
 
     def deviation(self, lower: Array, upper: Array) -> Array:
         """Error of the bounds lower, upper (n_t, n_y), in the norm of `Score.error`; (n_y,)."""
         return self.relative(np.stack([lower - self.lower, upper - self.upper]))
 
     def score(self, lower: Array, upper: Array, estimate: Array | None = None) -> Score:
-        """Measure bounds lower, upper (n_t, n_y), widened by `estimate` (n_t, n_y) where outer ones are meant."""
+        """Measure bounds lower, upper (n_t, n_y); `estimate` (n_t, n_y) widens them to the outer ones."""
         outer_lower = lower if estimate is None else lower - estimate
         outer_upper = upper if estimate is None else upper + estimate
-        excess = np.maximum(self.lower - lower, 0.0) + np.maximum(upper - self.upper, 0.0)
-        shortfall = np.maximum(lower - self.lower, 0.0) + np.maximum(self.upper - upper, 0.0)
+        outward = np.stack([self._counted(self.lower - lower), self._counted(upper - self.upper)])
         tolerance = self._tolerance()
         inside = (outer_lower <= self.lower + tolerance) & (outer_upper >= self.upper - tolerance)
         return Score(
             error=self.deviation(lower, upper),
             outer_error=self.deviation(outer_lower, outer_upper),
-            over=self._mean_share(excess),
-            under=self._mean_share(shortfall),
+            over=self._share(np.maximum(outward, 0.0)),
+            under=self._share(np.maximum(-outward, 0.0)),
             coverage=inside.mean(axis=0),
         )
 
@@ -104,13 +100,18 @@ class Yardstick:
         """The size by which deviations are divided: 1 for outputs without width."""
         return np.where(self.zero_width, 1.0, size)
 
-    def _mean_share(self, amount: Array) -> Array:
-        mean = np.where(self.zero_width & (_largest(amount) <= self._negligible), 0.0, amount.mean(axis=0))
-        return mean / self._unit((self.upper - self.lower).mean(axis=0))
+    def _counted(self, deviation: Array) -> Array:
+        """The deviations (..., n_y), without those that are none in an output without width."""
+        return np.where(self.zero_width & (np.abs(deviation) <= self._negligible), 0.0, deviation)
+
+    def _share(self, amounts: Array) -> Array:
+        """Mean over time of the amounts (2, n_t, n_y) at both bounds together, over the mean width."""
+        return amounts.sum(axis=0).mean(axis=0) / self._unit((self.upper - self.lower).mean(axis=0))
 
     def _tolerance(self) -> Array:
         width = self.upper - self.lower
-        uncertainty = np.nan_to_num(self.uncertainty) * self._unit(_rms(width))
+        known = np.where(np.isnan(self.uncertainty), 0.0, self.uncertainty)
+        uncertainty = known * self._unit(_rms(width))
         share = np.maximum(_COVER * _largest(width), uncertainty)
         return np.where(self.zero_width, np.maximum(share, self._negligible), share)
 

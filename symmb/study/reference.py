@@ -61,8 +61,8 @@ def find_reference(
     """Reference bounds of `simulator` over `box`.
 
     Without `reference`, a grid of 2 m + 1 points a dimension holds another of m + 1; the change between their
-    bounds is the uncertainty. Beyond five parameters Sobol samples, 512 and 2048, take the grids' place, joined
-    by the vertices of the box as long as these are no more than 2000.
+    bounds is the uncertainty. Beyond five parameters Sobol samples, 512 and 2048, take the grids' place,
+    joined by the vertices of the box as long as these are no more than 2000.
 
     Parameters
     ----------
@@ -127,14 +127,15 @@ def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
 def _fitting(bounds: Bounds, simulator: Simulator) -> Bounds:
     if tuple(bounds.names) != tuple(simulator.outputs):
         raise PropagationError(
-            f"The reference bounds {', '.join(bounds.names)}, but the outputs are {', '.join(simulator.outputs)}. "
+            f"The reference is of {', '.join(bounds.names)}, the outputs are {', '.join(simulator.outputs)}. "
             "Give a reference of the same outputs in the same order."
         )
     if len(bounds.t) != len(simulator.times) or not np.allclose(
         bounds.t, simulator.times, rtol=0.0, atol=1e-9
     ):
         raise PropagationError(
-            f"The reference holds {len(bounds.t)} times from {bounds.t[0]:g} to {bounds.t[-1]:g} s, the simulator "
-            f"{len(simulator.times)} from {simulator.times[0]:g} to {simulator.times[-1]:g} s. Give both the same times."
+            f"The reference holds {len(bounds.t)} times from {bounds.t[0]:g} to {bounds.t[-1]:g} s, "
+            f"the simulator {len(simulator.times)} from {simulator.times[0]:g} to {simulator.times[-1]:g} s. "
+            "Give both the same times."
         )
     return bounds

@@ -14,7 +14,7 @@ _LEFT = {"method", "kind", "worst output"}
 
 
 def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    """The rows as an aligned table; errors are means over the outputs that have a width, and the worst of them."""
+    """The rows as an aligned table; errors are means over the outputs that have a width, then the worst."""
     header = ["method", "kind", "runs", "failed", "run [s]", "error", "outer", "over", "under", "covered"]
     lines = [
         [*header, "worst output"],
@@ -43,7 +43,7 @@ def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]
     for i in np.flatnonzero(yardstick.zero_width):
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
         found = f"absolute error of {', '.join(misses)}" if misses else "all bounds are right there"
-        lines.append(wrapped(f"{outputs[i]} has no width and is left out of the mean errors: {found}."))
+        lines.append(wrapped(f"{outputs[i]} has no width and is left out of the means: {found}."))
     return lines
 
 
@@ -94,16 +94,20 @@ def _cells(row: Row, yardstick: Yardstick) -> list[str]:
         "–" if row.estimate is None else number(_mean(score.outer_error, yardstick)),
         number(_mean(score.over, yardstick)),
         number(_mean(score.under, yardstick)),
-        f"{100.0 * score.coverage.mean():.1f} %",
+        _percent(_mean(score.coverage, yardstick)),
     ]
 
 
 def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    error = np.where(yardstick.zero_width, -1.0, np.nan_to_num(row.score.error, nan=np.inf))
+    error = np.where(yardstick.zero_width, -1.0, np.where(np.isnan(row.score.error), np.inf, row.score.error))
     worst = int(np.argmax(error))
     if yardstick.zero_width[worst]:
         return "–"
     return f"{_at_most(row.score.error[worst], yardstick.uncertainty[worst])} {outputs[worst]}"
+
+
+def _percent(share: float) -> str:
+    return "–" if np.isnan(share) else f"{100.0 * share:.1f} %"
 
 
 def _at_most(error: float, uncertainty: float) -> str:

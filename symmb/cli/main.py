@@ -1,0 +1,240 @@
+"""The commands, their options, and what they print."""
+
+import argparse
+import csv
+import io
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+import symmb as mb
+from symmb import plot
+from symmb._errors import DeclarationError, SimulationError, SymmbError
+from symmb._names import did_you_mean
+from symmb.cli import specs
+from symmb.cli.progress import Progress
+from symmb.cli.scene_file import load_scene, shipped_names
+from symmb.study import to_json
+
+_PICTURES = (".png", ".pdf", ".svg")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Returns
+    -------
+    int     0; 1 if a simulation broke down; 2 on bad input, with one sentence on stderr
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show '≤' gets '?'
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except SymmbError as error:
+        print(f"symmb {options.command}: {error}", file=sys.stderr)
+        return 1 if isinstance(error, SimulationError) else 2
+    except BrokenPipeError:  # whoever reads, `head` for one, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> None:
+    methods = None if options.methods is None else [specs.method(written) for written in options.methods]
+    solver = None if options.solver is None else specs.solver(options.solver)
+    json_file, picture = _file(options.json), _picture(options.plot)
+    scene = load_scene(options.scene)
+    if options.spread is not None:
+        scene = _with_spread(scene, _share(options.spread))
+    with Progress(f"comparing {scene.name}") as progress:
+        comparison = mb.compare(scene, methods, solver=solver, progress=progress)
+    print(comparison)
+    if json_file:
+        comparison.save(json_file)
+    if picture:
+        comparison.plot(picture)
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    solver = None if options.solver is None else specs.solver(options.solver)
+    json_file, csv_file, picture = _file(options.json), _file(options.csv), _picture(options.plot)
+    scene = load_scene(options.scene)
+    parameters = _assignments(options.set, scene.system.parameters)
+    with Progress(f"simulating {scene.name}"):
+        trajectory = mb.simulate(scene, solver, parameters)
+    print(_summary(scene, trajectory))
+    if json_file:
+        json_file.write_text(_trajectory_json(scene, trajectory) + "\n", encoding="utf-8")
+    if csv_file:
+        with csv_file.open("w", newline="", encoding="utf-8") as stream:
+            rows = csv.writer(stream)
+            rows.writerow(["t", *trajectory.names])
+            rows.writerows(np.column_stack([trajectory.t, trajectory.values]).tolist())
+    if picture:
+        plot.plot_trajectory(trajectory.t, trajectory.values, trajectory.names, picture, title=scene.name)
+
+
+def _equations(options: argparse.Namespace) -> None:
+    system = load_scene(options.scene).system
+    print(system.latex() if options.latex else system)
+
+
+def _codegen(options: argparse.Namespace) -> None:
+    folder = Path(options.output)
+    if folder.exists() and not folder.is_dir():
+        raise DeclarationError(f"{folder} is a file; -o takes the folder that the C files go to.")
+    with Progress("generating C"):
+        mb.compile_dae(load_scene(options.scene).system).save_c(folder)
+    print("\n".join(str(path) for path in sorted(folder.glob("*.[ch]"))))
+
+
+def _summary(scene: mb.Scene, trajectory: mb.Trajectory) -> str:
+    t, values = trajectory.t, trajectory.values
+    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
+    columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
+    lines = [head] + [
+        [name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(trajectory.names)
+    ]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    return "\n".join(
+        [
+            f"{scene.name}: {len(trajectory.names)} outputs at {len(t)} times from {t[0]:g} to {t[-1]:g} s",
+            f"{trajectory.solver}: set up in {trajectory.setup_seconds:.3g} s, "
+            f"run in {trajectory.run_seconds:.3g} s",
+            f"drift: position {trajectory.position_drift:.1e}, velocity {trajectory.velocity_drift:.1e}, "
+            f"energy {trajectory.energy_drift:.1e}",
+            "",
+            *("  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]) for line in lines),
+        ]
+    )
+
+
+def _trajectory_json(scene: mb.Scene, trajectory: mb.Trajectory) -> str:
+    return to_json(
+        {
+            "scene": scene.name,
+            "times": trajectory.t,
+            "outputs": trajectory.names,
+            "values": trajectory.values,
+            "position_drift": trajectory.position_drift,
+            "velocity_drift": trajectory.velocity_drift,
+            "energy_drift": trajectory.energy_drift,
+            "solver": trajectory.solver,
+            "statistics": trajectory.statistics,
+            "setup_seconds": trajectory.setup_seconds,
+            "run_seconds": trajectory.run_seconds,
+        }
+    )
+
+
+def _with_spread(scene: mb.Scene, spread: float) -> mb.Scene:
+    if scene.box is None:
+        raise DeclarationError(f"--spread: {scene.name} has no box whose parameters could be spread.")
+    return scene.with_box(mb.Box.around(scene.system.parameters, spread, scene.box.names))
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 < share < math.inf:
+        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {text!r}.")
+    return share
+
+
+def _assignments(written: Sequence[str], known: mb.Parameters) -> dict[str, float]:
+    parameters = {}
+    for text in written:
+        name, _, value = text.partition("=")
+        if name not in known:
+            raise DeclarationError(
+                f"--set {text}: the scene has no parameter {name!r}.{did_you_mean(name, known)}"
+            )
+        try:
+            parameters[name] = float(value)
+        except ValueError:
+            raise DeclarationError(f"--set takes name=number, got {text!r}.") from None
+        if not math.isfinite(parameters[name]):
+            raise DeclarationError(f"--set takes finite numbers, got {text!r}.")
+    return parameters
+
+
+def _file(name: str | None) -> Path | None:
+    """Where a result shall go; refused at once rather than after the work."""
+    if name is None:
+        return None
+    path = Path(name)
+    if path.is_dir() or not path.parent.is_dir():
+        raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
+    return path
+
+
+def _picture(name: str | None) -> Path | None:
+    path = _file(name)
+    if path is not None and path.suffix not in _PICTURES:
+        raise DeclarationError(f"--plot {name}: the name of a picture ends in {', '.join(_PICTURES)}.")
+    return path
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells what is wrong in one line; the usage is for `--help`."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help.\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    words = {"formatter_class": argparse.RawDescriptionHelpFormatter}
+    methods, solvers = specs.table("methods", specs.METHODS), specs.table("solvers", specs.SOLVERS)
+    parser = _Parser(
+        prog="symmb",
+        description="Symbolic multibody dynamics with interval parameters.",
+        epilog=f"{methods}\n\n{solvers}\n\nshipped scenes:\n  {', '.join(shipped_names())}",
+        **words,
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name: str, text: str, run, epilog: str = "") -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=text, description=text, epilog=epilog, **words)
+        made.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
+        made.set_defaults(run=run)
+        return made
+
+    compare = command(
+        "compare",
+        "bound the scene's outputs by several methods and measure each",
+        _compare,
+        f"{methods}\n\n{solvers}",
+    )
+    compare.add_argument(
+        "--spread", metavar="5%", help="box of this share around the nominal values, as 5%% or 0.05"
+    )
+    compare.add_argument(
+        "--methods", metavar="M", nargs="+", help="methods to compare; default: a dozen settings"
+    )
+    compare.add_argument("--solver", metavar="S", help="solver of all methods")
+    compare.add_argument("--json", metavar="F", help="write everything to this file")
+    compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
+
+    simulate = command("simulate", "run the scene once and tell what its outputs do", _simulate, solvers)
+    simulate.add_argument(
+        "--set", metavar="l1=1.02", nargs="+", default=[], help="parameters that are not nominal"
+    )
+    simulate.add_argument("--solver", metavar="S", help="solver")
+    simulate.add_argument("--json", metavar="F", help="write everything to this file")
+    simulate.add_argument("--csv", metavar="F", help="write times and outputs to this file")
+    simulate.add_argument("--plot", metavar="F.png", help="draw the outputs over time")
+
+    equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
+    equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
+
+    codegen = command("codegen", "export the equations as C that builds without symmb", _codegen)
+    codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
+    return parser

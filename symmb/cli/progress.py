@@ -1,0 +1,50 @@
+"""What runs at present, on a terminal, once it takes longer than a second."""
+
+import shutil
+import sys
+import time
+from threading import Event, Thread
+from types import TracebackType
+
+_PATIENCE = 1.0
+_PERIOD = 0.2
+
+
+class Progress:
+    """A context that keeps one line of stderr up to date; silent where stderr is no terminal.
+
+    Call it with what runs, how much of it is done, and out of how much.
+    """
+
+    def __init__(self, label: str) -> None:
+        self._text = label
+        self._start = time.monotonic()
+        self._done = Event()
+        self._thread = Thread(target=self._watch, daemon=True)
+
+    def __call__(self, label: str, done: int, total: int) -> None:
+        """Tell what runs; the line follows within a fraction of a second."""
+        self._text = f"{label}: {done} of {total} runs"
+
+    def __enter__(self) -> "Progress":
+        if sys.stderr.isatty():
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._thread.is_alive():
+            self._done.set()
+            self._thread.join()
+
+    def _watch(self) -> None:
+        if self._done.wait(_PATIENCE):
+            return
+        while not self._done.wait(_PERIOD):
+            width = shutil.get_terminal_size().columns - 1
+            line = f"{time.monotonic() - self._start:5.0f} s  {self._text}"
+            sys.stderr.write("\r" + line[:width].ljust(width))
+            sys.stderr.flush()
+        sys.stderr.write("\r\x1b[K")
+        sys.stderr.flush()

@@ -1,0 +1,94 @@
+"""Scenes by file or by name: find, run, and say in one sentence what is wrong."""
+
+import importlib.util
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from symmb._errors import DeclarationError, SymmbError
+from symmb._names import did_you_mean
+from symmb.scene import Scene
+
+_PACKAGE = Path(__file__).parents[1]
+_SHIPPED = _PACKAGE / "models", _PACKAGE.parent / "models"
+"""Where shipped scenes lie: in an installed package, in a checkout."""
+
+
+def load_scene(given: str) -> Scene:
+    """The scene of a Python file, or of a shipped model by its name.
+
+    The file runs with its own `__file__` and its folder importable; `scene()` is called without arguments.
+
+    Raises
+    ------
+    DeclarationError    if there is no such file or model, it defines no `scene()`, or running it raises
+    """
+    path = _find(given)
+    with _importable(path.parent):
+        try:
+            scene = _run(path)
+        except DeclarationError:
+            raise
+        except SymmbError as error:
+            raise DeclarationError(f"{path}: {error}") from error
+        except (Exception, SystemExit) as error:  # a scene file is foreign code: it may raise anything
+            raise DeclarationError(f"{path} raised {_sentence(error, path)}") from error
+    if not isinstance(scene, Scene):
+        raise DeclarationError(
+            f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene."
+        )
+    return scene
+
+
+def shipped_names() -> list[str]:
+    """The names of the shipped scenes."""
+    files = [path for folder in _SHIPPED for path in folder.glob("*.py") if not path.name.startswith("_")]
+    return sorted({path.stem for path in files})
+
+
+def _find(given: str) -> Path:
+    candidates = [Path(given), *(folder / f"{given}.py" for folder in _SHIPPED)]
+    for path in candidates:
+        if path.is_file():
+            return path
+    if given.endswith(".py") or len(Path(given).parts) > 1:
+        raise DeclarationError(f"There is no scene file {given}.")
+    raise DeclarationError(
+        f"There is no scene file and no shipped scene {given!r}.{did_you_mean(given, shipped_names())}"
+    )
+
+
+def _run(path: Path) -> object:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise DeclarationError(f"{path} is not a Python file; a scene file ends in .py and defines scene().")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    build = getattr(module, "scene", None)
+    if not callable(build):
+        raise DeclarationError(f"{path} defines no function scene() that returns a symmb.Scene.")
+    return build()
+
+
+def _sentence(error: BaseException, path: Path) -> str:
+    """Kind and text of an error, and the last line of the file that took part in it."""
+    lines = [
+        frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path
+    ]
+    if isinstance(error, SyntaxError):
+        lines = [error.lineno]
+    where = f" (line {lines[-1]})" if lines else ""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}{where}."
+
+
+@contextmanager
+def _importable(folder: Path) -> Iterator[None]:
+    """The folder's modules can be imported meanwhile, as when Python runs a file."""
+    entry = str(folder.resolve())
+    sys.path.insert(0, entry)
+    try:
+        yield
+    finally:
+        sys.path.remove(entry)

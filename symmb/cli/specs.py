@@ -1,0 +1,132 @@
+"""Methods and solvers as the command line writes them: the one table, for reading and for `--help`."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
+from symmb.solve import CVODES, IDAS, Collocation, RungeKutta
+
+
+def _whole(name: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise DeclarationError(f"{name} must be a whole number, got {text!r}.") from None
+
+
+def _real(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise DeclarationError(f"{name} must be a number, got {text!r}.") from None
+
+
+_NUMBERS: dict[str, Callable[[str, str], float]] = {
+    "ORDER": _whole,
+    "SAMPLES": _whole,
+    "POINTS": _whole,
+    "RUNS": _whole,
+    "TOL": _real,
+    "RTOL": _real,
+}
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One way to write a method or a solver.
+
+    Attributes
+    ----------
+    form : str      words and, in capitals, numbers, between colons; what stands in brackets may be left out
+    text : str      the constructor that it stands for
+    build           makes the object from the numbers given, by position
+    """
+
+    form: str
+    text: str
+    build: Callable[..., Any]
+
+    @property
+    def word(self) -> str:
+        """What stands before the first colon."""
+        return re.split(r"[:\[]", self.form)[0]
+
+    def matches(self, written: str) -> re.Match[str] | None:
+        """Whether the text has this form, its numbers not yet read."""
+        pattern = self.form.replace("[", "(?:").replace("]", ")?")
+        return re.fullmatch(re.sub(r"[A-Z]+", "([^:=]*)", pattern), written)
+
+    def read(self, match: re.Match[str]) -> Any:
+        """The object that a matching text stands for."""
+        names = re.findall(r"[A-Z]+", self.form)
+        given = [(name, text) for name, text in zip(names, match.groups(), strict=True) if text is not None]
+        return self.build(*(_NUMBERS[name](f"{match.string}: {name}", text) for name, text in given))
+
+
+METHODS = (
+    Spec("pce", "PolynomialChaos(), adaptive", PolynomialChaos),
+    Spec(
+        "pce:tol=TOL",
+        "PolynomialChaos(tolerance=TOL)",
+        lambda tolerance: PolynomialChaos(tolerance=tolerance),
+    ),
+    Spec("pce:budget=RUNS", "PolynomialChaos(budget=RUNS)", lambda budget: PolynomialChaos(budget=budget)),
+    Spec("pce:ORDER:paper", "PolynomialChaos.paper(order=ORDER)", PolynomialChaos.paper),
+    Spec("pce:ORDER", "PolynomialChaos(order=ORDER)", lambda order: PolynomialChaos(order=order)),
+    Spec("taylor[:ORDER]", "Taylor(order=ORDER)", Taylor),
+    Spec("mc[:SAMPLES]", "MonteCarlo(SAMPLES)", MonteCarlo),
+    Spec("scan[:POINTS]", "Scanning(POINTS)", Scanning),
+    Spec("vertex", "Vertex()", Vertex),
+    Spec("interval", "IntervalArithmetic()", IntervalArithmetic),
+)
+SOLVERS = (
+    Spec("idas", "IDAS()", IDAS),
+    Spec("idas:RTOL", "IDAS(rtol=RTOL)", lambda rtol: IDAS(rtol=rtol)),
+    Spec("cvodes", "CVODES()", CVODES),
+    Spec("cvodes:RTOL", "CVODES(rtol=RTOL)", lambda rtol: CVODES(rtol=rtol)),
+    Spec("collocation", "Collocation()", Collocation),
+    Spec("rk", "RungeKutta()", RungeKutta),
+)
+
+
+def method(written: str) -> Method:
+    """The method that a text such as "pce:2:paper" stands for.
+
+    Raises
+    ------
+    DeclarationError    if the text has no known form, or its numbers are out of range
+
+    Examples
+    --------
+    >>> method("pce:2:paper"), method("mc:100")
+    (PolynomialChaos.paper(order=2), MonteCarlo(100))
+    """
+    return _read(written, METHODS, "method")
+
+
+def solver(written: str) -> Any:
+    """The solver that a text such as "cvodes:1e-8" stands for; raises as `method` does."""
+    return _read(written, SOLVERS, "solver")
+
+
+def table(title: str, specs: Sequence[Spec]) -> str:
+    """The forms and what they stand for, as `--help` prints them."""
+    width = max(len(spec.form) for spec in specs) + 2
+    return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
+
+
+def _read(written: str, specs: Sequence[Spec], what: str) -> Any:
+    for spec in specs:
+        match = spec.matches(written)
+        if match is not None:
+            return spec.read(match)
+    word = written.split(":")[0]
+    forms = [spec.form for spec in specs if spec.word == word]
+    if forms:
+        raise DeclarationError(f"The {what} {written!r} is written as none of: {', '.join(forms)}.")
+    known = dict.fromkeys(spec.word for spec in specs)
+    raise DeclarationError(f"There is no {what} {word!r}.{did_you_mean(word, known)}")

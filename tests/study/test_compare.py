@@ -1,0 +1,132 @@
+"""What is run on which simulator, how it is timed, and what happens to methods that cannot run."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from symmb import PropagationError
+from symmb.bounds import Box, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
+from symmb.simulate import FunctionSimulator
+from symmb.study import compare, compare_simulator, default_methods
+
+T = np.linspace(0.0, 1.0, 11)
+BOX = Box(k=(0.5, 1.5))
+
+
+@dataclass
+class Counted:
+    """y = k t + offset; remembers how often it ran."""
+
+    offset: float = 0.0
+    runs: int = 0
+
+    def __call__(self, k):
+        self.runs += 1
+        return k * T + self.offset
+
+
+def simulator(f):
+    return FunctionSimulator(f, {"k": 1.0}, T, ["y"])
+
+
+def test_every_method_is_scored_and_timed():
+    result = compare_simulator(simulator(lambda k: k * T), [Vertex(), MonteCarlo(20)], BOX, scene="line")
+    vertex, random = result.rows
+    assert (vertex.name, vertex.kind, vertex.evaluations, vertex.failed) == ("Vertex()", "sampled", 2, 0)
+    assert vertex.score.error == pytest.approx([0.0], abs=1e-14)
+    assert random.score.under[0] > 0.01 and random.score.over == [0.0]
+    assert random.run_seconds > 0.0
+
+
+def test_the_reference_runs_on_the_tighter_simulator_only():
+    plain, tight = Counted(offset=0.1), Counted()
+    result = compare_simulator(simulator(plain), [Vertex()], BOX, Scanning(5), tighter=simulator(tight))
+    own = 3  # the solver's own error is taken at the centre and two corners
+    assert tight.runs == 5 + own
+    assert plain.runs == 4 * 2 + own  # one cold and three warm rounds over two vertices
+    rms_width = np.sqrt(np.mean(T**2))
+    assert result.solver_error == pytest.approx([0.1 / rms_width])
+    assert result.rows[0].score.error == pytest.approx([0.1 / rms_width])
+
+
+def test_without_a_tighter_simulator_its_own_error_is_not_known():
+    assert compare_simulator(simulator(lambda k: k * T), [Vertex()], BOX).solver_error is None
+
+
+def test_a_method_that_cannot_run_gives_its_reason_and_the_others_go_on():
+    result = compare_simulator(simulator(lambda k: k * T), [Taylor(2), Vertex()], BOX)
+    assert [row.name for row in result.rows] == ["Vertex()"]
+    assert result.not_run[0].name == "Taylor(order=2)"
+    assert "derivatives" in result.not_run[0].reason
+    assert result.not_run[0].reason in " ".join(str(result).split())
+
+
+def test_no_method_that_can_run_is_an_error():
+    with pytest.raises(PropagationError, match=r"None of the methods.*Taylor\(order=1\).*derivatives"):
+        compare_simulator(simulator(lambda k: k * T), [Taylor(1)], BOX)
+
+
+def test_threads_change_nothing_but_the_time():
+    sim, methods = simulator(lambda k: np.sin(k * T)), [MonteCarlo(300), PolynomialChaos(order=3)]
+    alone = compare_simulator(sim, methods, BOX)
+    with ThreadPoolExecutor(2) as pool:
+        together = compare_simulator(sim, methods, BOX, executor=pool, threads=2)
+    for one, other in zip(alone.rows, together.rows, strict=True):
+        np.testing.assert_array_equal(one.lower, other.lower)
+        np.testing.assert_array_equal(one.upper, other.upper)
+    assert "2 threads" in str(together)
+
+
+def test_progress_names_what_runs():
+    seen = []
+    compare_simulator(
+        simulator(lambda k: k * T), [Scanning(4)], BOX, Vertex(), progress=lambda *told: seen.append(told)
+    )
+    assert ("reference", 2, 2) in seen
+    assert ("Scanning(4)", 4, 4) in seen
+
+
+@pytest.mark.parametrize(
+    ("durations", "median", "rounds"),
+    [([0.4, 0.1, 0.3, 0.2], 0.2, 4), ([9.0, 0.1, 0.2], 0.2, 3), ([5.0, 7.0, 6.0], 6.0, 3)],
+)
+def test_the_median_of_three_leaves_out_a_short_cold_run(monkeypatch, durations, median, rounds):
+    clock = iter(np.cumsum([step for duration in durations for step in (0.0, duration)]))
+    monkeypatch.setattr(compare.time, "perf_counter", lambda: next(clock))
+    made = []
+    bounds, seconds = compare._timed(lambda: made.append(len(made)) or made)
+    assert seconds == pytest.approx(median)
+    assert len(made) == rounds
+    assert bounds is made
+
+
+def test_default_methods_suit_the_simulator():
+    sim = simulator(lambda k: k * T)
+    names = [repr(method) for method in default_methods(sim, BOX)]
+    assert "PolynomialChaos()" in names and "PolynomialChaos.paper(order=4)" in names
+    assert "Scanning(21)" in names and "MonteCarlo(10000)" in names
+    assert not [name for name in names if name.startswith(("Taylor", "Interval"))]
+
+
+def test_default_grids_stay_affordable_in_many_parameters():
+    names = {f"k{i}": (0.5, 1.5) for i in range(6)}
+    methods = default_methods(simulator(lambda **k: T), Box(**names))
+    assert [method for method in methods if isinstance(method, Scanning)] == [Scanning(3)]
+    assert PolynomialChaos.paper(2) in methods
+    assert PolynomialChaos.paper(3) not in methods
+
+
+class WithJets(FunctionSimulator):
+    def jets(self, p0, directions, order):
+        raise NotImplementedError
+
+
+def test_taylor_joins_where_there_are_jets():
+    sim = WithJets(lambda k: k * T, {"k": 1.0}, T, ["y"])
+    assert [m for m in default_methods(sim, BOX) if isinstance(m, Taylor)] == [
+        Taylor(1),
+        Taylor(2),
+        Taylor(3),
+    ]

@@ -1,0 +1,150 @@
+"""The floors: who may import whom, how long a file may be, and what `import symmb` must not load."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import symmb
+
+ROOT = Path(symmb.__file__).parent
+FLOORS = {
+    "_errors": 0,
+    "_types": 0,
+    "_names": 0,
+    "_box": 0,
+    "plot": 0,
+    "symbolic": 1,
+    "mechanics": 2,
+    "binding": 3,
+    "collect": 3,
+    "describe": 3,
+    "system": 3,
+    "scene": 3,
+    "dae": 4,
+    "schemes": 4,
+    "export": 4,
+    "codegen": 5,
+    "solve": 6,
+    "simulate": 7,
+    "bounds": 8,
+    "study": 9,
+    "": 10,  # symmb/__init__.py, the public names
+    "cli": 11,  # a client of the public names
+}
+HEAVY = ("sympy", "matplotlib", "scipy.stats", "scipy.optimize", "argparse", "symmb.cli")
+LONGEST = 400
+FILES = sorted(path for path in ROOT.rglob("*.py") if "models" not in path.relative_to(ROOT).parts)
+
+
+def unit(module: str) -> str:
+    """The package or module right under symmb that a dotted name belongs to; "" is symmb itself."""
+    return (module.split(".") + [""])[1]
+
+
+def module_name(path: Path) -> str:
+    parts = ("symmb", *path.relative_to(ROOT).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imported(node: ast.Import | ast.ImportFrom, path: Path) -> Iterator[str]:
+    """The dotted names of symmb's own modules that a statement imports."""
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    else:
+        base = node.module or ""
+        if node.level:
+            package = ("symmb", *path.relative_to(ROOT).parent.parts)
+            base = ".".join([*package[: len(package) - node.level + 1], *filter(None, [base])])
+        names = [
+            f"{base}.{alias.name}" if is_module(f"{base}.{alias.name}") else base for alias in node.names
+        ]
+    return (name for name in names if name.split(".")[0] == "symmb")
+
+
+def is_module(name: str) -> bool:
+    path = ROOT.parent.joinpath(*name.split("."))
+    return path.is_dir() or path.with_suffix(".py").is_file()
+
+
+def imports(path: Path, *, with_types: bool = True) -> Iterator[tuple[int, str]]:
+    """Line and name of the imports of symmb's own modules in a file, those for type checking on demand."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if not with_types:
+        tree = WithoutTypes().visit(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield from ((node.lineno, name) for name in imported(node, path))
+
+
+class WithoutTypes(ast.NodeTransformer):
+    """Takes out what stands under `if TYPE_CHECKING`: it never runs, so it closes no circle."""
+
+    def visit_If(self, node: ast.If) -> ast.If | None:
+        return None if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" else node
+
+
+def needs() -> dict[str, set[str]]:
+    """The other units that each unit imports when it runs."""
+    graph: dict[str, set[str]] = {}
+    for path in FILES:
+        own = unit(module_name(path))
+        graph.setdefault(own, set()).update(unit(name) for _, name in imports(path, with_types=False))
+    return {own: others - {own} for own, others in graph.items()}
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """A chain of units that ends where it starts; empty if there is none."""
+    left = dict(graph)
+    while free := [own for own, others in left.items() if not others & left.keys()]:
+        for own in free:
+            del left[own]
+    if not left:
+        return []
+    chain = [next(iter(left))]
+    while chain[-1] not in chain[:-1]:
+        chain.append(next(iter(left[chain[-1]] & left.keys())))
+    return chain
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_imports_go_down(path):
+    own = unit(module_name(path))
+    assert own in FLOORS, f"{own} has no floor yet: give it one here and in the table of the modules"
+    upward = [f"line {line}: {name}" for line, name in imports(path) if FLOORS[unit(name)] > FLOORS[own]]
+    assert not upward
+
+
+def test_no_circles_between_units():
+    assert not circle(needs())
+
+
+def test_a_circle_would_be_found():
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}})[-2:] in (["b", "c"], ["c", "b"])
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_own_modules_are_imported_at_the_top(path):
+    hidden = [
+        f"line {inner.lineno}: {name}"
+        for outer in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        for inner in ast.walk(outer)
+        if isinstance(inner, ast.Import | ast.ImportFrom)
+        for name in imported(inner, path)
+    ]
+    assert not hidden
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_files_are_short(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
+
+
+def test_import_is_lean():
+    code = f"import sys, symmb; print([name for name in {HEAVY} if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert loaded.stdout == "[]\n"

@@ -1,0 +1,133 @@
+"""What the pictures show: panels, bands, curves, axes."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from symmb import plot
+
+T = np.linspace(0.0, 1.0, 5)
+
+
+def curve(label, n_y=1, excess=0.1, error=0.1, runs=9, seconds=0.1):
+    return plot.Curve(
+        family=plot.family(label),
+        label=label,
+        kind="estimate",
+        lower=np.full((5, n_y), -excess),
+        upper=np.full((5, n_y), 1.0 + excess),
+        error=np.broadcast_to(error, n_y),
+        evaluations=runs,
+        seconds=seconds,
+    )
+
+
+def draw(curves, n_y=1, measured=None, uncertainty=0.0, **more):
+    reference = plot.Band("reference: best", np.zeros((5, n_y)), np.ones((5, n_y)))
+    return plot.plot_comparison(
+        T,
+        [f"y{i}" for i in range(n_y)],
+        reference,
+        curves,
+        measured=np.ones(n_y, dtype=bool) if measured is None else measured,
+        uncertainty=np.full(n_y, uncertainty),
+        **more,
+    )
+
+
+def error_axes(figure):
+    return figure.axes[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "family"),
+    [
+        ("PolynomialChaos()", "PolynomialChaos"),
+        ("PolynomialChaos(tolerance=0.001, budget=2000)", "PolynomialChaos"),
+        ("PolynomialChaos.paper(order=2)", "PolynomialChaos.paper"),
+        ("MonteCarlo(1000, sampler=Sobol())", "MonteCarlo(sampler=Sobol())"),
+        ("MonteCarlo(100, seed=3)", "MonteCarlo"),
+    ],
+)
+def test_a_family_is_a_method_without_its_numbers(name, family):
+    assert plot.family(name) == family
+
+
+def test_the_most_accurate_setting_stands_for_its_family():
+    figure = draw(
+        [curve("Scanning(3)", error=0.3), curve("Scanning(9)", error=0.1), curve("Taylor(order=2)")]
+    )
+    labels = figure.axes[0].get_legend_handles_labels()[1]
+    assert sorted(labels) == ["Scanning(9), estimate", "Taylor(order=2), estimate", "reference: best"]
+
+
+def test_six_panels_at_most_and_the_hardest_outputs_in_them():
+    error = np.linspace(0.8, 0.1, 8)
+    figure = draw(
+        [curve("Scanning(3)", n_y=8, error=error)], n_y=8, measured=np.arange(8) != 1, title="crane"
+    )
+    panels = [axes.get_title(loc="left") for axes in figure.axes[:-1]]
+    assert panels == ["y0", "y2", "y3", "y4", "y5", "y6"]
+
+
+def test_wild_bounds_do_not_squash_the_reference():
+    bottom, top = draw([curve("Taylor(order=2)", excess=1e6)]).axes[0].get_ylim()
+    assert -1.0 < bottom < 0.0 and 1.0 < top < 2.0
+
+
+def test_bounds_near_the_reference_are_wholly_shown():
+    bottom, top = draw([curve("Taylor(order=2)", excess=0.2)]).axes[0].get_ylim()
+    assert bottom < -0.2 and top > 1.2
+
+
+def test_one_log_log_curve_a_family_with_its_runs():
+    curves = [curve(f"Scanning({k})", error=1 / k, runs=k, seconds=0.01 * k) for k in (21, 3, 6)]
+    axes = error_axes(draw([*curves, curve("Taylor(order=2)", runs=77)]))
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert "[s]" in axes.get_xlabel()
+    x, y = axes.lines[0].get_data()
+    np.testing.assert_allclose(x, [0.03, 0.06, 0.21])
+    np.testing.assert_allclose(y, [1 / 3, 1 / 6, 1 / 21])
+    assert sorted(text.get_text() for text in axes.texts) == ["21", "3", "6", "77"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["Scanning", "Taylor"]
+
+
+def test_an_error_below_the_uncertainty_is_a_hollow_marker_on_it():
+    axes = error_axes(draw([curve("Scanning(9)", error=1e-6)], uncertainty=1e-3))
+    marker = next(line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata()))
+    assert marker.get_ydata() == [1e-3]
+    assert marker.get_markerfacecolor() == "white"
+
+
+def test_endless_errors_are_left_out_of_the_diagram_only():
+    figure = draw([curve("Scanning(3)"), curve("Taylor(order=2)", error=np.inf)])
+    assert [text.get_text() for text in error_axes(figure).get_legend().get_texts()] == ["Scanning"]
+    assert "Taylor(order=2), estimate" in figure.axes[0].get_legend_handles_labels()[1]
+
+
+def test_nothing_to_measure_still_draws():
+    draw([curve("Scanning(3)", error=0.0)], measured=np.zeros(1, dtype=bool)).draw_without_rendering()
+
+
+def test_a_trajectory_has_one_panel_an_output(tmp_path):
+    values = np.stack([T, T**2, T**3, T**4, T**5], axis=1)
+    figure = plot.plot_trajectory(T, values, list("abcde"), tmp_path / "t.png", title="crane")
+    shown = [axes for axes in figure.axes if axes.get_visible()]
+    assert [axes.get_title(loc="left") for axes in shown] == list("abcde")
+    np.testing.assert_array_equal(shown[2].lines[0].get_ydata(), T**3)
+    assert {axes.get_xlabel() for axes in shown[2:]} == {"time [s]"}  # those with nothing below them
+    assert (tmp_path / "t.png").stat().st_size > 1000
+
+
+def test_pyplot_is_not_touched(tmp_path):
+    code = (
+        "import sys, numpy as np; from symmb import plot\n"
+        f"plot.plot_trajectory(np.arange(3.0), np.zeros((3, 1)), ['x'], {str(tmp_path / 't.png')!r})\n"
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+        == "False\n"
+    )
