@@ -1,10 +1,12 @@
 """symmb: symbolic multibody dynamics with interval parameters."""
 
+from symmb._box import Box as Box
 from symmb._errors import AssemblyError as AssemblyError
 from symmb._errors import DeclarationError as DeclarationError
 from symmb._errors import PropagationError as PropagationError
 from symmb._errors import SimulationError as SimulationError
 from symmb._errors import SymmbError as SymmbError
+from symmb.dae import compile_dae as compile_dae
 from symmb.mechanics.body import Body as Body
 from symmb.mechanics.body import Ground as Ground
 from symmb.mechanics.constraint import Cylindrical as Cylindrical
@@ -32,6 +34,18 @@ from symmb.mechanics.parameter import Parameters as Parameters
 from symmb.mechanics.pose import Particle as Particle
 from symmb.mechanics.pose import Planar as Planar
 from symmb.mechanics.pose import Spatial as Spatial
+from symmb.mechanics.rotation import rotation as rotation
+from symmb.scene import Scene as Scene
+from symmb.simulate._dae import DAESimulator as DAESimulator
+from symmb.simulate._function import FunctionSimulator as FunctionSimulator
+from symmb.simulate._simulate import simulate as simulate
+from symmb.simulate._trajectory import Trajectory as Trajectory
+from symmb.solve.solvers import CVODES as CVODES
+from symmb.solve.solvers import IDAS as IDAS
+from symmb.solve.solvers import Collocation as Collocation
+from symmb.solve.solvers import RungeKutta as RungeKutta
+from symmb.solve.stabilization import Baumgarte as Baumgarte
+from symmb.solve.stabilization import Projection as Projection
 from symmb.symbolic.symbols import ddt as ddt
 from symmb.symbolic.symbols import t as t
 from symmb.system import System as System

@@ -18,6 +18,7 @@ from symmb.simulate._ensemble import Ensemble, Progress, Reduction, stream
 from symmb.solve._integration import Integration, Run
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.start import Start, prepare_start
+from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jets
 from symmb.symbolic.symbols import t as time_symbol
 
@@ -77,9 +78,8 @@ class DAESimulator:
         with _LOCK:
             P = np.ascontiguousarray(P, dtype=float)
             x0, _ = self.start.states(P)
-            runs = self.integration().run_many(x0, P, self._threads)
-            Y = np.stack([self.evaluate(run, p) for run, p in zip(runs, P, strict=True)])
-            return _ensemble(self, Y, runs, P)
+            runs = self.integration().run(x0, P, self._threads)
+            return _ensemble(self, self._evaluate(self.y, runs, P), runs, P)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
@@ -87,9 +87,14 @@ class DAESimulator:
         """Run samples block by block and keep only what the reduction keeps."""
         return stream(self, P, reduction, executor, progress)
 
-    def evaluate(self, run: Run, p: Array) -> Array:
-        """Outputs of one run, (n_t, n_y)."""
-        return _evaluate(self.y, run.X, p, self.times)
+    def _evaluate(self, f: ca.Function, runs: list[Run], P: Array) -> Array:
+        """A Function of (x, p, t) along N runs, (N, n_t, n)."""
+        n_t, N = len(self.times), len(P)
+        X = np.concatenate([run.X for run in runs]) if runs else np.zeros((0, f.numel_in(0)))
+        if not f.numel_out(0) or not N:
+            return np.zeros((N, n_t, f.numel_out(0)))
+        arguments = (X, np.repeat(P, n_t, axis=0), np.tile(self.times, N)[:, None])
+        return batch(f, *arguments, threads=self._threads)[0].reshape(N, n_t, -1)
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
         """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), from one larger run each.
@@ -103,12 +108,12 @@ class DAESimulator:
             m = len(directions)
             x0 = np.hstack(self.start.jets(np.asarray(p0, dtype=float), directions, order))
             P = np.hstack([np.tile(p0, (m, 1)), directions])
-            runs = self.integration(order).run_many(x0, P, self._threads)
+            runs = self.integration(order).run(x0, P, self._threads)
             for run in runs:
                 if run.message:
                     raise SimulationError(f"{self!r}: derivatives break down at t = {run.t_failed:g} s: {run.message}.")
             f = _jet_outputs(self.y, self.y.numel_in(0), len(p0), order)
-            Y = np.stack([_evaluate(f, run.X, p, self.times) for run, p in zip(runs, P, strict=True)])
+            Y = self._evaluate(f, runs, P)
             return Y.reshape(m, len(self.times), order + 1, len(self.outputs)).transpose(2, 0, 1, 3)
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
@@ -123,7 +128,7 @@ class DAESimulator:
         P = np.ascontiguousarray(P, dtype=float)
         x0, _ = self.start.states(P)
         for i, x in self.integration().march(x0, P):
-            yield i, self.y(x.T, P.T, self.times[i]).full().T
+            yield i, batch(self.y, x, P, self.times[i : i + 1])[0]
 
     @property
     def expression(self) -> ca.Function:
@@ -145,12 +150,6 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     needs = dae.gamma is not None and ca.which_depends(y, lam, 1, True)
     multipliers = dae.forward(*at, dae.gamma(*at))[1] if dae.gamma is not None and any(needs or []) else ca.SX(lam.numel(), 1)
     return ca.Function("y", [x, p, t], [plain(*at, multipliers)], {"cse": True})
-
-
-def _evaluate(f: ca.Function, X: Array, p: Array, times: Array) -> Array:
-    if f.numel_out(0) == 0:
-        return np.zeros((len(times), 0))
-    return f(X.T, np.tile(p[:, None], (1, len(times))), times[None, :]).full().T
 
 
 def _jet_outputs(y: ca.Function, n_x: int, n_p: int, order: int) -> ca.Function:

@@ -9,6 +9,15 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.solve._problem import Problem
+from symmb.symbolic.batch import batch
+
+_COUNTED = {
+    "nsteps": "steps",
+    "nfevals": "evaluations",
+    "netfails": "error test failures",
+    "nniters": "nonlinear iterations",
+    "nncfails": "nonlinear convergence failures",
+}
 
 
 @dataclass(frozen=True)
@@ -36,7 +45,6 @@ class Integration:
         self, problem: Problem, plugin: str, options: Callable[[float, float], dict[str, Any]], times: Array
     ) -> None:
         self.times = times
-        self._maps: dict[str, Any] = {}
         self.n_x = problem.x.numel()
         self.n_quad = problem.quad.numel()
         self._guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
@@ -65,48 +73,32 @@ class Integration:
         scaled |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
         self._between = ca.integrator("between", plugin, scaled, 0, 1, options(float(spans.max()), horizon))
 
-    def run(self, x0: Array, p: Array) -> Run:
-        """Integrate one sample from x0 (n_x,) with parameters p (n_p,)."""
-        if not np.isfinite(x0).all():
-            return self._failed(x0, float(self.times[0]), "the start could not be solved for")
-        if self._whole is not None:
-            try:
-                result = self._whole(x0=x0, p=p, z0=self._guess(x0, p, self.times[0]))
-            except RuntimeError:
-                pass  # the walk below finds out where
-            else:
-                X = result["xf"].full().T
-                if np.isfinite(X).all():
-                    quad = result["qf"].full().T.reshape(len(self.times), self.n_quad)
-                    return Run(X, quad)
-        return self._walk(x0, p)
-
-    def run_many(self, x0: Array, p: Array, threads: int) -> list[Run]:
-        """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on CasADi's own threads.
+    def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
+        """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
 
         Python threads must not share CasADi objects (their reference counts are not atomic); its thread map may.
         """
-        good = np.isfinite(x0).all(axis=1)
-        if self._whole is None or threads < 2 or len(x0) < 2 or not good.all():
-            return [self.run(*sample) for sample in zip(x0, p, strict=True)]
+        started = np.isfinite(x0).all(axis=1)
+        if not started.all():
+            parts = iter(self.run(x0[started], p[started], threads))
+            return [next(parts) if ok else self._unstarted() for ok in started]
+        if self._whole is None or not len(x0):
+            return [self._walk(*sample) for sample in zip(x0, p, strict=True)]
         try:
-            z0 = self._guess(x0.T, p.T, self.times[0])
-            result = self._threaded(len(x0), threads)(x0=x0.T, p=p.T, z0=z0)
-        except RuntimeError:  # one failing sample fails the whole call
-            return [self.run(*sample) for sample in zip(x0, p, strict=True)]
-        X = result["xf"].full().reshape(self.n_x, len(x0), -1).transpose(1, 2, 0)
-        quad = result["qf"].full().reshape(self.n_quad, len(x0), len(self.times)).transpose(1, 2, 0)
+            (z0,) = batch(self._guess, x0, p, self.times[:1])
+            xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
+        except RuntimeError:  # one failing sample fails the whole call; the walk finds out where
+            if len(x0) > 1:
+                return [run for sample in zip(x0[:, None], p[:, None], strict=True) for run in self.run(*sample)]
+            return [self._walk(x0[0], p[0])]
+        X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
         done = np.isfinite(X).all(axis=(1, 2))
-        return [Run(X[k], quad[k]) if done[k] else self.run(x0[k], p[k]) for k in range(len(x0))]
+        return [Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k]) for k in range(len(x0))]
 
-    def _threaded(self, n: int, threads: int) -> ca.Function:
-        key = (n, threads)
-        if self._maps.get("key") != key and self._whole is not None:
-            self._maps = {"key": key, "map": self._whole.map(n, "thread", threads)}
-        return self._maps["map"]
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_maps": {}}
+    def _unstarted(self) -> Run:
+        n_t = len(self.times)
+        message = "the start could not be solved for"
+        return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
     def _walk(self, x0: Array, p: Array) -> Run:
         X = np.full((len(self.times), self.n_x), np.nan)
@@ -123,24 +115,24 @@ class Integration:
             X[i], quad[i] = x, quad[i - 1] + q[0]
         return Run(X, quad)
 
-    def _failed(self, x0: Array, time: float, message: str) -> Run:
-        return Run(np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad)), time, message)
-
     def advance(self, i: int, x: Array, p: Array) -> tuple[Array, Array]:
         """From time i - 1 to time i, N samples side by side: x (N, n_x), p (N, n_p) -> x (N, n_x), quad (N, n_quad)."""
         if self._between is None:
             return x, np.zeros((len(x), self.n_quad))
         begin, span = self.times[i - 1], self.times[i] - self.times[i - 1]
-        z0 = self._guess(x.T, p.T, begin)
-        more = np.tile([[begin], [span]], (1, len(x)))
-        result = self._between(x0=x.T, p=np.vstack([p.T, more]), z0=z0)
-        return self.project(result["xf"].full().T, p, i), result["qf"].full().T
+        (z0,) = batch(self._guess, x, p, self.times[i - 1 : i])
+        interval = np.broadcast_to([begin, span], (len(x), 2))
+        xf, _, qf, *_ = batch(self._between, x, z0, np.hstack([p, interval]))
+        return self.project(xf, p, i), qf
 
     def project(self, x: Array, p: Array, i: int) -> Array:
         """States (N, n_x) on the constraints of time i, if the solver projects."""
-        if self._project is None:
-            return x
-        return self._project(x.T, p.T, self.times[i]).full().T
+        return x if self._project is None else batch(self._project, x, p, self.times[i : i + 1])[0]
+
+    def statistics(self) -> dict[str, int]:
+        """What the integrator counted in its last call over the whole time grid; empty where it counts nothing."""
+        counted = self._whole.buffer()[0].stats() if self._whole is not None else {}
+        return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
         """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time."""

@@ -1,4 +1,6 @@
-"""CasADi Functions over many samples at once, in and out as plain arrays."""
+"""CasADi Functions over many samples at once, in and out as plain arrays without a copy through CasADi's matrices."""
+
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -6,27 +8,59 @@ import numpy as np
 from symmb._types import Array
 
 
-def batch(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """Evaluate f for N samples; matrices come back dense.
+@lru_cache(maxsize=256)
+def _mapped(f: ca.Function, n: int, threads: int) -> ca.Function:
+    return f.map(n, "thread", threads) if threads > 1 else f.map(n)
+
+
+@lru_cache(maxsize=256)
+def _scatter(f: ca.Function, i: int) -> Array | None:
+    """Where the nonzeros of output i stand in its dense column-major form, None if it is dense."""
+    sparsity = f.sparsity_out(i)
+    return None if sparsity.is_dense() else np.array(sparsity.find(), dtype=np.intp)
+
+
+def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, ...]:
+    """Evaluate f for N samples; sparse outputs come back dense.
 
     Parameters
     ----------
     f : casadi.Function      with vector inputs
-    *arguments : (N, n) or (n,) arrays; one without the sample axis holds for all samples
+    *arguments               (N, n) arrays, or (n,) arrays that hold for all samples; the last ones may be left out
+    threads : int            CasADi's own threads
 
     Returns
     -------
     tuple of (N, m) arrays for column outputs and (N, m, k) arrays for matrices
+
+    Raises
+    ------
+    RuntimeError             if a sample fails, which integrators may
     """
-    N = max((a.shape[0] for a in arguments if a.ndim == 2), default=1)
-    columns = [ca.DM(a.T if a.ndim == 2 else a) for a in arguments]
-    results = f.call(columns)
-    out = []
-    for i, result in enumerate(results):
-        rows, cols = f.size_out(i)
-        dense = result.full()
-        if dense.shape[1] != cols * N:  # no argument carried samples, or the function has none
-            dense = np.tile(dense, (1, N))
-        value = dense.reshape(rows, N, cols).transpose(1, 0, 2)
-        out.append(np.ascontiguousarray(value[:, :, 0] if cols == 1 else value))
-    return tuple(out)
+    N = max((len(a) for a in arguments if a.ndim == 2), default=1)
+    mapped = _mapped(f, N, threads) if N > 1 else f
+    buffer, evaluate = mapped.buffer()
+    held = []  # the buffer knows addresses only
+    for i, a in enumerate(arguments):
+        held.append(np.ascontiguousarray(np.broadcast_to(a, (N, f.numel_in(i))), dtype=float))
+        if held[-1].size:
+            buffer.set_arg(i, memoryview(held[-1].reshape(-1)))
+    results = []
+    for i in range(f.n_out()):
+        results.append(np.zeros((N, f.nnz_out(i))))
+        if results[-1].size:
+            buffer.set_res(i, memoryview(results[-1].reshape(-1)))
+    evaluate()
+    if buffer.ret():
+        raise RuntimeError(f"evaluation of {f.name()!r} failed")
+    return tuple(_shaped(f, i, values) for i, values in enumerate(results))
+
+
+def _shaped(f: ca.Function, i: int, values: Array) -> Array:
+    rows, columns = f.size_out(i)
+    where = _scatter(f, i)
+    if where is not None:
+        dense = np.zeros((len(values), rows * columns))
+        dense[:, where] = values
+        values = dense
+    return values if columns == 1 else values.reshape(len(values), columns, rows).swapaxes(1, 2)
