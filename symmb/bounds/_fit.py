@@ -91,4 +91,8 @@ class Fit:
 
 
 def _regular(gram: Array) -> bool:
-    return bool(np.linalg.eigvalsh(gram)[0] >= SMALLEST_EIGENVALUE)
+    try:
+        np.linalg.cholesky(gram - SMALLEST_EIGENVALUE * np.eye(len(gram)))
+    except np.linalg.LinAlgError:  # not positive definite
+        return False
+    return True
