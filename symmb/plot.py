@@ -31,6 +31,10 @@ _COLOURS = ("#0b6fb8", "#d1495b", "#2e8b57", "#e08e00", "#7a4fb5", "#4b5563", "#
 _MARKERS = "osD^vPX*"
 _DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
 _BAND = "#c9d3dd"
+_ROUNDING = 1e-16
+"""The least error that is drawn, as a share of the width."""
+_CLEAR = 16.0
+"""Distance from which on a number stands free [point]."""
 
 
 @dataclass(frozen=True)
@@ -154,38 +158,24 @@ def _draw_bounds(
 def _draw_errors(
     axes: "Axes", families: Sequence[Sequence[Curve]], measured: npt.NDArray[np.bool_], uncertainty: Array
 ) -> None:
-    from matplotlib.patheffects import withStroke
-
     known = uncertainty[measured & np.isfinite(uncertainty)]
-    floor = float(known.mean()) if known.size else 0.0
+    floor = max(float(known.mean()) if known.size else 0.0, _ROUNDING)
     axes.set(xscale="log", yscale="log")
+    numbers: list[tuple[float, float, str, str]] = []
     for k, group in enumerate(families):
         points = sorted((curve.seconds, _error(curve, measured), curve.evaluations) for curve in group)
-        points = [point for point in points if 0.0 < max(point[1], floor) < np.inf]
+        points = [(x, y, n) for x, y, n in points if y < np.inf]
         if not points:
             continue
-        seconds, errors, runs = zip(*points, strict=True)
-        heights = np.maximum(errors, floor)
-        style: dict[str, Any] = {"color": _of(_COLOURS, k), "linestyle": _of(_DASHES, k), "linewidth": 1.2}
-        marker = {"marker": _of(_MARKERS, k), "markersize": 6}
-        axes.plot(seconds, heights, **style)
+        colour, marker = _of(_COLOURS, k), {"marker": _of(_MARKERS, k), "markersize": 6}
+        style: dict[str, Any] = {"color": colour, "linestyle": _of(_DASHES, k), "linewidth": 1.2}
+        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **style)
         axes.plot([], [], **style, **marker, label=group[0].family)
-        above = k % 2 == 0
-        for x, y, error, n in zip(seconds, heights, errors, runs, strict=True):
-            face = "white" if error < floor else style["color"]
-            axes.plot(x, y, color=style["color"], **marker, markerfacecolor=face, zorder=3)
-            axes.annotate(
-                str(n),
-                (x, y),
-                (4, 4 if above else -4),
-                textcoords="offset points",
-                verticalalignment="bottom" if above else "top",
-                fontsize=7.5,
-                color=style["color"],
-                path_effects=[withStroke(linewidth=2, foreground="white")],
-                zorder=2.5,
-            )
-    if floor > 0.0:
+        for x, y, n in points:
+            face = "white" if y < floor else colour
+            axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
+            numbers.append((x, max(y, floor), str(n), colour))
+    if floor > _ROUNDING:
         label = "reference's uncertainty\n(hollow: error not above it)"
         axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
     axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
@@ -194,7 +184,38 @@ def _draw_errors(
     axes.margins(0.06, 0.1)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    _write_numbers(axes, numbers)
     _dress(axes)
+
+
+def _write_numbers(axes: "Axes", numbers: Sequence[tuple[float, float, str, str]]) -> None:
+    """Each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
+    from matplotlib.patheffects import withStroke
+
+    place = (
+        np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / _DPI
+    )
+    taken = list(place)
+    for at, (x, y, text, colour) in zip(place, numbers, strict=True):
+        others = np.array([point for point in taken if point is not at])
+        offsets = [
+            np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)
+        ]
+        gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
+        best = offsets[int(np.argmax(np.minimum(gaps, _CLEAR)))]
+        taken.append(at + best)
+        axes.annotate(
+            text,
+            (x, y),
+            tuple(best),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            color=colour,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+            zorder=2.5,
+        )
 
 
 def _figure(height: float) -> "Figure":

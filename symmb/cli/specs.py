@@ -8,7 +8,7 @@ from typing import Any
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
-from symmb.solve import CVODES, IDAS, Collocation, RungeKutta
+from symmb.solve.solvers import CVODES, IDAS, Collocation, RungeKutta
 
 
 def _whole(name: str, text: str) -> int:

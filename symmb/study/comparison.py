@@ -185,7 +185,7 @@ class Comparison:
         if self.repeats is None or self.threads is None:
             return "evaluations and bounding, warm, median"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        return f"evaluations and bounding, warm, median of at least {self.repeats}, {threads}"
+        return f"evaluations and bounding, warm, median of {self.repeats}, {threads}"
 
     @classmethod
     def _from_layout(cls, layout: dict[str, Any]) -> "Comparison":
