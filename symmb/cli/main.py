@@ -1,8 +1,8 @@
 """The commands, their options, and what they print."""
 
 import argparse
-import csv
 import io
+import json
 import math
 import os
 import sys
@@ -10,16 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-import numpy as np
-
 import symmb as mb
-from symmb import plot
 from symmb._errors import DeclarationError, SimulationError, SymmbError
-from symmb._names import did_you_mean
 from symmb.cli import specs
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
-from symmb.study import to_json
 
 _PICTURES = (".png", ".pdf", ".svg")
 
@@ -48,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _compare(options: argparse.Namespace) -> None:
     methods = None if options.methods is None else [specs.method(written) for written in options.methods]
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, picture = _file(options.json), _picture(options.plot)
+    json_file, picture = _file(options.json), _file(options.plot, *_PICTURES)
     scene = load_scene(options.scene)
     if options.spread is not None:
         scene = _with_spread(scene, _share(options.spread))
@@ -63,21 +58,22 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _simulate(options: argparse.Namespace) -> None:
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, csv_file, picture = _file(options.json), _file(options.csv), _picture(options.plot)
+    json_file, csv_file, picture = (
+        _file(options.json),
+        _file(options.csv, ".csv"),
+        _file(options.plot, *_PICTURES),
+    )
     scene = load_scene(options.scene)
-    parameters = _assignments(options.set, scene.system.parameters)
+    parameters = _assignments(options.set)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
-    print(_summary(scene, trajectory))
+    print(f"{trajectory}\n\n{_extremes(trajectory)}")
     if json_file:
-        json_file.write_text(_trajectory_json(scene, trajectory) + "\n", encoding="utf-8")
+        json_file.write_text(json.dumps(trajectory.to_json()) + "\n", encoding="utf-8")
     if csv_file:
-        with csv_file.open("w", newline="", encoding="utf-8") as stream:
-            rows = csv.writer(stream)
-            rows.writerow(["t", *trajectory.names])
-            rows.writerows(np.column_stack([trajectory.t, trajectory.values]).tolist())
+        trajectory.save(csv_file)
     if picture:
-        plot.plot_trajectory(trajectory.t, trajectory.values, trajectory.names, picture, title=scene.name)
+        trajectory.plot(picture)
 
 
 def _equations(options: argparse.Namespace) -> None:
@@ -90,46 +86,20 @@ def _codegen(options: argparse.Namespace) -> None:
     if folder.exists() and not folder.is_dir():
         raise DeclarationError(f"{folder} is a file; -o takes the folder that the C files go to.")
     with Progress("generating C"):
-        mb.compile_dae(load_scene(options.scene).system).save_c(folder)
-    print("\n".join(str(path) for path in sorted(folder.glob("*.[ch]"))))
+        files = mb.compile_dae(load_scene(options.scene).system).save_c(folder)
+    print(*files, sep="\n")
 
 
-def _summary(scene: mb.Scene, trajectory: mb.Trajectory) -> str:
+def _extremes(trajectory: mb.Trajectory) -> str:
+    """First, last, least and largest value of every output, as an aligned table."""
     t, values = trajectory.t, trajectory.values
     head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
     columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
-    lines = [head] + [
-        [name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(trajectory.names)
-    ]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    lines = [[name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(trajectory.names)]
+    widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
     return "\n".join(
-        [
-            f"{scene.name}: {len(trajectory.names)} outputs at {len(t)} times from {t[0]:g} to {t[-1]:g} s",
-            f"{trajectory.solver}: set up in {trajectory.setup_seconds:.3g} s, "
-            f"run in {trajectory.run_seconds:.3g} s",
-            f"drift: position {trajectory.position_drift:.1e}, velocity {trajectory.velocity_drift:.1e}, "
-            f"energy {trajectory.energy_drift:.1e}",
-            "",
-            *("  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]) for line in lines),
-        ]
-    )
-
-
-def _trajectory_json(scene: mb.Scene, trajectory: mb.Trajectory) -> str:
-    return to_json(
-        {
-            "scene": scene.name,
-            "times": trajectory.t,
-            "outputs": trajectory.names,
-            "values": trajectory.values,
-            "position_drift": trajectory.position_drift,
-            "velocity_drift": trajectory.velocity_drift,
-            "energy_drift": trajectory.energy_drift,
-            "solver": trajectory.solver,
-            "statistics": trajectory.statistics,
-            "setup_seconds": trajectory.setup_seconds,
-            "run_seconds": trajectory.run_seconds,
-        }
+        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
+        for line in [head, *lines]
     )
 
 
@@ -149,37 +119,26 @@ def _share(text: str) -> float:
     return share
 
 
-def _assignments(written: Sequence[str], known: mb.Parameters) -> dict[str, float]:
+def _assignments(written: Sequence[str]) -> dict[str, float]:
     parameters = {}
     for text in written:
         name, _, value = text.partition("=")
-        if name not in known:
-            raise DeclarationError(
-                f"--set {text}: the scene has no parameter {name!r}.{did_you_mean(name, known)}"
-            )
         try:
             parameters[name] = float(value)
         except ValueError:
             raise DeclarationError(f"--set takes name=number, got {text!r}.") from None
-        if not math.isfinite(parameters[name]):
-            raise DeclarationError(f"--set takes finite numbers, got {text!r}.")
     return parameters
 
 
-def _file(name: str | None) -> Path | None:
-    """Where a result shall go; refused at once rather than after the work."""
+def _file(name: str | None, *suffixes: str) -> Path | None:
+    """Where a result shall go; refused before the work rather than after it."""
     if name is None:
         return None
     path = Path(name)
     if path.is_dir() or not path.parent.is_dir():
         raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
-    return path
-
-
-def _picture(name: str | None) -> Path | None:
-    path = _file(name)
-    if path is not None and path.suffix not in _PICTURES:
-        raise DeclarationError(f"--plot {name}: the name of a picture ends in {', '.join(_PICTURES)}.")
+    if suffixes and path.suffix not in suffixes:
+        raise DeclarationError(f"Cannot write {name}: its name must end in {' or '.join(suffixes)}.")
     return path
 
 

@@ -4,7 +4,6 @@ from symmb.study.compare import compare_simulator as compare_simulator
 from symmb.study.compare import default_methods as default_methods
 from symmb.study.comparison import Comparison as Comparison
 from symmb.study.metrics import Score as Score
-from symmb.study.plain import to_json as to_json
 from symmb.study.reference import Reference as Reference
 from symmb.study.row import NotRun as NotRun
 from symmb.study.row import Row as Row

@@ -11,7 +11,8 @@ from symmb import plot
 from symmb._box import Box
 from symmb._errors import DeclarationError
 from symmb._types import Array
-from symmb.study import plain, report
+from symmb.study import report
+from symmb.study.plain import plain
 from symmb.study.reference import Reference
 from symmb.study.row import NotRun, Row
 
@@ -74,8 +75,8 @@ class Comparison:
             ]
         )
 
-    def to_json(self) -> str:
-        """The comparison as JSON text; numbers are finite or null."""
+    def to_json(self) -> dict[str, Any]:
+        """The comparison as plain lists, texts and numbers, which are finite or None."""
         layout: dict[str, Any] = {
             "scene": self.scene,
             "times": self.times,
@@ -94,11 +95,11 @@ class Comparison:
         }
         if self.not_run:
             layout["not_run"] = [{"name": method.name, "reason": method.reason} for method in self.not_run]
-        return plain.to_json(layout)
+        return plain(layout)
 
     def save(self, path: str | Path) -> None:
         """Write `to_json` to a file."""
-        Path(path).write_text(self.to_json() + "\n", encoding="utf-8")
+        Path(path).write_text(json.dumps(self.to_json(), allow_nan=False) + "\n", encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":

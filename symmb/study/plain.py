@@ -1,6 +1,5 @@
-"""Results as JSON text: arrays become nested lists, and numbers are finite or null."""
+"""Results as JSON has them: arrays become nested lists, and numbers are finite or None."""
 
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -8,27 +7,23 @@ from typing import Any
 import numpy as np
 
 
-def to_json(value: Any) -> str:
-    """JSON text of nested mappings, sequences, arrays and numbers.
+def plain(value: Any) -> Any:
+    """Nested mappings, sequences, arrays and numbers as JSON can write them.
 
     Examples
     --------
-    >>> to_json({"lower": np.array([[0.5, -np.inf]]), "failed": np.int64(2)})
-    '{"lower": [[0.5, null]], "failed": 2}'
+    >>> plain({"lower": np.array([[0.5, -np.inf]]), "failed": np.int64(2)})
+    {'lower': [[0.5, None]], 'failed': 2}
     """
-    return json.dumps(_plain(value), allow_nan=False, ensure_ascii=False)
-
-
-def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         array = np.asarray(value)
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             return np.where(np.isfinite(array), array, None).tolist()
         return array.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
