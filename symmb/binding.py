@@ -11,8 +11,8 @@ from symmb._types import Expr
 from symmb.mechanics.body import Body
 from symmb.mechanics.parameter import Parameters
 from symmb.symbolic.geometry import is_zero
-from symmb.symbolic.sympy_border import from_sympy, is_sympy
 from symmb.symbolic.symbols import Kind, Symbol, lookup, symbols_in, t
+from symmb.symbolic.sympy_border import from_sympy, is_sympy
 
 
 class Binding:

@@ -217,7 +217,7 @@ def _plane(title: str, action: Action) -> list[str]:
     return faults
 
 
-def _forces(bodies, inertial, actions) -> tuple[ca.SX, ca.SX, ca.SX]:  # noqa: ANN001
+def _forces(bodies, inertial, actions) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Generalised forces without and with potential, gyroscopic terms among the latter, and the potential."""
     zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
     work, conservative = dict(zero), dict(zero)

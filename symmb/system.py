@@ -27,8 +27,8 @@ from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Spatial
 from symmb.symbolic.geometry import is_zero
 from symmb.symbolic.linear import saddle_solver
-from symmb.symbolic.sympy_border import latex, to_sympy
 from symmb.symbolic.symbols import Symbol, t
+from symmb.symbolic.sympy_border import latex, to_sympy
 
 
 class Multipliers(ca.SX):

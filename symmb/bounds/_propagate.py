@@ -5,23 +5,28 @@ from symmb._errors import DeclarationError
 from symmb._types import Executor
 from symmb.bounds._method import Method
 from symmb.bounds._result import Bounds
+from symmb.scene import Scene
 from symmb.simulate import Progress, Simulator
+from symmb.simulate._subject import simulator_of
+from symmb.solve.solvers import Solver
 
 
 def propagate(
-    simulator: Simulator,
+    scene_or_simulator: Scene | Simulator,
     method: Method,
-    box: Box,
+    box: Box | None = None,
+    solver: Solver | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Bounds:
-    """Bound every output of a simulator over time, for parameters anywhere in a box.
+    """Bound every output of a scene or a simulator over time, for parameters anywhere in a box.
 
     Parameters
     ----------
-    simulator : FunctionSimulator, DAESimulator or anything with their interface
+    scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
     method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ...
-    box : intervals of some or all parameters; the others keep their nominal values
+    box : intervals of some or all parameters, the others keep their nominal values; default: the scene's
+    solver : how a Scene is integrated; default CVODES()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
     progress : called with runs done and runs in all
@@ -34,7 +39,7 @@ def propagate(
     Raises
     ------
     DeclarationError
-        If method is not a method, or the box names an unknown parameter.
+        If method is not a method, there is no box, or it names an unknown parameter.
     PropagationError
         If the simulator lacks what the method needs, or too many runs fail.
 
@@ -53,4 +58,5 @@ def propagate(
         raise DeclarationError(
             f"propagate: expected a method such as PolynomialChaos(order=4), got {method!r}."
         )
+    simulator, box = simulator_of(scene_or_simulator, box, solver)
     return method.bounds(simulator, box, executor=executor, progress=progress)

@@ -26,15 +26,17 @@ def load_scene(given: str) -> Scene:
     DeclarationError    if there is no such file or model, it defines no `scene()`, or running it raises
     """
     path = _find(given)
-    with _importable(path.parent):
-        try:
-            scene = _run(path)
-        except DeclarationError:
-            raise
-        except SymmbError as error:
-            raise DeclarationError(f"{path}: {error}") from error
-        except (Exception, SystemExit) as error:  # a scene file is foreign code: it may raise anything
-            raise DeclarationError(f"{path} raised {_sentence(error, path)}") from error
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise DeclarationError(f"{path} is not a Python file; a scene file ends in .py and defines scene().")
+    module = importlib.util.module_from_spec(spec)
+    with _foreign(path):
+        spec.loader.exec_module(module)
+    build = getattr(module, "scene", None)
+    if not callable(build):
+        raise DeclarationError(f"{path} defines no function scene() that returns a symmb.Scene.")
+    with _foreign(path):
+        scene = build()
     if not isinstance(scene, Scene):
         raise DeclarationError(
             f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene."
@@ -60,16 +62,19 @@ def _find(given: str) -> Path:
     )
 
 
-def _run(path: Path) -> object:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise DeclarationError(f"{path} is not a Python file; a scene file ends in .py and defines scene().")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    build = getattr(module, "scene", None)
-    if not callable(build):
-        raise DeclarationError(f"{path} defines no function scene() that returns a symmb.Scene.")
-    return build()
+@contextmanager
+def _foreign(path: Path) -> Iterator[None]:
+    """Code of the file at work: its folder can be imported from, and what it raises becomes a sentence."""
+    folder = str(path.parent.resolve())
+    sys.path.insert(0, folder)
+    try:
+        yield
+    except SymmbError as error:
+        raise DeclarationError(f"{path}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise DeclarationError(f"{path} raised {_sentence(error, path)}") from error
+    finally:
+        sys.path.remove(folder)
 
 
 def _sentence(error: BaseException, path: Path) -> str:
@@ -81,14 +86,3 @@ def _sentence(error: BaseException, path: Path) -> str:
         lines = [error.lineno]
     where = f" (line {lines[-1]})" if lines else ""
     return f"{type(error).__name__}: {' '.join(str(error).split())}{where}."
-
-
-@contextmanager
-def _importable(folder: Path) -> Iterator[None]:
-    """The folder's modules can be imported meanwhile, as when Python runs a file."""
-    entry = str(folder.resolve())
-    sys.path.insert(0, entry)
-    try:
-        yield
-    finally:
-        sys.path.remove(entry)

@@ -42,6 +42,7 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     solver : Solver
     setup_seconds : float          deriving, compiling and starting
+    threads : int                  CasADi threads that samples are spread over; 1 in a copy sent elsewhere
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -55,7 +56,7 @@ class DAESimulator:
         self.start: Start = prepare_start(scene, self.dae)
         self.y = output_function(self.dae, scene, scene.y)
         self._integrations: dict[tuple[int, bool], Integration] = {}
-        self._threads = os.cpu_count() or 1
+        self.threads = os.cpu_count() or 1
         self.integration()
         self.setup_seconds = time.perf_counter() - begin
 
@@ -64,7 +65,13 @@ class DAESimulator:
 
     def __getstate__(self) -> dict[str, Any]:
         # Whoever gets a copy runs many of them side by side already.
-        return {**self.__dict__, "_threads": 1}
+        return {**self.__dict__, "threads": 1}
+
+    def tighter(self) -> "DAESimulator":
+        """The same simulator with a solver ten times more accurate."""
+        copy = object.__new__(DAESimulator)
+        copy.__dict__ = {**self.__dict__, "solver": self.solver.tighter(), "_integrations": {}}
+        return copy
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, made when first asked for."""
@@ -78,7 +85,7 @@ class DAESimulator:
         with _LOCK:
             P = np.ascontiguousarray(P, dtype=float)
             x0, _ = self.start.states(P)
-            runs = self.integration().run(x0, P, self._threads)
+            runs = self.integration().run(x0, P, self.threads)
             return _ensemble(self, self._evaluate(self.y, runs, P), runs, P)
 
     def stream(
@@ -94,7 +101,7 @@ class DAESimulator:
         if not f.numel_out(0) or not N:
             return np.zeros((N, n_t, f.numel_out(0)))
         arguments = (X, np.repeat(P, n_t, axis=0), np.tile(self.times, N)[:, None])
-        return batch(f, *arguments, threads=self._threads)[0].reshape(N, n_t, -1)
+        return batch(f, *arguments, threads=self.threads)[0].reshape(N, n_t, -1)
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
         """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), from one larger run each.
@@ -108,7 +115,7 @@ class DAESimulator:
             m = len(directions)
             x0 = np.hstack(self.start.jets(np.asarray(p0, dtype=float), directions, order))
             P = np.hstack([np.tile(p0, (m, 1)), directions])
-            runs = self.integration(order).run(x0, P, self._threads)
+            runs = self.integration(order).run(x0, P, self.threads)
             for run in runs:
                 if run.message:
                     raise SimulationError(f"{self!r}: derivatives break down at t = {run.t_failed:g} s: {run.message}.")

@@ -44,7 +44,7 @@ class ImplicitMap:
         active = np.arange(len(w))
         ok = np.zeros(len(w), dtype=bool)
         for _ in range(iterations):
-            (r,), (J,) = batch(self.residual, u[active], w[active]), batch(self.jacobian, u[active], w[active])
+            (r,), J = batch(self.residual, u[active], w[active]), self._matrices(u[active], w[active])
             finite = np.isfinite(r).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
             active, r, J = active[finite], r[finite], J[finite]
             if not active.size:
@@ -59,6 +59,10 @@ class ImplicitMap:
                 break
         return u, ok
 
+    def _matrices(self, u: Array, w: Array) -> Array:
+        m = self.residual.numel_in(0)
+        return batch(self.jacobian, u, w)[0].reshape(-1, m, m)  # a single unknown comes as a column
+
     def jets(self, u0: Array, w: Sequence[Array]) -> list[Array]:
         """Taylor coefficients u_0, ..., u_k along the curves with coefficients w_0, ..., w_k, each (N, n_w)."""
         order = len(w) - 1
@@ -67,7 +71,7 @@ class ImplicitMap:
         symbols = [ca.SX.sym(n, size) for n, size in zip(names, sizes, strict=True)]
         U, W = symbols[: order + 1], symbols[order + 1 :]
         coefficients = ca.Function("jets", symbols, jets(self.residual(U[0], W[0]), [U, W]), {"cse": True})
-        (J,) = batch(self.jacobian, u0, w[0])
+        J = self._matrices(u0, w[0])
         u = [u0, *(np.zeros_like(u0) for _ in range(order))]
         for j in range(1, order + 1):  # coefficient j of R is linear in u_j, with the Jacobian at order 0
             u[j] = -_solve_each(J, batch(coefficients, *u, *w)[j])

@@ -53,7 +53,8 @@ def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, 
     if n_c == 0:
         return lambda f, g: (inverse @ f, ca.SX(0, 1))
     W = ca.sparsify(G @ inverse)
-    D, L, order = ca.ldl(ca.sparsify(W @ G.T), True)
+    # One triangle stands for both: an entry that cancels to 0 in one may be a rounding error in the other.
+    D, L, order = ca.ldl(ca.triu2symm(ca.triu(ca.sparsify(W @ G.T))), True)
 
     def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         lam = ca.densify(ca.ldl_solve(ca.densify(W @ f - g), D, L, order))
