@@ -1,5 +1,9 @@
 """What several test files share: one tuple for each family, so that a new member is tested by one line."""
 
+from joints import ALL_JOINTS as ALL_JOINTS
+from joints import ALL_POSES as ALL_POSES
+
+from symmb import CVODES, IDAS, Collocation, RungeKutta
 from symmb.bounds import (
     Gauss,
     IntervalArithmetic,
@@ -12,6 +16,14 @@ from symmb.bounds import (
     Taylor,
     TotalDegree,
     Vertex,
+)
+
+ALL_SOLVERS = (
+    CVODES(rtol=1e-11),
+    CVODES(rtol=1e-11, stiff=True),
+    IDAS(rtol=1e-11),
+    RungeKutta(steps=2000),
+    Collocation(steps=100),
 )
 
 ALL_METHODS = (

@@ -49,8 +49,7 @@ class _Runs:
             failed = failure_records(self._simulator, self._box, P, runs)
             raise PropagationError(
                 f"Interpolation at {len(nodes)} nodes needs them all, but {len(failed)} runs failed. "
-                "PolynomialChaos(order=..., basis=TotalDegree()) can fit around them.\n"
-                + failure_text(failed)
+                "PolynomialChaos(order=..., basis=TotalDegree()) can fit around them.\n" + failure_text(failed)
             )
         keys = _keys(nodes)
         for i, y in zip(new, ensemble.Y, strict=True):
@@ -87,22 +86,15 @@ def adaptive_bounds(
     for fit in _levels(len(box)):
         cost = len(runs) + len(runs.new(fit.nodes))
         if bounds is None and cost > most:
-            raise PropagationError(
-                f"{text}: the first level takes {cost} runs, more than the budget of {most}."
-            )
+            raise PropagationError(f"{text}: the first level takes {cost} runs, more than the budget of {most}.")
         if cost > most:
             break
         Y = runs.at(fit.nodes)
-        lower, upper = range_.bounds(
-            fit.alpha, fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))
-        )
+        lower, upper = range_.bounds(fit.alpha, fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool)))
         if bounds is not None:
             estimate = np.maximum(np.abs(lower - bounds[0]), np.abs(upper - bounds[1]))
         bounds = lower, upper
-        if (
-            estimate is not None
-            and _share(estimate.reshape(shape), (upper - lower).reshape(shape)) <= tolerance
-        ):
+        if estimate is not None and _share(estimate.reshape(shape), (upper - lower).reshape(shape)) <= tolerance:
             break
     if bounds is None:
         raise PropagationError(f"{text}: no level for {len(box)} parameters.")

@@ -77,29 +77,21 @@ class PolynomialChaos(Method):
         if self.order is not None:
             require_whole("PolynomialChaos", "order", self.order, 1)
             if self.budget is not None or self.tolerance != 1e-2:
-                raise DeclarationError(
-                    "PolynomialChaos: tolerance and budget choose the order; leave order out."
-                )
+                raise DeclarationError("PolynomialChaos: tolerance and budget choose the order; leave order out.")
             return
         if self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.lockstep:
-            raise DeclarationError(
-                "PolynomialChaos without order chooses nodes and basis itself; give order=... ."
-            )
+            raise DeclarationError("PolynomialChaos without order chooses nodes and basis itself; give order=... .")
         if self.budget is not None:
             require_whole("PolynomialChaos", "budget", self.budget, 1)
         if not 0 < self.tolerance < 1:
-            raise DeclarationError(
-                f"PolynomialChaos: tolerance must be between 0 and 1, got {self.tolerance!r}."
-            )
+            raise DeclarationError(f"PolynomialChaos: tolerance must be between 0 and 1, got {self.tolerance!r}.")
 
     @classmethod
     def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":
         """The paper's method: Gauss nodes or a SparseGrid, total degree, projection, Legendre inclusion."""
         return cls(order, nodes, TotalDegree(), LegendreInclusion(), lockstep=lockstep)
 
-    def _bounds(
-        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> Bounds:
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None:
             return adaptive_bounds(
                 repr(self), self.range, self.tolerance, self.budget, simulator, box, executor, progress
@@ -117,9 +109,7 @@ class PolynomialChaos(Method):
         shape = len(simulator.times), len(simulator.outputs)
         return self._result(simulator, lower.reshape(shape), upper.reshape(shape), inner, failed, len(P))
 
-    def _marched(
-        self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None
-    ) -> Bounds:
+    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> Bounds:
         if not isinstance(simulator, March):
             raise PropagationError(
                 f"{self!r} advances all nodes together, but {simulator!r} runs each sample by itself. "
@@ -172,11 +162,7 @@ class PolynomialChaos(Method):
 
     def __repr__(self) -> str:
         order = "" if self.order is None else f"order={self.order}"
-        if (
-            self.basis == TotalDegree()
-            and self.range == LegendreInclusion()
-            and self.nodes != _CLENSHAW_CURTIS
-        ):
+        if self.basis == TotalDegree() and self.range == LegendreInclusion() and self.nodes != _CLENSHAW_CURTIS:
             options = [order]
             if self.nodes != _GAUSS:
                 options.append(f"nodes={self.nodes!r}")

@@ -78,9 +78,7 @@ class Exact:
         values = _along_axes(legendre, [_legendre_values(n - 1) for n in legendre.shape[1:]])
         values = values.reshape(len(values), -1)
         low, high = values.min(axis=1), values.max(axis=1)
-        slack = self.tolerance * (high - low) + 1e-13 * np.abs(legendre).reshape(len(legendre), -1).max(
-            axis=1
-        )
+        slack = self.tolerance * (high - low) + 1e-13 * np.abs(legendre).reshape(len(legendre), -1).max(axis=1)
         return _minima(bernstein, low, slack), -_minima(-bernstein, -high, slack)
 
 
@@ -108,10 +106,7 @@ def _minima(boxes: Array, best: Array, slack: Array) -> Array:
 def _halved(boxes: Array, owner: Indices, d: int) -> tuple[Array, Indices]:
     """Each box cut in two across the axis along which its polynomial is most curved."""
     curvature = np.stack(
-        [
-            np.abs(np.diff(boxes, 2, axis=k + 1)).reshape(len(boxes), -1).max(axis=1, initial=0.0)
-            for k in range(d)
-        ]
+        [np.abs(np.diff(boxes, 2, axis=k + 1)).reshape(len(boxes), -1).max(axis=1, initial=0.0) for k in range(d)]
     )
     across = curvature.argmax(axis=0)
     parts, owners = [], []

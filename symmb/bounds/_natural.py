@@ -42,9 +42,7 @@ class IntervalArithmetic(Method):
 
     kind: ClassVar[Kind] = "enclosure"
 
-    def _bounds(
-        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> Bounds:
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if not isinstance(simulator, Plain):
             raise PropagationError(
                 f"{self!r} needs outputs that are plain expressions of parameters and time, "
@@ -53,8 +51,7 @@ class IntervalArithmetic(Method):
         f = simulator.expression
         ends = dict(zip(box.names, box.bounds, strict=True))
         parameters = [
-            Interval(*map(np.asarray, ends.get(name, (value, value))))
-            for name, value in simulator.parameters.items()
+            Interval(*map(np.asarray, ends.get(name, (value, value)))) for name, value in simulator.parameters.items()
         ]
         times = [Interval.exactly(simulator.times)] * f.nnz_in(1)
         values = interpret(f, [parameters, times], operate, Interval.exactly)[0]

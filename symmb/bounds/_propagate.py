@@ -55,8 +55,6 @@ def propagate(
     array([1.   , 0.607])
     """
     if not isinstance(method, Method):
-        raise DeclarationError(
-            f"propagate: expected a method such as PolynomialChaos(order=4), got {method!r}."
-        )
+        raise DeclarationError(f"propagate: expected a method such as PolynomialChaos(order=4), got {method!r}.")
     simulator, box = simulator_of(scene_or_simulator, box, solver)
     return method.bounds(simulator, box, executor=executor, progress=progress)

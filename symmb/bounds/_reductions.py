@@ -82,9 +82,7 @@ def _merge_extremes(first: tuple[Array, Array], second: tuple[Array, Array]) -> 
 
 def _update_failures(state: FailedRuns, block: Ensemble, indices: Indices) -> FailedRuns:
     bad = ~block.ok
-    return state + tuple(
-        zip(indices[bad].tolist(), block.t_failed[bad].tolist(), block.messages, strict=True)
-    )
+    return state + tuple(zip(indices[bad].tolist(), block.t_failed[bad].tolist(), block.messages, strict=True))
 
 
 def _merge_failures(first: FailedRuns, second: FailedRuns) -> FailedRuns:

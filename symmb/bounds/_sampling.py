@@ -47,9 +47,7 @@ class MonteCarlo(Method):
         require_whole("MonteCarlo", "samples", self.samples, 1)
         require_whole("MonteCarlo", "seed", self.seed, 0)
 
-    def _bounds(
-        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> Bounds:
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         points = self.sampler.points(self.samples, len(box), self.seed)
         return _sampled(self, points, simulator, box, executor, progress)
 
@@ -78,9 +76,7 @@ class Scanning(Method):
     def __post_init__(self) -> None:
         require_whole("Scanning", "points", self.points, 2)
 
-    def _bounds(
-        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> Bounds:
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         return _sampled(self, _grid(self.points, len(box)), simulator, box, executor, progress)
 
     def __repr__(self) -> str:
@@ -99,9 +95,7 @@ class Vertex(Method):
 
     kind: ClassVar[Kind] = "sampled"
 
-    def _bounds(
-        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> Bounds:
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         return _sampled(self, _grid(2, len(box)), simulator, box, executor, progress)
 
 

@@ -58,9 +58,7 @@ class Taylor(Method):
     def __post_init__(self) -> None:
         require_whole("Taylor", "order", self.order, 1)
 
-    def _bounds(
-        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> Bounds:
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if not isinstance(simulator, Jets):
             raise PropagationError(
                 f"{self!r} needs derivatives of the trajectory, but {simulator!r} gives values only. "

@@ -55,8 +55,7 @@ class Wave:
 
     def jets(self, p0, directions, order):
         cosine = [
-            np.multiply.outer(directions[:, 1] ** j, TIMES**j * np.cos(p0[1] * TIMES + j * np.pi / 2))
-            / factorial(j)
+            np.multiply.outer(directions[:, 1] ** j, TIMES**j * np.cos(p0[1] * TIMES + j * np.pi / 2)) / factorial(j)
             for j in range(order + 1)
         ]
         rate = directions[:, :1]

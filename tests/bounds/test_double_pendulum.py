@@ -75,9 +75,7 @@ class Pendulum:
     def jets(self, p0, directions, order):
         m, h = len(directions), 0.02
         steps = np.array([-2, -1, 0, 1, 2]) * h
-        Y = self.run((p0 + np.multiply.outer(steps, directions)).reshape(-1, 2)).Y.reshape(
-            5, m, len(TIMES), 12
-        )
+        Y = self.run((p0 + np.multiply.outer(steps, directions)).reshape(-1, 2)).Y.reshape(5, m, len(TIMES), 12)
         first = (Y[0] - 8 * Y[1] + 8 * Y[3] - Y[4]) / (12 * h)
         second = (-Y[0] + 16 * Y[1] - 30 * Y[2] + 16 * Y[3] - Y[4]) / (12 * h**2)
         return np.stack([Y[2], first, second / 2])

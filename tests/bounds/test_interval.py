@@ -1,0 +1,188 @@
+"""Interval arithmetic: every operation encloses its values, hardly wider than they are."""
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from symmb._errors import PropagationError
+from symmb.bounds import Box, IntervalArithmetic, propagate
+from symmb.bounds._interval import EXTENSIONS, Interval, operate
+
+
+@dataclass(frozen=True)
+class Plain:
+    """Expressions of parameters and time."""
+
+    expressions: list
+    symbols: list
+    parameters: dict
+    times: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0]))
+    t: ca.SX = field(default_factory=lambda: ca.SX.sym("t"))
+
+    @property
+    def outputs(self):
+        return tuple(f"y{k}" for k in range(len(self.expressions)))
+
+    @property
+    def expression(self):
+        return ca.Function("f", [ca.vertcat(*self.symbols), self.t], [ca.vertcat(*self.expressions)])
+
+
+def _bounds(expression, **box):
+    symbols = [ca.SX.sym(name) for name in box]
+    simulator = Plain([expression(*symbols)], symbols, dict.fromkeys(box, 0.0))
+    result = propagate(simulator, IntervalArithmetic(), Box(**box))
+    return float(result.lower[0, 0]), float(result.upper[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("f", "x", "expected"),
+    [
+        (lambda x: x**3 - 2 * x**2 + x, (0, 1), (-2, 2)),  # the paper's cubic; its range is [0, 4/27]
+        (lambda x: x - x, (-1, 1), (0, 0)),  # CasADi cancels it
+        (lambda x: x / (1 + x), (0, 1), (0, 1)),
+        (lambda x: 1 / (1 + 25 * x**2), (-1, 1), (1 / 26, 1)),
+        (lambda x: x**2, (-2, 1), (0, 4)),
+        (lambda x: 1 / x, (-1, 1), (-np.inf, np.inf)),
+        (lambda x: 1 / x, (0, 2), (0.5, np.inf)),
+        (lambda x: ca.sqrt(x), (-1, 4), (0, 2)),  # where it is defined
+        (lambda x: ca.if_else(x > 1, x, 5), (2, 3), (2, 3)),
+        (lambda x: ca.if_else(x > 1, x, 5), (0, 1), (5, 5)),
+        (lambda x: ca.tan(x), (1, 2), (-np.inf, np.inf)),
+        (lambda x: ca.sin(x), (1, 8), (-1, 1)),
+        (lambda x: ca.cos(x), (-0.5, 0.5), (np.cos(0.5), 1)),
+        (lambda x: ca.cos(x), (100 * np.pi - 0.5, 100 * np.pi + 0.1), (np.cos(0.5), 1)),
+        (lambda x: x**-3, (1, 2), (1 / 8, 1)),
+        (lambda x: x**1.5, (1, 4), (1, 8)),
+        (lambda x: ca.atan2(x, -1), (-1, 1), (-np.pi, np.pi)),
+    ],
+)
+def test_known_ranges(f, x, expected):
+    np.testing.assert_allclose(_bounds(f, x=x), expected, atol=1e-12)
+
+
+UNARY = {
+    "OP_NEG": (-3, 3),
+    "OP_INV": (0.1, 3),
+    "OP_SQ": (-3, 3),
+    "OP_TWICE": (-3, 3),
+    "OP_SQRT": (0, 3),
+    "OP_EXP": (-3, 3),
+    "OP_EXPM1": (-3, 3),
+    "OP_LOG": (0.1, 3),
+    "OP_LOG1P": (-0.9, 3),
+    "OP_SIN": (-9, 9),
+    "OP_COS": (-9, 9),
+    "OP_TAN": (-1.5, 1.5),
+    "OP_ASIN": (-1, 1),
+    "OP_ACOS": (-1, 1),
+    "OP_ATAN": (-3, 3),
+    "OP_SINH": (-3, 3),
+    "OP_COSH": (-3, 3),
+    "OP_TANH": (-3, 3),
+    "OP_ASINH": (-3, 3),
+    "OP_ACOSH": (1, 3),
+    "OP_ATANH": (-0.9, 0.9),
+    "OP_ERF": (-2, 2),
+    "OP_FABS": (-3, 3),
+    "OP_SIGN": (-3, 3),
+    "OP_FLOOR": (-3, 3),
+    "OP_CEIL": (-3, 3),
+    "OP_NOT": (-1, 1),
+    "OP_ASSIGN": (-1, 1),
+}
+NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
+BINARY = [NAMES[code] for code in EXTENSIONS if NAMES[code] not in UNARY]
+WIDER = {
+    "OP_FMOD",
+    "OP_REMAINDER",
+    "OP_COPYSIGN",
+    "OP_ATAN2",
+    "OP_EQ",
+    "OP_NE",
+    "OP_DIV",
+    "OP_POW",
+    "OP_CONSTPOW",
+}
+
+
+def _points(low, high, n):
+    """n points that fill an interval, and 0 where it is inside."""
+    points = np.linspace(low, high, n)
+    return np.append(points, 0.0) if low <= 0 <= high else points
+
+
+def _values(name, *arguments):
+    """CasADi's own evaluation of one operation at many points."""
+    code = getattr(ca, name)
+    symbols = [ca.SX.sym(f"x{k}") for k in range(len(arguments))]
+    if len(arguments) == 1:
+        expression = ca.SX.unary(code, *symbols)
+    else:
+        expression = ca.SX.binary(code, *symbols)
+    f = ca.Function("f", symbols, [expression])
+    flat = [np.ravel(a)[None, :] for a in arguments]
+    return np.asarray(f(*flat)).ravel()
+
+
+def _intervals(low, high, n, rng):
+    ends = np.sort(rng.uniform(low, high, (n, 2)), axis=1)
+    ends[: n // 4] = np.sort(np.round(ends[: n // 4]).clip(low, high), axis=1)  # whole numbers and zeros too
+    return ends
+
+
+@pytest.mark.parametrize("name", UNARY)
+def test_unary_operation_encloses_and_is_tight(name):
+    for low, high in _intervals(*UNARY[name], 60, np.random.default_rng(1)):
+        values = _values(name, _points(low, high, 201))
+        lower, upper = operate(getattr(ca, name), (Interval(np.array(low), np.array(high)),))
+        assert lower <= values.min() and values.max() <= upper
+        if name not in ("OP_SIGN", "OP_FLOOR", "OP_CEIL", "OP_NOT"):  # these jump between the points
+            slack = 1e-12 + 2e-3 * (upper - lower)
+            assert values.min() - lower <= slack and upper - values.max() <= slack
+
+
+@pytest.mark.parametrize("name", BINARY)
+def test_binary_operation_encloses_and_is_tight(name):
+    rng = np.random.default_rng(2)
+    positive = name in ("OP_POW", "OP_CONSTPOW")
+    for (a, b), (c, d) in zip(_intervals(0.1 if positive else -3, 3, 60, rng), _intervals(-3, 3, 60, rng), strict=True):
+        x, y = np.meshgrid(_points(a, b, 51), _points(c, d, 51))
+        with np.errstate(all="ignore"):
+            values = _values(name, x, y)
+        values = values[np.isfinite(values)]
+        lower, upper = operate(
+            getattr(ca, name), (Interval(np.array(a), np.array(b)), Interval(np.array(c), np.array(d)))
+        )
+        if not len(values):
+            continue
+        assert lower <= values.min() and values.max() <= upper
+        if name not in WIDER:
+            slack = 1e-12 + 0.05 * (upper - lower)
+            assert values.min() - lower <= slack and upper - values.max() <= slack
+
+
+def test_rounding_is_outward():
+    lower, upper = _bounds(lambda x, y: x + y, x=(0.1, 0.1), y=(0.2, 0.2))
+    assert lower < 0.30000000000000004 < upper and upper - lower < 2e-16
+
+
+def test_vectorised_over_times_and_sparse_outputs():
+    x, t = ca.SX.sym("x"), ca.SX.sym("t")
+    simulator = Plain([x * t, 0, ca.sin(t)], [x], {"x": 0.0}, np.linspace(0, 3, 301), t)
+    result = propagate(simulator, IntervalArithmetic(), Box(x=(-1, 2)))
+    np.testing.assert_allclose(result.upper[:, 0], 2 * simulator.times, atol=1e-12)
+    assert not result.lower[:, 1].any() and not result.upper[:, 1].any()
+    np.testing.assert_allclose(result.lower[:, 2], np.sin(simulator.times), atol=1e-14)
+
+
+def test_operation_without_extension_is_named():
+    with pytest.raises(PropagationError, match="no interval extension of OP_ERFINV"):
+        _bounds(ca.erfinv, x=(0, 0.5))
+
+
+def test_argument_outside_the_domain():
+    with pytest.raises(PropagationError, match=r"sqrt of \[-2, -1\], outside its domain \(0.0, inf\)"):
+        _bounds(lambda x: ca.sqrt(x), x=(-2, -1))

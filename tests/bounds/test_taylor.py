@@ -1,0 +1,117 @@
+"""Taylor: coefficients against SymPy's derivatives, ranges against the paper's."""
+
+from dataclasses import dataclass, field
+from math import comb, factorial
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from symmb._errors import PropagationError
+from symmb.bounds import Box, Taylor, propagate
+from symmb.bounds._legendre import homogeneous
+from symmb.bounds._taylor import _mixed
+
+TIMES = np.array([0.0, 0.5, 2.0])
+
+
+@dataclass(frozen=True)
+class Symbolic:
+    """Outputs that are SymPy expressions of parameters and t; jets by differentiation along directions."""
+
+    expressions: tuple
+    symbols: tuple
+    parameters: dict
+    times: np.ndarray = field(default_factory=lambda: TIMES)
+
+    @property
+    def outputs(self):
+        return tuple(f"y{k}" for k in range(len(self.expressions)))
+
+    def jets(self, p0, directions, order):
+        t, eps = sp.Symbol("t"), sp.Symbol("eps")
+        result = np.empty((order + 1, len(directions), len(self.times), len(self.expressions)))
+        for m, direction in enumerate(directions):
+            moved = {s: float(p) + float(u) * eps for s, p, u in zip(self.symbols, p0, direction, strict=True)}
+            for n, expression in enumerate(self.expressions):
+                along = expression.subs(moved, simultaneous=True)
+                for j in range(order + 1):
+                    f = sp.lambdify(t, along.diff(eps, j).subs(eps, 0) / factorial(j), "numpy")
+                    result[j, m, :, n] = f(self.times)
+        return result
+
+
+A, B, C, D = sp.symbols("a b c d")
+T = sp.Symbol("t")
+FOUR = Symbolic(
+    expressions=(sp.exp(A * B - C) * sp.cos(T * D), A * B * C * D + T * A**3),
+    symbols=(A, B, C, D),
+    parameters={"a": 1.0, "b": 0.5, "c": 0.2, "d": 2.0},
+)
+
+
+def _reference(simulator, box, order):
+    """Interval sum of all derivatives over the box, written with SymPy's derivatives one by one."""
+    radius = dict(zip(box.names, box.radius, strict=True))
+    lower = np.zeros((len(TIMES), len(simulator.expressions)))
+    upper = lower.copy()
+    free = [s for s in simulator.symbols if s.name in box.names]
+    center = {s: simulator.parameters[s.name] for s in simulator.symbols}
+    center |= {
+        s: c for s, c in zip(free, [dict(zip(box.names, box.center, strict=True))[s.name] for s in free], strict=True)
+    }
+    for n, expression in enumerate(simulator.expressions):
+        for degree in range(order + 1):
+            for beta in homogeneous(len(free), degree):
+                derivative, scale = expression, 1.0
+                for s, power in zip(free, beta, strict=True):
+                    derivative = derivative.diff(s, power)
+                    scale *= radius[s.name] ** power / factorial(power)
+                value = np.broadcast_to(sp.lambdify(T, derivative.subs(center), "numpy")(TIMES), TIMES.shape) * scale
+                if degree and any(power % 2 for power in beta):
+                    low, high = -np.abs(value), np.abs(value)
+                else:
+                    low, high = (value, value) if not degree else (np.minimum(value, 0), np.maximum(value, 0))
+                lower[:, n] += low
+                upper[:, n] += high
+    return lower, upper
+
+
+@pytest.mark.parametrize(("names", "order"), [("abcd", 1), ("abcd", 2), ("dba", 3), ("c", 6)])
+def test_any_order_and_number_of_parameters(names, order):
+    box = Box(**{name: (FOUR.parameters[name] - 0.1, FOUR.parameters[name] + 0.3) for name in names})
+    result = propagate(FOUR, Taylor(order), box)
+    lower, upper = _reference(FOUR, box, order)
+    np.testing.assert_allclose(result.lower, lower, atol=1e-11)
+    np.testing.assert_allclose(result.upper, upper, atol=1e-11)
+    assert result.evaluations == comb(len(names) + order, order)
+
+
+def test_equation_27_range_of_the_paper_s_cubic():
+    x = sp.Symbol("x")
+    cubic = Symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0})
+    result = propagate(cubic, Taylor(order=3), Box(x=(0, 1)))
+    np.testing.assert_allclose(result.lower, -1 / 4, atol=1e-12)
+    np.testing.assert_allclose(result.upper, 3 / 8, atol=1e-12)
+
+
+@pytest.mark.parametrize(("d", "order"), [(2, 2), (3, 4), (6, 3), (5, 4)])
+def test_mixed_coefficients_from_directions(d, order):
+    unit = np.array(homogeneous(d, order)) / order
+    for degree in range(1, order + 1):
+        beta = np.array(homogeneous(d, degree))
+        known = np.random.default_rng(degree).normal(size=(len(beta), 1, 1))
+        along = np.einsum("mb,bty->mty", np.prod(unit[:, None] ** beta[None], axis=2), known)
+        np.testing.assert_allclose(_mixed(beta, unit, along), known, atol=1e-11)
+
+
+def test_derivatives_that_are_not_finite():
+    a = sp.Symbol("a")
+
+    @dataclass(frozen=True)
+    class Broken(Symbolic):
+        def jets(self, p0, directions, order):
+            return np.full((order + 1, len(directions), 3, 1), np.nan)
+
+    with pytest.raises(PropagationError, match="derivatives that are not finite"):
+        propagate(Broken((a,), (a,), {"a": 1.0}), Taylor(), Box(a=(0, 1)))
