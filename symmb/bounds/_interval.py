@@ -325,6 +325,6 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_OR: _either,
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
 }
-"""Interval extension by operation code; EXP, SIN ... are exact but for rounding, so natural interval
-arithmetic is too wide only because it forgets that an argument occurs twice. OP_ERFINV is left out: CasADi's own values of
-it are off by 3e-8, which no enclosure of the inverse error function would contain."""
+"""Interval extension by operation code; EXP, SIN ... are exact but for rounding, so natural interval arithmetic
+is too wide only because it forgets that an argument occurs twice. OP_ERFINV is left out: CasADi's own values of it
+are off by 3e-8, which no enclosure of the inverse error function would contain."""

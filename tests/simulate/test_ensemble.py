@@ -29,13 +29,13 @@ def _bits(bounds):
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_threads_give_the_same_bits(method):
     with ThreadPoolExecutor(3) as threads:
-        assert _bits(propagate(SIMULATOR, method, BOX, threads)) == _bits(propagate(SIMULATOR, method, BOX))
+        assert _bits(propagate(SIMULATOR, method, BOX, executor=threads)) == _bits(propagate(SIMULATOR, method, BOX))
 
 
 def test_processes_give_the_same_bits():
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as processes:
         for method in METHODS:
-            assert _bits(propagate(SIMULATOR, method, BOX, processes)) == _bits(
+            assert _bits(propagate(SIMULATOR, method, BOX, executor=processes)) == _bits(
                 propagate(SIMULATOR, method, BOX)
             )
 
@@ -45,7 +45,7 @@ def test_dask_gives_the_same_bits():
     with distributed.Client(processes=False, dashboard_address=None) as client:
         executor = client.get_executor()
         for method in METHODS:
-            assert _bits(propagate(SIMULATOR, method, BOX, executor)) == _bits(
+            assert _bits(propagate(SIMULATOR, method, BOX, executor=executor)) == _bits(
                 propagate(SIMULATOR, method, BOX)
             )
 
@@ -68,7 +68,5 @@ def test_no_samples():
 
 
 def test_wrong_number_of_columns():
-    with pytest.raises(
-        SimulationError, match=r"samples must have shape \(N, 2\), one column for each of a, b"
-    ):
+    with pytest.raises(SimulationError, match=r"samples must have shape \(N, 2\), one column for each of a, b"):
         stream(SIMULATOR, np.zeros((3, 1)), None)

@@ -36,9 +36,7 @@ def test_exception_is_a_failed_sample():
 
 
 def test_value_that_is_not_finite_fails_from_its_time_on():
-    ensemble = _simulator(lambda a: np.stack([TIMES, [0, np.inf, 1]], axis=1), ["x", "y"]).run(
-        np.array([[1.0]])
-    )
+    ensemble = _simulator(lambda a: np.stack([TIMES, [0, np.inf, 1]], axis=1), ["x", "y"]).run(np.array([[1.0]]))
     assert not ensemble.ok[0] and ensemble.t_failed[0] == 1.0
     assert ensemble.Y[0, 0].tolist() == [0, 0] and np.isnan(ensemble.Y[0, 1:]).all()
     assert ensemble.messages == ("not finite at t = 1 (a=1)",)
