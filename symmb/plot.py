@@ -69,9 +69,7 @@ def family(name: str) -> str:
     ('PolynomialChaos.paper', 'MonteCarlo(sampler=Sobol())')
     """
     constructor, _, options = name.partition("(")
-    kept = [
-        option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)
-    ]
+    kept = [option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)]
     return f"{constructor}({', '.join(kept)})" if kept else constructor
 
 
@@ -106,7 +104,7 @@ def plot_comparison(
     n_legend = -(-(len(families) + 1) // 3)
     heights = [_HEAD + 0.2 * n_legend + _ROW * _rows(len(shown)), _DIAGRAM]
     figure = _figure(sum(heights))
-    above, below = figure.subfigures(2, 1, height_ratios=heights)
+    above, below = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
     best = [min(group, key=lambda curve: _error(curve, measured)) for group in families.values()]
     _draw_bounds(above, t, names, shown, reference, best, title)
     _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
@@ -149,9 +147,7 @@ def _draw_bounds(
         axes.set_ylim(*_window(reference, curves, i))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    part = (
-        f"the {len(shown)} of {len(names)} outputs with the largest errors" if len(shown) < len(names) else ""
-    )
+    part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if len(shown) < len(names) else ""
     figure.suptitle(": ".join(filter(None, [title, part])), fontsize=10)
 
 
@@ -163,7 +159,8 @@ def _draw_errors(
     axes.set(xscale="log", yscale="log")
     numbers: list[tuple[float, float, str, str]] = []
     for k, group in enumerate(families):
-        points = sorted((curve.seconds, _error(curve, measured), curve.evaluations) for curve in group)
+        settings = sorted(group, key=lambda curve: curve.evaluations)
+        points = [(curve.seconds, _error(curve, measured), curve.evaluations) for curve in settings]
         points = [(x, y, n) for x, y, n in points if y < np.inf]
         if not points:
             continue
@@ -192,15 +189,11 @@ def _write_numbers(axes: "Axes", numbers: Sequence[tuple[float, float, str, str]
     """Each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
     from matplotlib.patheffects import withStroke
 
-    place = (
-        np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / _DPI
-    )
+    place = np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / _DPI
     taken = list(place)
     for at, (x, y, text, colour) in zip(place, numbers, strict=True):
         others = np.array([point for point in taken if point is not at])
-        offsets = [
-            np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)
-        ]
+        offsets = [np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)]
         gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
         best = offsets[int(np.argmax(np.minimum(gaps, _CLEAR)))]
         taken.append(at + best)

@@ -56,18 +56,14 @@ def test_a_family_is_a_method_without_its_numbers(name, family):
 
 
 def test_the_most_accurate_setting_stands_for_its_family():
-    figure = draw(
-        [curve("Scanning(3)", error=0.3), curve("Scanning(9)", error=0.1), curve("Taylor(order=2)")]
-    )
+    figure = draw([curve("Scanning(3)", error=0.3), curve("Scanning(9)", error=0.1), curve("Taylor(order=2)")])
     labels = figure.axes[0].get_legend_handles_labels()[1]
     assert sorted(labels) == ["Scanning(9), estimate", "Taylor(order=2), estimate", "reference: best"]
 
 
 def test_six_panels_at_most_and_the_hardest_outputs_in_them():
     error = np.linspace(0.8, 0.1, 8)
-    figure = draw(
-        [curve("Scanning(3)", n_y=8, error=error)], n_y=8, measured=np.arange(8) != 1, title="crane"
-    )
+    figure = draw([curve("Scanning(3)", n_y=8, error=error)], n_y=8, measured=np.arange(8) != 1, title="crane")
     panels = [axes.get_title(loc="left") for axes in figure.axes[:-1]]
     assert panels == ["y0", "y2", "y3", "y4", "y5", "y6"]
 
@@ -101,6 +97,20 @@ def test_an_error_below_the_uncertainty_is_a_hollow_marker_on_it():
     assert marker.get_markerfacecolor() == "white"
 
 
+def test_no_error_at_all_is_drawn_at_rounding():
+    axes = error_axes(draw([curve("Vertex()", error=0.0)]))
+    marker = next(line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata()))
+    assert marker.get_ydata() == [1e-16]
+    assert marker.get_markerfacecolor() == "white"
+
+
+def test_numbers_keep_clear_of_each_other():
+    close = [curve(f"Scanning({k})", error=0.1, runs=k, seconds=0.1 + 1e-4 * k) for k in (3, 4)]
+    far = curve("Taylor(order=2)", error=1e-5, seconds=10.0)
+    first, second = (np.array(text.get_position()) for text in error_axes(draw([*close, far])).texts[:2])
+    assert np.hypot(*(first - second)) > 8.0
+
+
 def test_endless_errors_are_left_out_of_the_diagram_only():
     figure = draw([curve("Scanning(3)"), curve("Taylor(order=2)", error=np.inf)])
     assert [text.get_text() for text in error_axes(figure).get_legend().get_texts()] == ["Scanning"]
@@ -127,7 +137,4 @@ def test_pyplot_is_not_touched(tmp_path):
         f"plot.plot_trajectory(np.arange(3.0), np.zeros((3, 1)), ['x'], {str(tmp_path / 't.png')!r})\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-        == "False\n"
-    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

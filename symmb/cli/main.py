@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    int     0; 1 if a simulation broke down; 2 on bad input, with one sentence on stderr
+    int     0; 1 if a simulation broke down, 2 on bad input, each with one sentence on stderr; 130 if interrupted
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show '≤' gets '?'
@@ -37,6 +37,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1 if isinstance(error, SimulationError) else 2
     except BrokenPipeError:  # whoever reads, `head` for one, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        print(f"symmb {options.command}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
     return 0
 
 
@@ -98,8 +103,7 @@ def _extremes(trajectory: mb.Trajectory) -> str:
     lines = [[name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(trajectory.names)]
     widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
     return "\n".join(
-        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
-        for line in [head, *lines]
+        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]) for line in [head, *lines]
     )
 
 
@@ -150,18 +154,19 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    words = {"formatter_class": argparse.RawDescriptionHelpFormatter}
     methods, solvers = specs.table("methods", specs.METHODS), specs.table("solvers", specs.SOLVERS)
     parser = _Parser(
         prog="symmb",
         description="Symbolic multibody dynamics with interval parameters.",
-        epilog=f"{methods}\n\n{solvers}\n\nshipped scenes:\n  {', '.join(shipped_names())}",
-        **words,
+        epilog=f"{methods}\n\n{solvers}\n\nshipped scenes: {', '.join(shipped_names()) or 'none'}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name: str, text: str, run, epilog: str = "") -> argparse.ArgumentParser:
-        made = commands.add_parser(name, help=text, description=text, epilog=epilog, **words)
+        made = commands.add_parser(
+            name, help=text, description=text, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
         made.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
         made.set_defaults(run=run)
         return made
@@ -172,11 +177,9 @@ def _parser() -> argparse.ArgumentParser:
         _compare,
         f"{methods}\n\n{solvers}",
     )
+    compare.add_argument("--spread", metavar="5%", help="box of this share around the nominal values, as 5%% or 0.05")
     compare.add_argument(
-        "--spread", metavar="5%", help="box of this share around the nominal values, as 5%% or 0.05"
-    )
-    compare.add_argument(
-        "--methods", metavar="M", nargs="+", help="methods to compare; default: a dozen settings"
+        "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
     )
     compare.add_argument("--solver", metavar="S", help="solver of all methods")
     compare.add_argument("--json", metavar="F", help="write everything to this file")
@@ -184,7 +187,7 @@ def _parser() -> argparse.ArgumentParser:
 
     simulate = command("simulate", "run the scene once and tell what its outputs do", _simulate, solvers)
     simulate.add_argument(
-        "--set", metavar="l1=1.02", nargs="+", default=[], help="parameters that are not nominal"
+        "--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help="parameters that are not nominal"
     )
     simulate.add_argument("--solver", metavar="S", help="solver")
     simulate.add_argument("--json", metavar="F", help="write everything to this file")

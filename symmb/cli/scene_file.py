@@ -38,9 +38,7 @@ def load_scene(given: str) -> Scene:
     with _foreign(path):
         scene = build()
     if not isinstance(scene, Scene):
-        raise DeclarationError(
-            f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene."
-        )
+        raise DeclarationError(f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene.")
     return scene
 
 
@@ -79,9 +77,7 @@ def _foreign(path: Path) -> Iterator[None]:
 
 def _sentence(error: BaseException, path: Path) -> str:
     """Kind and text of an error, and the last line of the file that took part in it."""
-    lines = [
-        frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path
-    ]
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
     if isinstance(error, SyntaxError):
         lines = [error.lineno]
     where = f" (line {lines[-1]})" if lines else ""

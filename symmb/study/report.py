@@ -40,7 +40,7 @@ def not_run(methods: Iterable[NotRun]) -> list[str]:
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
     """One line for each output without width: whose bounds miss it, and by how much."""
     lines = []
-    for i in np.flatnonzero(yardstick.zero_width):
+    for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
         found = f"absolute error of {', '.join(misses)}" if misses else "all bounds are right there"
         lines.append(wrapped(f"{outputs[i]} has no width and is left out of the means: {found}."))
@@ -53,9 +53,7 @@ def mean_and_worst(values: Array, yardstick: Yardstick, outputs: Sequence[str]) 
     if np.isnan(share).all():
         return "not known"
     worst = int(np.nanargmax(share))
-    return (
-        f"{number(_mean(values, yardstick))} of the width, at most {number(share[worst])} ({outputs[worst]})"
-    )
+    return f"{number(_mean(values, yardstick))} of the width, at most {number(share[worst])} ({outputs[worst]})"
 
 
 def number(value: float) -> str:
