@@ -16,6 +16,7 @@ import symmb as mb
 from symmb.bounds import Method
 from symmb.cli import main, specs
 from symmb.cli.progress import Progress
+from symmb.cli.scene_file import shipped_names
 from symmb.solve.solvers import Solver
 
 PENDULUM = """
@@ -198,6 +199,12 @@ def test_a_scene_finds_itself_and_its_neighbours(scene, tmp_path, capsys):
     assert main(["simulate", scene(text.replace("\n        ", "\n"))]) == 0
     assert capsys.readouterr().out.splitlines()[-1].split()[:2] == ["f", "0.625"]
     assert sys.path == before
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_scenes_go_by_name(name, capsys):
+    assert main(["equations", name]) == 0
+    assert capsys.readouterr().out.startswith("System")
 
 
 def test_the_installed_command_runs_from_a_process(scene):

@@ -12,8 +12,8 @@ from symmb._names import did_you_mean
 from symmb.scene import Scene
 
 _PACKAGE = Path(__file__).parents[1]
-_SHIPPED = _PACKAGE / "models", _PACKAGE.parent / "models"
-"""Where shipped scenes lie: in an installed package, in a checkout."""
+_MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
+"""Where shipped scenes lie: inside an installed package, beside it in a checkout."""
 
 
 def load_scene(given: str) -> Scene:
@@ -44,13 +44,11 @@ def load_scene(given: str) -> Scene:
 
 def shipped_names() -> list[str]:
     """The names of the shipped scenes."""
-    files = [path for folder in _SHIPPED for path in folder.glob("*.py") if not path.name.startswith("_")]
-    return sorted({path.stem for path in files})
+    return sorted(path.stem for path in _MODELS.glob("*.py") if not path.name.startswith("_"))
 
 
 def _find(given: str) -> Path:
-    candidates = [Path(given), *(folder / f"{given}.py" for folder in _SHIPPED)]
-    for path in candidates:
+    for path in (Path(given), _MODELS / f"{given}.py"):
         if path.is_file():
             return path
     if given.endswith(".py") or len(Path(given).parts) > 1:
