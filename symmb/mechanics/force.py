@@ -15,6 +15,8 @@ from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic.geometry import is_zero, unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
 
+_MEETING = 1e-12  # [m]
+
 
 @dataclass(frozen=True, eq=False)
 class Load:
@@ -87,7 +89,8 @@ class Gravity(ForceElement):
 class SpringDamper(ForceElement):
     """Spring and damper along the line between two points: pull k (d - length) + c d'.
 
-    A spring of length 0 pulls along the vector between the points and stays smooth where they meet.
+    A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper resists along
+    the line alone, or it would brake the common rotation of its bodies; for damping in all directions use `Bushing`.
 
     Parameters
     ----------
@@ -125,8 +128,8 @@ class SpringDamper(ForceElement):
             yield Action(self._pull(force), 0.5 * k * stretch if _constant(k, length) else None)
         if not is_zero(c):
             rate = ddt(d)
-            force = c * rate if is_zero(length) and not is_zero(k) else c * ca.dot(unit(d), rate) * unit(d)
-            yield Action(self._pull(force))
+            # Points closer than 1e-12 m have no line between them: the pull fades there and stays finite.
+            yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), _MEETING**2) * d))
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
