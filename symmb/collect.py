@@ -211,10 +211,16 @@ def _plane(title: str, action: Action) -> list[str]:
         if outside:
             what = ("force along x", "force along y", "force along z", "torque about x", "torque about y", "torque about z")
             faults.append(
-                f"{title}: {what[outside[0]]} ({wrench[outside[0]]}) leaves the plane of planar body {load.body.name!r}. "
-                "Leave it out or use pose=Spatial()."
+                f"{title}: {what[outside[0]]}{_shown(wrench[outside[0]])} leaves the plane of planar body "
+                f"{load.body.name!r}. Leave it out or use pose=Spatial()."
             )
     return faults
+
+
+def _shown(value: ca.SX) -> str:
+    """A value in brackets, unless it is too long to help."""
+    text = str(value)
+    return f" ({text})" if len(text) <= 40 else ""
 
 
 def _forces(bodies, inertial, actions) -> tuple[ca.SX, ca.SX, ca.SX]:
