@@ -149,8 +149,8 @@ def _membership(elements: Sequence[object]) -> list[str]:
 
 def _inertial(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     faults = []
-    mass = bind(as_matrix(body.mass), f"Body {body.name!r}: mass")
-    J = inertia_matrix(body, bind(as_matrix(body.inertia), f"Body {body.name!r}: inertia"))
+    mass = bind(body.mass, f"Body {body.name!r}: mass")
+    J = inertia_matrix(body, as_matrix(body.inertia, lambda law: bind(law, f"Body {body.name!r}: inertia")))
     for what, value in (("mass", mass), ("inertia", ca.diag(J))):
         at_nominal = ca.Function("f", [parameters.symbols], [value], {"allow_free": True})
         if not at_nominal.has_free() and np.any(np.asarray(at_nominal(parameters.nominal)) < 0):

@@ -117,7 +117,7 @@ def plot_trajectory(
     """Values (n_t, n_y) over times t (n_t,) [s], one panel an output; see `plot_comparison` for path."""
     figure = _figure(_HEAD + _ROW * _rows(len(names)))
     for i, axes in enumerate(_panels(figure, t, names)):
-        axes.plot(t, values[:, i], color=_COLOURS[0], linewidth=1.2)
+        axes.plot(_abscissa(t), _along(t, values[:, i]), color=_COLOURS[0], linewidth=1.2)
     figure.suptitle(title, fontsize=10)
     return _saved(figure, path)
 
@@ -133,17 +133,17 @@ def _draw_bounds(
 ) -> None:
     panels = _panels(figure, t, [names[i] for i in shown])
     for axes, i in zip(panels, shown, strict=True):
-        axes.fill_between(
-            t, reference.lower[:, i], reference.upper[:, i], color=_BAND, linewidth=0, label=reference.label
-        )
+        band = _along(t, reference.lower[:, i]), _along(t, reference.upper[:, i])
+        axes.fill_between(_abscissa(t), *band, color=_BAND, linewidth=0, label=reference.label)
         for k, curve in enumerate(curves):
             style: dict[str, Any] = {
                 "color": _of(_COLOURS, k),
                 "linestyle": _of(_DASHES, k),
                 "linewidth": 1.1,
             }
-            axes.plot(t, curve.lower[:, i], label=f"{curve.label}, {curve.kind}", **style)
-            axes.plot(t, curve.upper[:, i], **style)
+            label = f"{curve.label}, {curve.kind}"
+            axes.plot(_abscissa(t), _along(t, curve.lower[:, i]), label=label, **style)
+            axes.plot(_abscissa(t), _along(t, curve.upper[:, i]), **style)
         axes.set_ylim(*_window(reference, curves, i))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
@@ -234,7 +234,9 @@ def _panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Axes"
         axes.set_visible(False)
     for i, (axes, name) in enumerate(zip(grid, names, strict=False)):
         axes.set_title(name, fontsize=9, loc="left", fontweight="bold", pad=3)
-        axes.set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
+        axes.set_xlim(*_abscissa(t)[[0, -1]])
+        if len(t) == 1:
+            axes.set_xticks(t)
         axes.grid(color="#e3e7eb", linewidth=0.6)
         axes.ticklabel_format(useOffset=False)
         _dress(axes)
@@ -242,6 +244,16 @@ def _panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Axes"
             axes.set_xlabel("time [s]", fontsize=8)
             axes.tick_params(labelbottom=True)
     return list(grid[: len(names)])
+
+
+def _abscissa(t: Array) -> Array:
+    """The times; a single one is drawn as a stretch."""
+    return t if len(t) > 1 else t + np.array([-0.5, 0.5])
+
+
+def _along(t: Array, values: Array) -> Array:
+    """Values (n_t,) at the abscissa of the times t (n_t,)."""
+    return np.broadcast_to(values, _abscissa(t).shape)
 
 
 def _dress(axes: "Axes") -> None:

@@ -54,7 +54,7 @@ class Exact:
     Garloff, J. Comput. Appl. Math. 1985; Farouki, Comput. Aided Geom. Design 29 (2012), sections 5-7.
     """
 
-    tolerance: float = 1e-3
+    tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         if not 1e-9 <= self.tolerance < 1:

@@ -1,5 +1,6 @@
 """Bodies and points fixed to them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -190,9 +191,9 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
     )
 
 
-def as_matrix(value: Expr) -> Expr:
-    """Nested sequences as one SX matrix or vector; everything else as it is."""
+def as_matrix(value: Expr, bind: Callable[[Expr], ca.SX]) -> ca.SX:
+    """A law, or nested sequences of laws as one vector or matrix, bound entry by entry."""
     if isinstance(value, list | tuple | np.ndarray):
-        rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in value]
-        return ca.vertcat(*[ca.horzcat(*[ca.SX(entry) for entry in row]) for row in rows])
-    return value
+        rows = [row if isinstance(row, list | tuple | np.ndarray) else [row] for row in value]
+        return ca.vertcat(*[ca.horzcat(*[bind(entry) for entry in row]) for row in rows])
+    return bind(value)

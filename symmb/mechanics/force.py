@@ -55,6 +55,11 @@ def _constant(*laws: ca.SX) -> bool:
     return True
 
 
+def _moved(distance: ca.SX) -> bool:
+    """Whether a distance depends on time by itself, as from a support that a law moves: its forces do work then."""
+    return any(is_time(symbol) for symbol in symbols_in(distance))
+
+
 class ForceElement(Element):
     """An element that adds to the generalised forces Q."""
 
@@ -125,7 +130,7 @@ class SpringDamper(ForceElement):
         if not is_zero(k):
             stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
             force = k * d if is_zero(length) else k * (1 - length / ca.norm_2(d)) * d
-            yield Action(self._pull(force), 0.5 * k * stretch if _constant(k, length) else None)
+            yield Action(self._pull(force), 0.5 * k * stretch if _constant(k, length) and not _moved(d) else None)
         if not is_zero(c):
             rate = ddt(d)
             # Points closer than 1e-12 m have no line between them: the pull fades there and stays finite.
@@ -243,7 +248,7 @@ class Bushing(ForceElement):
             return (force_at(self.point_b, force), force_at(there, -force))
 
         if not is_zero(K):
-            yield Action(push(-a.frame.R @ K @ d), 0.5 * ca.dot(d, K @ d) if _constant(K) else None)
+            yield Action(push(-a.frame.R @ K @ d), 0.5 * ca.dot(d, K @ d) if _constant(K) and not _moved(d) else None)
         if not is_zero(C):
             yield Action(push(-a.frame.R @ C @ ddt(d)))
         K, C = self._diagonal(bind, "rotational_stiffness"), self._diagonal(bind, "rotational_damping")

@@ -31,47 +31,31 @@ class Run:
 
 
 class Integration:
-    """A problem compiled for a CasADi integrator; pickles, so that other threads and processes get a copy.
+    """Compiled runs over one time grid; pickles, so that other threads and processes get a copy.
 
     Parameters
     ----------
-    problem : Problem
-    plugin : str                     CasADi's name of the integrator
-    options : (span, horizon) -> dict
-    times : (n_t,) array             [s]
+    times : (n_t,) array                 [s]
+    n_x, n_quad : int
+    whole : Function, optional           (x0, z0, p) -> x (n_x, n_t), z, quad (n_quad, n_t) at all times
+    between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of one interval
+    guess : Function                     (x, p, t) -> z0
+    project : Function, optional         (x, p, t) -> x on the constraints
     """
 
     def __init__(
-        self, problem: Problem, plugin: str, options: Callable[[float, float], dict[str, Any]], times: Array
+        self,
+        times: Array,
+        n_x: int,
+        n_quad: int,
+        whole: ca.Function | None,
+        between: ca.Function | None,
+        guess: ca.Function,
+        project: ca.Function | None = None,
     ) -> None:
         self.times = times
-        self.n_x = problem.x.numel()
-        self.n_quad = problem.quad.numel()
-        self._guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
-        self._project = (
-            None
-            if problem.projected is None
-            else ca.Function("project", [problem.x, problem.p, problem.t], [problem.projected], {"cse": True})
-        )
-        dae = {"x": problem.x, "p": problem.p, "t": problem.t, "ode": problem.ode}
-        if problem.z.numel():
-            dae |= {"z": problem.z, "alg": problem.alg}
-        if self.n_quad:
-            dae |= {"quad": problem.quad}
-        spans = np.diff(times)
-        horizon = float(times[-1] - times[0])
-        self._whole = self._between = None
-        if self.n_x == 0 or len(times) == 1:
-            return
-        if self._project is None:
-            self._whole = ca.integrator("whole", plugin, dae, times[0], times, options(horizon, horizon))
-        # Between two output times: t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
-        begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
-        scaled = {k: ca.substitute(e, problem.t, begin + span * tau) for k, e in dae.items() if k not in ("x", "z", "p", "t")}
-        scaled |= {k: span * scaled[k] for k in ("ode", "quad") if k in scaled}
-        scaled |= {k: dae[k] for k in ("x", "z") if k in dae}
-        scaled |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
-        self._between = ca.integrator("between", plugin, scaled, 0, 1, options(float(spans.max()), horizon))
+        self.n_x, self.n_quad = n_x, n_quad
+        self._whole, self._between, self._guess, self._project = whole, between, guess, project
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
@@ -141,6 +125,31 @@ class Integration:
         for i in range(1, len(self.times)):
             x, _ = self.advance(i, x, p)
             yield i, x
+
+
+def casadi_integration(
+    problem: Problem, plugin: str, options: Callable[[float, float], dict[str, Any]], times: Array
+) -> Integration:
+    """A problem compiled for one of CasADi's integrators, options given (span, horizon) [s]."""
+    arguments = [problem.x, problem.p, problem.t]
+    guess = ca.Function("guess", arguments, [problem.z_guess])
+    project = None if problem.projected is None else ca.Function("project", arguments, [problem.projected], {"cse": True})
+    whole = between = None
+    if problem.x.numel() and len(times) > 1:
+        dae = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
+        dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
+        dae = {name: e for name, e in dae.items() if e.numel()}
+        horizon = float(times[-1] - times[0])
+        if project is None:
+            whole = ca.integrator("whole", plugin, dae, times[0], times, options(horizon, horizon))
+        # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
+        begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
+        for name in {"ode", "alg", "quad"} & dae.keys():
+            dae[name] = ca.substitute(dae[name], problem.t, begin + span * tau) * (1 if name == "alg" else span)
+        dae |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
+        longest = float(np.diff(times).max())
+        between = ca.integrator("between", plugin, dae, 0, 1, options(longest, horizon))
+    return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
 
 
 def _reason(error: RuntimeError) -> str:

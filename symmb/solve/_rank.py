@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.linalg
 
 from symmb._types import Array
 
@@ -14,6 +13,8 @@ def independent(A: Array) -> tuple[Array, Array]:
     """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix."""
     if not A.size:
         return np.arange(0), np.arange(0)
+    import scipy.linalg  # not at import: most of a scene's life goes without it
+
     scale = np.linalg.norm(A, axis=1)
     scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
     rank = int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * max(A.shape)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.dae import DAE
-from symmb.solve._integration import Integration
+from symmb.solve._integration import Integration, casadi_integration
 from symmb.solve._problem import build_problem
 from symmb.solve.stabilization import Stabilization
 
@@ -42,7 +42,7 @@ class _Casadi(Solver):
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
-        return Integration(problem.jets(order) if order else problem, self.plugin, self.options, times)
+        return casadi_integration(problem.jets(order) if order else problem, self.plugin, self.options, times)
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import scipy.linalg
 
 from symmb._errors import AssemblyError
 from symmb._types import Array
@@ -195,7 +194,7 @@ def _assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free
             break
         # G holds the position rows first; the least-norm step moves the coordinates least.
         J = _at(dae.G, dae, q, t0)[: dae.n_c, free]
-        step = scipy.linalg.lstsq(J, -r, cond=1e-10)[0]
+        step = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
         for damping in 0.5 ** np.arange(12):
             delta = np.zeros(dae.n_v)
             delta[free] = damping * step

@@ -1,0 +1,1 @@
+"""Implicit step formulas as symbolic residuals: data for one driver, which lets CasADi derive their Newton matrix."""

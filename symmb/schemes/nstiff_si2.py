@@ -1,0 +1,80 @@
+"""NSTIFF-SI2: second-order BDF on the stabilised index-2 form."""
+
+import casadi as ca
+
+from symmb.dae import DAE
+from symmb.schemes._step import At, Step
+
+
+def nstiff_si2(dae: DAE, work: bool) -> Step:
+    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length.
+
+    With unknowns v', q', lam, mu and the new state q, v from the BDF formula,
+
+        M v' + G' lam - Q = 0,      N v - q' + Phi_q' mu = 0,      Phi / (b h) = 0,      (G v + Phi_t) / (b h) = 0,
+
+    where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes at
+    the exact solution.
+
+    References
+    ----------
+    Wang, Yang (2021), Nonlinear Dynamics, eqs. (5)-(8); Negrut, Rampalli, Ottarsson, Sajdak (2007), ASME Journal of
+    Computational and Nonlinear Dynamics 2, 73-85, for the scaling of Phi.
+    """
+    n_q, n_v, n_x = dae.n_q, dae.n_v, dae.n_q + dae.n_v + dae.n_s
+    x, p, t, h = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t"), ca.SX.sym("h")
+    n_quad = 1 if work and dae.power is not None else 0
+    # history: state, work, power, state before, length of the last step
+    w = ca.SX.sym("w", 2 * n_x + 2 * n_quad + 1)
+    now, before, h_last = w[:n_x], w[n_x + 2 * n_quad : -1], w[-1]
+    W, power_now = w[n_x : n_x + n_quad], w[n_x + n_quad : n_x + 2 * n_quad]
+    ratio = h / h_last
+    b = (1 + ratio) / (1 + 2 * ratio)
+    past = ((1 + ratio) ** 2 * now - ratio**2 * before) / (1 + 2 * ratio)
+
+    heads = quaternions(dae)
+    rate, lam = ca.SX.sym("rate", n_x), ca.SX.sym("lam", dae.n_r)
+    mu = ca.SX.sym("mu", dae.n_c + len(heads))
+    new = past + b * h * rate
+    at = At(dae, new, p, t)
+    q = x[:n_q]
+    norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
+    rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
+    back = ca.densify(ca.jacobian(rows, q).T @ mu)
+    positions, towards = ca.Function("positions", [x, mu, p, t], [rows, back])(new, mu, p, t)
+    residual = ca.vertcat(
+        at.unbalance(rate[n_q : n_q + n_v], lam),
+        at.qdot - rate[:n_q] + towards,
+        at.sdot - rate[n_q + n_v :],
+        positions / (b * h),
+        at.Phi_dot() / (b * h),
+    )
+    power = at.power(lam) if n_quad else ca.SX(0, 1)
+    first = At(dae, x, p, t)
+    vdot, lam_first = first.solved()
+    slope = ca.vertcat(first.qdot, vdot, first.sdot)
+    bend = ca.jtimes(slope, x, slope) + ca.jacobian(slope, t)
+    begin = ca.vertcat(
+        x, ca.SX.zeros(n_quad), first.power(lam_first) if n_quad else ca.SX(0, 1), x - h * slope + h**2 / 2 * bend, h
+    )
+    here = At(dae, now, p, t - h)
+    vdot_now, lam_now = here.solved()
+    return Step(
+        x=x,
+        begin=begin,
+        w=w,
+        z=ca.vertcat(rate, lam, mu),
+        p=p,
+        t=t,
+        h=h,
+        guess=ca.vertcat(here.qdot, vdot_now, here.sdot, lam_now, ca.SX.zeros(mu.numel())),
+        residual=ca.densify(residual),
+        following=ca.vertcat(new, W + h * (power_now + power) / 2, power, now, h),
+        n_x=n_x,
+        n_quad=n_quad,
+    )
+
+
+def quaternions(dae: DAE) -> list[int]:
+    """Where quaternions stand in q: index of each scalar part."""
+    return [i for i, (name, one) in enumerate(zip(dae.q_names, dae.q_neutral, strict=True)) if one and name[-3:] == ".e0"]
