@@ -131,6 +131,13 @@ def test_a_trajectory_has_one_panel_an_output(tmp_path):
     assert (tmp_path / "t.png").stat().st_size > 1000
 
 
+def test_a_single_time_is_a_stretch():
+    axes = plot.plot_trajectory(np.array([2.0]), np.array([[7.0]]), ["a"]).axes[0]
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), [7.0, 7.0])
+    assert axes.get_xlim() == (1.5, 2.5)
+    assert list(axes.get_xticks()) == [2.0]
+
+
 def test_pyplot_is_not_touched(tmp_path):
     code = (
         "import sys, numpy as np; from symmb import plot\n"

@@ -11,28 +11,8 @@ from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos
 from symmb.solve.solvers import CVODES, IDAS, Collocation, RungeKutta
 
 
-def _whole(name: str, text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise DeclarationError(f"{name} must be a whole number, got {text!r}.") from None
-
-
-def _real(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise DeclarationError(f"{name} must be a number, got {text!r}.") from None
-
-
-_NUMBERS: dict[str, Callable[[str, str], float]] = {
-    "ORDER": _whole,
-    "SAMPLES": _whole,
-    "POINTS": _whole,
-    "RUNS": _whole,
-    "TOL": _real,
-    "RTOL": _real,
-}
+_WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS"}
+"""The numbers of the forms that are whole; any other is a real one."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +44,7 @@ class Spec:
         """The object that a matching text stands for."""
         names = re.findall(r"[A-Z]+", self.form)
         given = [(name, text) for name, text in zip(names, match.groups(), strict=True) if text is not None]
-        return self.build(*(_NUMBERS[name](f"{match.string}: {name}", text) for name, text in given))
+        return self.build(*(_number(name, text, match.string) for name, text in given))
 
 
 METHODS = (
@@ -117,6 +97,15 @@ def table(title: str, specs: Sequence[Spec]) -> str:
     """The forms and what they stand for, as `--help` prints them."""
     width = max(len(spec.form) for spec in specs) + 2
     return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
+
+
+def _number(name: str, text: str, written: str) -> float:
+    whole = name in _WHOLE
+    try:
+        return int(text) if whole else float(text)
+    except ValueError:
+        kind = "a whole number" if whole else "a number"
+        raise DeclarationError(f"{written}: {name} must be {kind}, got {text!r}.") from None
 
 
 def _read(written: str, specs: Sequence[Spec], what: str) -> Any:

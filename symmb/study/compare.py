@@ -28,6 +28,9 @@ from symmb.study.row import NotRun, Row
 _RUNS = 2000
 """Most runs that a default method other than Monte Carlo may take."""
 _REPEATS = 3
+"""Fewest runs whose median is taken."""
+_ENOUGH = 0.1
+"""Short runs are repeated for so long [s]."""
 _WARM_UP = 0.5
 """A first run shorter than this is not counted [s]; a longer one is: the median of three sorts it out."""
 
@@ -87,18 +90,14 @@ def compare_simulator(
     if methods is None:
         methods = default_methods(simulator, box)
     exact = simulator if tighter is None else tighter
-    found = find_reference(
-        exact, box, reference, executor=executor, progress=_labelled(progress, "reference")
-    )
+    found = find_reference(exact, box, reference, executor=executor, progress=_labelled(progress, "reference"))
     yardstick = found.yardstick
     rows: list[Row] = []
     not_run: list[NotRun] = []
     for method in methods:
         label = _labelled(progress, repr(method))
         try:
-            bounds, seconds = _timed(
-                partial(propagate, simulator, method, box, executor=executor, progress=label)
-            )
+            bounds, seconds = _timed(partial(propagate, simulator, method, box, executor=executor, progress=label))
         except (PropagationError, SimulationError) as error:
             not_run.append(NotRun(repr(method), str(error)))
         else:
@@ -142,7 +141,7 @@ def _timed(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
     """The bounds, and the median duration of warm runs [s]."""
     bounds, seconds = _once(run)
     durations = [] if seconds < _WARM_UP else [seconds]
-    while len(durations) < _REPEATS:
+    while len(durations) < _REPEATS or sum(durations) < _ENOUGH:
         durations.append(_once(run)[1])
     return bounds, float(np.median(durations))
 

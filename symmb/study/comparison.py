@@ -81,9 +81,7 @@ class Comparison:
             "scene": self.scene,
             "times": self.times,
             "outputs": self.outputs,
-            "box": dict(
-                zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)
-            ),
+            "box": dict(zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)),
             "solver": self.solver,
             "reference": {
                 "method": self.reference.method,
@@ -112,9 +110,7 @@ class Comparison:
         try:
             return cls._from_layout(json.loads(Path(path).read_text(encoding="utf-8")))
         except (KeyError, TypeError, ValueError) as error:
-            raise DeclarationError(
-                f"{path} is not a saved comparison ({type(error).__name__}: {error})."
-            ) from error
+            raise DeclarationError(f"{path} is not a saved comparison ({type(error).__name__}: {error}).") from error
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw bounds over time and error against run time; write the picture to `path` if given.
@@ -163,10 +159,7 @@ class Comparison:
             own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)
             lines.append(f"solver's own error: {own}")
         uncertainty = report.mean_and_worst(self.reference.uncertainty, yardstick, self.outputs)
-        return [
-            report.wrapped(line)
-            for line in [*lines, f"reference: {self._reference()}; uncertainty {uncertainty}"]
-        ]
+        return [report.wrapped(line) for line in [*lines, f"reference: {self._reference()}; uncertainty {uncertainty}"]]
 
     def _setup(self) -> str:
         return "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
@@ -186,7 +179,7 @@ class Comparison:
         if self.repeats is None or self.threads is None:
             return "evaluations and bounding, warm, median"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        return f"evaluations and bounding, warm, median of {self.repeats}, {threads}"
+        return f"evaluations and bounding, warm, median of at least {self.repeats}, {threads}"
 
     @classmethod
     def _from_layout(cls, layout: dict[str, Any]) -> "Comparison":

@@ -45,7 +45,7 @@ def test_the_reference_runs_on_the_tighter_simulator_only():
     result = compare_simulator(simulator(plain), [Vertex()], BOX, Scanning(5), tighter=simulator(tight))
     own = 3  # the solver's own error is taken at the centre and two corners
     assert tight.runs == 5 + own
-    assert plain.runs == 4 * 2 + own  # one cold and three warm rounds over two vertices
+    assert plain.runs >= 4 * 2 + own  # one cold and three warm rounds over two vertices
     rms_width = np.sqrt(np.mean(T**2))
     assert result.solver_error == pytest.approx([0.1 / rms_width])
     assert result.rows[0].score.error == pytest.approx([0.1 / rms_width])
@@ -90,7 +90,12 @@ def test_progress_names_what_runs():
 
 @pytest.mark.parametrize(
     ("durations", "median", "rounds"),
-    [([0.4, 0.1, 0.3, 0.2], 0.2, 4), ([9.0, 0.1, 0.2], 0.2, 3), ([5.0, 7.0, 6.0], 6.0, 3)],
+    [
+        ([0.4, 0.1, 0.3, 0.2], 0.2, 4),  # the first is cold
+        ([9.0, 0.1, 0.2], 0.2, 3),  # long: the first counts
+        ([5.0, 7.0, 6.0], 6.0, 3),
+        ([0.4, 0.02, 0.02, 0.03, 0.04], 0.025, 5),  # short: until they add up to a tenth of a second
+    ],
 )
 def test_the_median_of_three_leaves_out_a_short_cold_run(monkeypatch, durations, median, rounds):
     clock = iter(np.cumsum([step for duration in durations for step in (0.0, duration)]))

@@ -36,9 +36,7 @@ def comparison(uncertainty=(1e-3, 1e-3), reference_upper=ONE, **more):
     methods = {
         "rows": (
             row(reference, short=0.1),
-            row(
-                reference, "PolynomialChaos()", "estimate", short=1e-5, estimate=0.01 * ONE, inner=(ONE, ONE)
-            ),
+            row(reference, "PolynomialChaos()", "estimate", short=1e-5, estimate=0.01 * ONE, inner=(ONE, ONE)),
         ),
         "not_run": (NotRun("Taylor(order=2)", "It needs derivatives."),),
         **more,
@@ -106,10 +104,7 @@ def test_the_table_is_aligned_and_says_the_kind():
     table = [lines[start], *lines[start + 2 : start + 4]]
     column = table[0].index("kind")
     assert [line[column:].split()[0] for line in table] == ["kind", "sampled", "estimate"]
-    ends = {
-        line.index(cell) + len(cell)
-        for line, cell in zip(table, ["error", "7.1e-02", "1.0e-03"], strict=True)
-    }
+    ends = {line.index(cell) + len(cell) for line, cell in zip(table, ["error", "7.1e-02", "1.0e-03"], strict=True)}
     assert len(ends) == 1
     assert table[1].endswith("7.1e-02 x")
 
@@ -125,7 +120,7 @@ def test_the_head_tells_reference_cost_and_the_solvers_own_error():
     assert "reference: Scanning(45), 2554 runs, 1.5 s; uncertainty 1.0e-03 of the width" in text
     assert "solver's own error: 1.5e-06 of the width, at most 2.0e-06 (load [N])" in text
     assert "Taylor(order=2) did not run: It needs derivatives." in text
-    assert "median of 3, 1 thread" in text
+    assert "median of at least 3, 1 thread" in text
 
 
 def test_an_output_without_width_is_told_apart():
