@@ -1,0 +1,195 @@
+"""Forces against virtual work, balance of forces and moments, dissipation, and laws of any kind."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from joints import bundle, derivative, make_body, numbers, random_state
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+POSES = ("Planar", "Spatial", "Particle")
+
+
+def free_body(kind, name):
+    """A body whose moments of inertia are equal, so that no gyroscopic torque stands among the forces."""
+    return make_body(kind, name) if kind != "Spatial" else mb.Body(name, 1.3, (0.7, 0.7, 0.7), mb.Spatial())
+
+
+def points(a, b):
+    planar = any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
+    return (a.point(0.2, -0.1), b.point(0.5, 0.4)) if planar else (a.point(0.2, -0.1, 0.3), b.point(0.5, 0.4, -0.2))
+
+
+def axis_of(a, b):
+    planar = any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
+    return (0, 0, 1) if planar else (0.3, -0.5, 0.8)
+
+
+CONSERVATIVE = {
+    "gravity": lambda a, b: mb.Gravity(1.0, -9.81),
+    "spring": lambda a, b: mb.Spring("s", *points(a, b), 30.0, 0.4),
+    "spring of length 0": lambda a, b: mb.Spring("s", *points(a, b), 30.0),
+    "bushing": lambda a, b: mb.Bushing("s", *points(a, b), (10.0, 20.0, 40.0)),
+}
+PAIRS = [
+    *(("Planar", b) for b in ("Planar", "Ground")),
+    *(("Spatial", b) for b in ("Spatial", "Particle", "Ground")),
+    *(("Particle", b) for b in ("Particle", "Spatial", "Ground")),
+    *(("Ground", b) for b in POSES),
+]
+
+
+@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+@pytest.mark.parametrize("force", CONSERVATIVE)
+def test_a_conservative_force_is_minus_the_slope_of_its_potential(force, kinds):
+    a, b = (free_body(kind, name) for kind, name in zip(kinds, "ab", strict=True))
+    system, dae = bundle(a, b, CONSERVATIVE[force](a, b))
+    q, v = random_state(dae, np.random.default_rng(5))
+    V = ca.Function("V", [system.q], [system.potential_energy])
+    slope = [derivative(lambda h, e=e: numbers(V, q + h * e))[0] for e in np.eye(dae.n_q)]
+    N = ca.Function("N", [system.q], [system.N])(q).full()
+    Q = numbers(dae.Q, q, v, [], 0.0)
+    assert np.abs(Q).max() > 0.1
+    assert_allclose(Q, -N.T @ slope, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["Planar", "Spatial"])
+def test_a_torsion_spring_turns_its_bodies_back(kind):
+    """Bodies turned about a common axis, by 0.2 and by 1.1; the spring is without load at 0.25."""
+    a, b = free_body(kind, "a"), free_body(kind, "b")
+    axis = np.array(axis_of(a, b)) / np.linalg.norm(axis_of(a, b))
+    _, dae = bundle(a, b, mb.TorsionSpring("s", a, b, 3.0, 0.0, 0.25, axis=tuple(3 * axis)))
+
+    def turned(angle):
+        return [0.1, 0.2, angle] if kind == "Planar" else [0.1, 0.2, 0.3, np.cos(angle / 2), *np.sin(angle / 2) * axis]
+
+    q = np.array([*turned(0.2), *turned(1.1)])
+    s = (numbers(dae.s_start, q, []),) if dae.n_s else ()
+    at = (q, np.zeros(dae.n_v), *s, [], 0.0)
+    torque = -3.0 * (0.9 - 0.25)
+    expected = torque * (axis[2:] if kind == "Planar" else axis)
+    Q = numbers(dae.Q, *at).reshape(2, -1)
+    n = len(expected)
+    assert_allclose(Q[1], [*np.zeros(dae.n_v // 2 - n), *expected], atol=1e-12)
+    assert_allclose(Q[0], -Q[1], atol=1e-12)
+    assert_allclose(float(dae.energy(*at)[1]), 0.5 * 3.0 * (0.9 - 0.25) ** 2)
+
+
+INTERNAL = {
+    "spring": lambda a, b: mb.Spring("s", *points(a, b), 30.0, 0.4),
+    "spring of length 0": lambda a, b: mb.Spring("s", *points(a, b), 30.0),
+    "damper": lambda a, b: mb.Damper("s", *points(a, b), 4.0),
+    "spring and damper": lambda a, b: mb.SpringDamper("s", *points(a, b), 30.0, 4.0, 0.4),
+    "spring of length 0 and damper": lambda a, b: mb.SpringDamper("s", *points(a, b), 30.0, 4.0),
+    "bushing": lambda a, b: mb.Bushing("s", *points(a, b), (10.0, 20.0, 40.0), (1.0, 2.0, 3.0), (5.0, 6.0, 7.0), 0.5),
+    "torsion spring": lambda a, b: mb.TorsionSpring("s", a, b, 3.0, 0.4, 0.2, axis=axis_of(a, b)),
+}
+
+
+def rotations(dae, system, q):
+    return [ca.Function("R", [system.q], [body.rotation])(q).full() for body in system.bodies]
+
+
+def wrenches(dae, system, q, v):
+    """Force and torque about the centre of mass of every body in world axes, from Q."""
+    s = (numbers(dae.s_start, q, []),) if dae.n_s else ()
+    Q = numbers(dae.Q, q, v, *s, [], 0.0)
+    out, at, at_q = [], 0, 0
+    for body, R in zip(system.bodies, rotations(dae, system, q), strict=True):
+        n = {mb.Planar: 3, mb.Spatial: 6, mb.Particle: 3}[type(body.pose)]
+        f = Q[at : at + n]
+        r = np.array([*q[at_q : at_q + 2], 0 if isinstance(body.pose, mb.Planar) else q[at_q + 2]])
+        if isinstance(body.pose, mb.Planar):
+            out.append((r, np.array([f[0], f[1], 0]), np.array([0, 0, f[2]])))
+        else:
+            out.append((r, f[:3], R @ f[3:] if n == 6 else np.zeros(3)))
+        at, at_q = at + n, at_q + (7 if n == 6 else 3)
+    return out
+
+
+@pytest.mark.parametrize("kind", ["Planar", "Spatial"])
+@pytest.mark.parametrize("force", INTERNAL)
+def test_internal_forces_balance_in_force_and_moment(force, kind):
+    a, b = free_body(kind, "a"), free_body(kind, "b")
+    system, dae = bundle(a, b, INTERNAL[force](a, b))
+    rng = np.random.default_rng(6)
+    for _ in range(3):
+        q, v = random_state(dae, rng)
+        loads = wrenches(dae, system, q, v)
+        assert max(np.abs(np.concatenate(load[1:])).max() for load in loads) > 0.05
+        assert_allclose(sum(f for _, f, _ in loads), 0, atol=1e-12)
+        assert_allclose(sum(np.cross(r, f) + tau for r, f, tau in loads), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [0, 0.4])
+def test_forces_between_particles_point_along_their_line(length):
+    a, b = free_body("Particle", "a"), free_body("Particle", "b")
+    _, dae = bundle(a, b, mb.SpringDamper("s", a.point(0, 0), b.point(0, 0), 30.0, 4.0, length))
+    q, v = random_state(dae, np.random.default_rng(7))
+    Q = numbers(dae.Q, q, v, [], 0.0)
+    d, rate = q[3:] - q[:3], v[3:] - v[:3]
+    distance = np.linalg.norm(d)
+    pull = 30 * (distance - length) + 4 * (d @ rate) / distance
+    assert_allclose(Q, pull / distance * np.hstack([d, -d]), atol=1e-12)
+
+
+def test_a_spring_of_length_0_and_its_damper_are_finite_where_the_points_meet():
+    a = free_body("Particle", "a")
+    system, dae = bundle(a, mb.SpringDamper("s", mb.Ground().point(0, 0), a.point(0, 0), 30.0, 4.0))
+    slopes = ca.Function("slopes", [system.q, system.v], [ca.jacobian(system.Q, ca.vertcat(system.q, system.v))])
+    assert_allclose(numbers(dae.Q, np.zeros(3), np.ones(3), [], 0.0), 0)
+    assert_allclose(slopes(np.zeros(3), np.ones(3)).full()[:, :3], -30 * np.eye(3))
+
+
+@pytest.mark.parametrize("force", ["spring", "bushing", "damper"])
+def test_a_force_out_of_the_plane_of_a_planar_body_is_refused(force):
+    a, b = free_body("Planar", "a"), free_body("Spatial", "b")
+    with pytest.raises(mb.DeclarationError, match=r"'s': force along z leaves the plane of planar body 'a'\. Leave it out"):
+        mb.System(a, b, INTERNAL[force](a, b))
+
+
+@pytest.mark.parametrize("kind", ["Planar", "Spatial"])
+@pytest.mark.parametrize("force", ["damper", "bushing", "torsion spring"])
+def test_dampers_take_power_out(force, kind):
+    a, b = free_body(kind, "a"), free_body(kind, "b")
+    damper = {
+        "damper": mb.Damper("s", *points(a, b), 4.0),
+        "bushing": mb.Bushing("s", *points(a, b), 0.0, (1.0, 2.0, 3.0), 0.0, (0.5, 0.6, 0.7)),
+        "torsion spring": mb.TorsionSpring("s", a, b, 0.0, 0.4, axis=axis_of(a, b)),
+    }[force]
+    system, dae = bundle(a, b, damper)
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        q, v = random_state(dae, rng)
+        if force == "torsion spring" and kind == "Spatial":
+            q[10:14] = q[3:7]  # its axis is common to both bodies
+        s = (numbers(dae.s_start, q, []),) if dae.n_s else ()
+        power = v @ numbers(dae.Q, q, v, *s, [], 0.0)
+        assert power < 0
+        assert_allclose(float(dae.power(q, v, *s, [], 0.0, [])), power)
+    if force == "damper":
+        pa, pb = points(a, b)
+        rate = ca.Function("rate", [system.q, system.v], [mb.ddt(ca.norm_2(pb.r - pa.r))])
+        assert_allclose(power, -4.0 * float(rate(q, v)) ** 2)
+
+
+def test_a_bushing_resists_by_the_sine_of_the_angle_about_each_axis():
+    ground, b = mb.Ground(), free_body("Spatial", "b")
+    _, dae = bundle(b, mb.Bushing("s", ground.point(0, 0), b.point(0, 0), 0.0, 0.0, (3.0, 5.0, 7.0)))
+    for k, stiffness in enumerate((3.0, 5.0, 7.0)):
+        e = np.zeros(4)
+        e[0], e[k + 1] = np.cos(0.3), np.sin(0.3)
+        torque = np.zeros(3)
+        torque[k] = -stiffness * np.sin(0.6)
+        assert_allclose(numbers(dae.Q, np.hstack([np.zeros(3), e]), np.zeros(6), [], 0.0)[3:], torque, atol=1e-14)
+
+
+def test_gyroscopic_torques_of_a_spatial_body():
+    J = np.array([[0.5, 0.1, 0.0], [0.1, 0.8, -0.2], [0.0, -0.2, 0.9]])
+    body = mb.Body("b", 1.0, J, mb.Spatial())
+    _, dae = bundle(body)
+    omega = np.array([1.0, -2.0, 0.5])
+    Q = numbers(dae.Q, [0, 0, 0, 1, 0, 0, 0], np.hstack([np.zeros(3), omega]), [], 0.0)
+    assert_allclose(Q, np.hstack([np.zeros(3), -np.cross(omega, J @ omega)]))
+    assert_allclose(dae.M(np.zeros(7), np.zeros(6), [], 0.0).full()[3:, 3:], J)

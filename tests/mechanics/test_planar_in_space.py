@@ -1,0 +1,96 @@
+"""A planar scene and the same scene of spatial bodies move alike: one joint library for both."""
+
+import casadi as ca
+import numpy as np
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+TIMES = np.linspace(0, 2, 41)
+TIGHT = mb.CVODES(rtol=1e-12, stabilization=mb.Projection())
+
+
+def body(name, mass, inertia, planar):
+    if planar:
+        return mb.Body(name, mass, inertia, mb.Planar())
+    return mb.Body(name, mass, (0.4 * inertia, 0.8 * inertia, inertia), mb.Spatial())
+
+
+def turned(name, angle, planar):
+    """Start of a body turned about z."""
+    return {f"{name}.theta": angle} if planar else {f"{name}.rotation": mb.rotation((0, 0, 1), angle)}
+
+
+def spin(name, omega, planar):
+    """Start of a body that turns about z."""
+    return {f"{name}.omega": omega if planar else (0, 0, omega)}
+
+
+def run(system, start, bodies, joint, **more):
+    """Positions, velocities, turns and the reaction in a joint of the same names, whatever the poses are."""
+    outputs = {}
+    for b in bodies:
+        R = b.rotation
+        omega = b.omega if b.omega.numel() == 1 else b.omega[2]
+        outputs |= {
+            f"{b.name}.px": b.point(0.3, 0.1).x,
+            f"{b.name}.py": b.point(0.3, 0.1).y,
+            f"{b.name}.pvx": b.point(0.3, 0.1).vx,
+            f"{b.name}.pvy": b.point(0.3, 0.1).vy,
+            f"{b.name}.turn": ca.atan2(R[1, 0], R[0, 0]),
+            f"{b.name}.spin": omega,
+        }
+    reaction = system.reaction(joint)
+    outputs |= {"fx": reaction.fx, "fy": reaction.fy, "fz": reaction.fz, "tx": reaction.tx, "tz": reaction.tz}
+    scene = mb.Scene(system, start=start, times=TIMES, outputs=outputs, **more)
+    trajectory = mb.simulate(scene, TIGHT)
+    assert trajectory.position_drift < 1e-13
+    assert trajectory.energy_drift < 1e-9
+    return trajectory.values
+
+
+def chain(planar):
+    """Two rods and a plate that slides along the second; spring, damper, torsion spring, force, torque, gravity."""
+    ground = mb.Ground()
+    rod1, rod2, plate = (body(f"b{i}", m, j, planar) for i, m, j in ((1, 1.0, 0.2), (2, 2.0, 0.1), (3, 0.5, 0.3)))
+    system = mb.System(
+        rod1, rod2, plate,
+        mb.Revolute("shoulder", ground.point(0, 0), rod1.point(-0.5, 0)),
+        mb.Revolute("elbow", rod1.point(0.5, 0.1), rod2.point(-0.4, 0)),
+        mb.Prismatic("slide", rod2.point(0, 0), plate.point(0.1, 0), axis=(1, 0, 0)),
+        mb.Gravity(0.3, -9.81),
+        mb.SpringDamper("spring", rod2.point(0.2, 0), plate.point(0, 0.3), 80.0, 0.6, 0.2),
+        mb.TorsionSpring("torsion", rod1, rod2, 3.0, 0.05, 0.4),
+        mb.Force("push", plate.point(0, 0.2), (ca.sin(3 * mb.t), 1.0)),
+        mb.Torque("twist", rod1, 0.4),
+    )  # fmt: skip
+    start = turned("b1", 0.3, planar) | turned("b2", -0.8, planar) | spin("b1", 1.5, planar)
+    return run(system, start, (rod1, rod2, plate), "elbow")
+
+
+def slider_crank(planar):
+    """In space, a ball joint and a cylindrical joint carry the rod: with hinges it would be redundant."""
+    ground = mb.Ground()
+    crank, rod, slider = (body(n, m, j, planar) for n, m, j in (("crank", 1.0, 0.1), ("rod", 1.5, 0.3), ("slider", 2.0, 0.2)))
+    wrist, pin = (mb.Revolute, mb.Revolute) if planar else (mb.Cylindrical, mb.Spherical)
+    system = mb.System(
+        crank, rod, slider,
+        mb.Revolute("main", ground.point(0, 0), crank.point(-0.2, 0)),
+        pin("pin", crank.point(0.2, 0), rod.point(-0.6, 0)),
+        wrist("wrist", rod.point(0.6, 0), slider.point(0, 0)),
+        mb.Prismatic("guide", ground.point(0, 0.1), slider.point(0, 0), axis=(1, 0, 0)),
+        mb.Gravity(0, -9.81),
+        mb.Spring("spring", ground.point(2.5, 0.1), slider.point(0, 0), 30.0, 0.5),
+    )  # fmt: skip
+    start = turned("crank", 0.6, planar) | spin("crank", 4.0, planar)
+    return run(system, start, (crank, rod, slider), "pin", guess={"slider.x": 1.5, "rod.x": 0.9})
+
+
+def test_an_open_chain_moves_alike_in_the_plane_and_in_space():
+    assert_allclose(chain(False), chain(True), atol=1e-8)
+
+
+def test_a_slider_crank_moves_alike_in_the_plane_and_in_space():
+    planar, spatial = slider_crank(True), slider_crank(False)
+    assert np.ptp(planar, axis=0)[0] > 0.3  # it moves
+    assert_allclose(spatial, planar, atol=1e-8)
