@@ -10,7 +10,6 @@ from symmb._names import did_you_mean
 from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
 from symmb.solve.solvers import CVODES, IDAS, Collocation, RungeKutta
 
-
 _WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS"}
 """The numbers of the forms that are whole; any other is a real one."""
 
