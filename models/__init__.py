@@ -1,0 +1,1 @@
+"""Scenes as functions `scene(...) -> Scene`, each with a sketch and its source."""
