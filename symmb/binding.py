@@ -41,7 +41,10 @@ class Binding:
                                it is
         """
         if is_sympy(law):
-            law = from_sympy(law, self.by_name)
+            try:
+                law = from_sympy(law, self.by_name)
+            except DeclarationError as error:
+                raise DeclarationError(f"{what}: {error}") from None
         try:
             expression = ca.SX(law)
         except (NotImplementedError, TypeError):

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._types import Array
 from symmb.binding import Binding
 from symmb.mechanics.body import Body, Ground, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint
@@ -150,17 +151,33 @@ def _membership(elements: Sequence[object]) -> list[str]:
 def _inertial(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     faults = []
     mass = bind(body.mass, f"Body {body.name!r}: mass")
-    J = inertia_matrix(body, as_matrix(body.inertia, lambda law: bind(law, f"Body {body.name!r}: inertia")))
+    if mass.numel() != 1:
+        raise DeclarationError(f"Body {body.name!r}: mass has {mass.numel()} components; expected one number or expression.")
+    J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
     for what, value in (("mass", mass), ("inertia", ca.diag(J))):
-        at_nominal = ca.Function("f", [parameters.symbols], [value], {"allow_free": True})
-        if not at_nominal.has_free() and np.any(np.asarray(at_nominal(parameters.nominal)) < 0):
+        nominal = _nominal(value, parameters)
+        if nominal is not None and np.any(nominal < 0):
             faults.append(f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0.")
+        elif nominal is not None and any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
+            faults.append(
+                f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
+                "Write 0 for a massless body, so that its equations are solved without dividing by it."
+            )
+    skew = _nominal(ca.vec(J - J.T), parameters)
+    if skew is not None and np.abs(skew).max() > 0:
+        faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
     v_like = [s for s in ca.symvar(ca.vertcat(mass, ca.vec(J))) if bind.is_velocity(s)]
     if v_like:
         faults.append(f"Body {body.name!r}: mass and inertia must not depend on velocities ({v_like[0].name()}).")
     if faults:
         raise DeclarationError("\n".join(faults))
     return mass, J
+
+
+def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
+    """Numbers at the nominal parameters; None if coordinates or time stand in the expression."""
+    f = ca.Function("f", [parameters.symbols], [ca.densify(value)], {"allow_free": True})
+    return None if f.has_free() else np.asarray(f(parameters.nominal)).ravel()
 
 
 def _mass_block(body: Body, mass_and_inertia: tuple[ca.SX, ca.SX]) -> ca.SX:

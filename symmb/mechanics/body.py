@@ -105,6 +105,10 @@ class Body(_Framed):
     frame: Frame = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.pose, Pose):
+            raise DeclarationError(
+                f"Body {self.name!r}: pose {self.pose!r} is none. Use pose=Planar(), pose=Spatial() or pose=Particle()."
+            )
         object.__setattr__(self, "frame", self.pose.frame(self.name))
 
 
@@ -191,9 +195,11 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
     )
 
 
-def as_matrix(value: Expr, bind: Callable[[Expr], ca.SX]) -> ca.SX:
+def as_matrix(value: Expr, what: str, bind: Callable[[Expr, str], ca.SX]) -> ca.SX:
     """A law, or nested sequences of laws as one vector or matrix, bound entry by entry."""
     if isinstance(value, list | tuple | np.ndarray):
         rows = [row if isinstance(row, list | tuple | np.ndarray) else [row] for row in value]
-        return ca.vertcat(*[ca.horzcat(*[bind(entry) for entry in row]) for row in rows])
-    return bind(value)
+        if len({len(row) for row in rows}) > 1:
+            raise DeclarationError(f"{what}: its rows have {' and '.join(str(len(row)) for row in rows)} entries.")
+        return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
+    return bind(value, what)

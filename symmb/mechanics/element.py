@@ -58,7 +58,12 @@ def pose_faults(title: str, bodies: tuple[_Framed, ...], allowed: tuple[tuple[ty
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
             yield f"{title}: makes no sense on {body.pose!r} body {body.name!r}. Use {names}, or another joint."
+    yield from pair_faults(title, bodies)
+
+
+def pair_faults(title: str, bodies: tuple[_Framed, ...]) -> Iterator[str]:
+    """Fault of an element whose two points cannot move against each other."""
     if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
-        yield f"{title}: both points are on the ground, nothing is left to constrain."
+        yield f"{title}: both points are on the ground, nothing is left to act on."
     elif len(bodies) > 1 and bodies[0] is bodies[1]:
-        yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to constrain."
+        yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."

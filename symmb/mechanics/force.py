@@ -7,10 +7,11 @@ from functools import cached_property
 
 import casadi as ca
 
+from symmb._errors import DeclarationError
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
-from symmb.mechanics.element import Bind, Element, body_faults, point_faults, pose_faults
+from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic.geometry import is_zero, unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
@@ -117,7 +118,8 @@ class SpringDamper(ForceElement):
         return (self.point_a.body, self.point_b.body)
 
     def faults(self) -> Iterator[str]:
-        yield from point_faults(self.title, self.point_a, self.point_b)
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
 
     def _pull(self, force: ca.SX) -> tuple[Load, ...]:
         return (force_at(self.point_a, force), force_at(self.point_b, -force))
@@ -181,7 +183,9 @@ class TorsionSpring(ForceElement):
             return
         yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial), (Planar, Spatial)))
         axis = vector(self.axis, f"axis of {self.title}")
-        if any(isinstance(b.pose, Planar) for b in self.bodies()) and not (is_zero(axis[0]) and is_zero(axis[1])):
+        if is_zero(axis):
+            yield f"{self.title}: axis {self.axis} has no direction. Give a vector that is not zero."
+        elif any(isinstance(b.pose, Planar) for b in self.bodies()) and not (is_zero(axis[0]) and is_zero(axis[1])):
             yield f"{self.title}: axis {self.axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
 
     @cached_property
@@ -230,11 +234,14 @@ class Bushing(ForceElement):
         return (self.point_a.body, self.point_b.body)
 
     def faults(self) -> Iterator[str]:
-        yield from point_faults(self.title, self.point_a, self.point_b)
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
 
     def _diagonal(self, bind: Bind, what: str) -> ca.SX:
         value = getattr(self, what)
         values = value if isinstance(value, tuple | list) else (value,) * 3
+        if len(values) != 3:
+            raise DeclarationError(f"{self.title}: {what} has {len(values)} components; expected one or three.")
         return ca.sparsify(ca.diag(ca.vertcat(*[bind(v, f"{self.title}: {what}") for v in values])))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
@@ -274,6 +281,8 @@ class Force(ForceElement):
 
     def faults(self) -> Iterator[str]:
         yield from point_faults(self.title, self.point)
+        if not isinstance(self.force, tuple | list):
+            yield f"{self.title}: expected a force (fx, fy[, fz]), got {self.force!r}."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         yield Action((force_at(self.point, vector([bind(f, f"{self.title}: force") for f in self.force], self.title)),))

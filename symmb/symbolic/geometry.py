@@ -17,7 +17,10 @@ def vector(values: object, what: str = "vector") -> ca.SX:
     )
     if len(entries) not in (2, 3):
         raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
-    return ca.densify(ca.vertcat(*entries, *[0] * (3 - len(entries))))
+    try:
+        return ca.densify(ca.vertcat(*[ca.SX(e) for e in entries], *[0] * (3 - len(entries))))
+    except NotImplementedError:
+        raise DeclarationError(f"{what}: {values!r} has components that are neither numbers nor CasADi SX.") from None
 
 
 def is_zero(expression: ca.SX) -> bool:
