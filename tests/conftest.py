@@ -3,6 +3,20 @@
 from joints import ALL_JOINTS as ALL_JOINTS
 from joints import ALL_POSES as ALL_POSES
 
+from models import (
+    andrews,
+    car_axis,
+    chain,
+    cubic,
+    double_pendulum,
+    four_bar,
+    heavy_top,
+    n_four_bar,
+    rolling_disc,
+    slider_crank,
+    slider_crank_spatial,
+    spherical_pendulum,
+)
 from symmb import CVODES, IDAS, Collocation, RungeKutta
 from symmb.bounds import (
     Gauss,
@@ -42,4 +56,19 @@ ALL_METHODS = (
     Scanning(21),
     Vertex(),
     IntervalArithmetic(),
+)
+
+ALL_MODELS = (
+    cubic,
+    double_pendulum,
+    slider_crank,
+    four_bar,
+    n_four_bar,
+    andrews,
+    chain,
+    spherical_pendulum,
+    heavy_top,
+    car_axis,
+    rolling_disc,
+    slider_crank_spatial,
 )

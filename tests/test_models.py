@@ -1,0 +1,56 @@
+"""What must hold for every shipped scene."""
+
+import numpy as np
+import pytest
+from conftest import ALL_MODELS
+
+import symmb as mb
+from symmb.bounds import Scanning, propagate
+
+MOVING = [model for model in ALL_MODELS if model.scene().system.bodies]
+
+
+def _name(model):
+    return model.__name__.removeprefix("models.")
+
+
+@pytest.fixture(scope="module", params=MOVING, ids=_name)
+def run(request):
+    return mb.simulate(request.param.scene())
+
+
+def test_constraints_hold(run):
+    assert run.position_drift < 1e-5
+    assert run.velocity_drift < 1e-5
+
+
+def test_energy_balances(run):
+    assert run.energy_drift < 1e-5
+
+
+def test_mass_matrix_is_positive_definite(run):
+    dae = run.simulator.dae
+    M = dae.M(*dae.arguments(run.x[-1], dae.p_nominal, run.t[-1])).full()
+    assert np.array_equal(M, M.T)
+    assert np.linalg.eigvalsh(M).min() > 0
+
+
+def test_listed_start_holds(run):
+    for name, value in run.scene.start.items():
+        if name in run.simulator.dae.q_names and isinstance(value, float):
+            assert run[name][0] == value
+
+
+@pytest.mark.parametrize("model", ALL_MODELS, ids=_name)
+def test_box_runs_to_its_corners(model):
+    scene = model.scene()
+    few = scene.with_times(scene.times[:: max(1, len(scene.times) // 10)])
+    result = propagate(few, Scanning(3))
+    assert not result.failed
+    assert (result.upper - result.lower).max() > 0
+
+
+@pytest.mark.parametrize("model", ALL_MODELS, ids=_name)
+def test_module_tells_source_and_has_a_sketch(model):
+    assert "Source: " in model.__doc__
+    assert model.__doc__.count("\n    ") >= 4
