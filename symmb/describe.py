@@ -50,7 +50,7 @@ def _mass_structure(system: "System") -> str:
     kinds = {lookup(s).kind if lookup(s) else None for s in ca.symvar(system.M) if not is_time(s)}
     varies = Kind.COORDINATE in kinds or any(is_time(s) for s in ca.symvar(system.M))
     what = "varies along the motion" if varies else "constant along the motion"
-    if system.M.sparsity().is_diag():
+    if system.M.sparsity().is_subset(ca.Sparsity.diag(system.v.numel())):
         massless = system.M.nnz() < system.v.numel() or any(is_zero(ca.diag(system.M)[i]) for i in range(system.v.numel()))
         return f"{what}, diagonal" + (", singular: the full matrix is solved" if massless else ": reciprocals")
     return f"{what}, blocks of {sorted(set(np.asarray(system.block_sizes).tolist()))}"

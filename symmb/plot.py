@@ -111,6 +111,12 @@ def plot_comparison(
     return _saved(figure, path)
 
 
+def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
+    """Names with their units in brackets, where there are any."""
+    units = units or [""] * len(names)
+    return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True))
+
+
 def plot_trajectory(
     t: Array, values: Array, names: Sequence[str], path: str | Path | None = None, *, title: str = ""
 ) -> "Figure":

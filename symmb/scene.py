@@ -59,8 +59,12 @@ class Scene:
     name: str = "scene"
 
     def __post_init__(self) -> None:
-        faults = [*_time_faults(self.times), *self._box_faults()]
-        for attempt in (lambda: self.held, lambda: self.guesses, lambda: self._bound_outputs):
+        untimely = _time_faults(self.times)
+        faults = [*untimely, *self._box_faults()]
+        attempts = [lambda: self.held, lambda: self.guesses]
+        if not untimely:  # what moves uniformly needs the start time
+            attempts.append(lambda: self._bound_outputs)
+        for attempt in attempts:
             try:
                 attempt()
             except DeclarationError as error:

@@ -23,6 +23,7 @@ FLOORS = {
     "collect": 3,
     "describe": 3,
     "system": 3,
+    "units": 3,
     "scene": 3,
     "dae": 4,
     "schemes": 4,

@@ -22,6 +22,9 @@ MOST_RUNS = 5000
 TENSOR_PARAMETERS = 3
 """Up to so many parameters the levels are tensor grids, beyond it sparse grids."""
 
+ROUNDING = 1e-9
+"""Share of an output's scale below which its width counts as none."""
+
 
 class _Runs:
     """All runs made so far, by node."""
@@ -94,7 +97,7 @@ def adaptive_bounds(
         if bounds is not None:
             estimate = np.maximum(np.abs(lower - bounds[0]), np.abs(upper - bounds[1]))
         bounds = lower, upper
-        if estimate is not None and _share(estimate.reshape(shape), (upper - lower).reshape(shape)) <= tolerance:
+        if estimate is not None and _share(*(a.reshape(shape) for a in (estimate, lower, upper))) <= tolerance:
             break
     if bounds is None:
         raise PropagationError(f"{text}: no level for {len(box)} parameters.")
@@ -121,10 +124,12 @@ def _levels(d: int) -> Iterator[Fit]:
             yield Fit.of(SparseGrid(ClenshawCurtis()), TotalDegree(), d, level)
 
 
-def _share(change: Array, width: Array) -> float:
-    """Largest over outputs of rms change over rms width; an output without width has none."""
-    change_rms, width_rms = np.sqrt(np.mean(change**2, axis=0)), np.sqrt(np.mean(width**2, axis=0))
-    return float(np.max(np.divide(change_rms, width_rms, where=width_rms > 0, out=np.zeros_like(width_rms))))
+def _share(change: Array, lower: Array, upper: Array) -> float:
+    """Largest over outputs of rms change over rms width; an output constant but for rounding has none."""
+    width = np.sqrt(np.mean((upper - lower) ** 2, axis=0))
+    scale = np.sqrt(np.mean(np.maximum(lower**2, upper**2), axis=0))
+    rms = np.sqrt(np.mean(change**2, axis=0))
+    return float(np.max(np.divide(rms, width, where=width > ROUNDING * scale, out=np.zeros_like(width))))
 
 
 def _keys(nodes: Array) -> list[bytes]:

@@ -19,6 +19,7 @@ class Progress:
     def __init__(self, label: str) -> None:
         self._text = label
         self._start = time.monotonic()
+        self._stream = sys.stderr  # solvers redirect it for a moment
         self._done = Event()
         self._thread = Thread(target=self._watch, daemon=True)
 
@@ -27,7 +28,7 @@ class Progress:
         self._text = f"{label}: {done} of {total} runs"
 
     def __enter__(self) -> "Progress":
-        if sys.stderr.isatty():
+        if self._stream.isatty():
             self._thread.start()
         return self
 
@@ -44,7 +45,7 @@ class Progress:
         while not self._done.wait(_PERIOD):
             width = shutil.get_terminal_size().columns - 1
             line = f"{time.monotonic() - self._start:5.0f} s  {self._text}"
-            sys.stderr.write("\r" + line[:width].ljust(width))
-            sys.stderr.flush()
-        sys.stderr.write("\r\x1b[K")
-        sys.stderr.flush()
+            self._stream.write("\r" + line[:width].ljust(width))
+            self._stream.flush()
+        self._stream.write("\r\x1b[K")
+        self._stream.flush()

@@ -8,6 +8,7 @@ from typing import Any
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
+from symmb.solve.implicit_solvers import HHT, NSTIFFSI2, GeneralizedAlpha
 from symmb.solve.solvers import CVODES, IDAS, Collocation, RungeKutta
 
 _WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS"}
@@ -69,6 +70,9 @@ SOLVERS = (
     Spec("cvodes:RTOL", "CVODES(rtol=RTOL)", lambda rtol: CVODES(rtol=rtol)),
     Spec("collocation", "Collocation()", Collocation),
     Spec("rk", "RungeKutta()", RungeKutta),
+    Spec("nstiff-si2[:STEP]", "NSTIFFSI2(step=STEP)", NSTIFFSI2),
+    Spec("gen-alpha[:STEP]", "GeneralizedAlpha(step=STEP)", GeneralizedAlpha),
+    Spec("hht[:STEP]", "HHT(step=STEP)", HHT),
 )
 
 

@@ -21,6 +21,7 @@ from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jets
 from symmb.symbolic.symbols import t as time_symbol
+from symmb.units import unit_of
 
 S = TypeVar("S")
 
@@ -40,6 +41,7 @@ class DAESimulator:
     parameters : dict              name -> nominal value, in the order of the columns of P
     times : (n_t,) array           [s]
     outputs : tuple of str         names of the n_y outputs
+    units : tuple of str           of the outputs, '' where the expression does not show it
     solver : Solver
     setup_seconds : float          deriving, compiling and starting
     threads : int                  CasADi threads that samples are spread over; 1 in a copy sent elsewhere
@@ -52,6 +54,7 @@ class DAESimulator:
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
+        self.units = tuple(unit_of(y) for y in ca.vertsplit(scene.y)) if self.outputs else ()
         self.dae: DAE = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, self.dae)
         self.y = output_function(self.dae, scene, scene.y)

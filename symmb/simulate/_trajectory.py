@@ -217,7 +217,8 @@ class Trajectory:
 
     def plot(self, path: str | Path) -> None:
         """Picture of the outputs over time."""
-        figures.plot_trajectory(self.t, self.values, self.names, path)
+        names = figures.labels(self.names, self.simulator.units)
+        figures.plot_trajectory(self.t, self.values, names, path, title=self.scene.name)
 
 
 def _finite(value: float) -> float | None:

@@ -1,6 +1,8 @@
 """Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
 
+import io
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, redirect_stderr
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,7 +72,8 @@ class Integration:
             return [self._walk(*sample) for sample in zip(x0, p, strict=True)]
         try:
             (z0,) = batch(self._guess, x0, p, self.times[:1])
-            xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
+            with _quiet():
+                xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
         except RuntimeError:  # one failing sample fails the whole call; the walk finds out where
             if len(x0) > 1:
                 return [run for sample in zip(x0[:, None], p[:, None], strict=True) for run in self.run(*sample)]
@@ -106,7 +109,8 @@ class Integration:
         begin, span = self.times[i - 1], self.times[i] - self.times[i - 1]
         (z0,) = batch(self._guess, x, p, self.times[i - 1 : i])
         interval = np.broadcast_to([begin, span], (len(x), 2))
-        xf, _, qf, *_ = batch(self._between, x, z0, np.hstack([p, interval]))
+        with _quiet():
+            xf, _, qf, *_ = batch(self._between, x, z0, np.hstack([p, interval]))
         return self.project(xf, p, i), qf
 
     def project(self, x: Array, p: Array, i: int) -> Array:
@@ -150,6 +154,11 @@ def casadi_integration(
         longest = float(np.diff(times).max())
         between = ca.integrator("between", plugin, dae, 0, 1, options(longest, horizon))
     return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
+
+
+def _quiet() -> AbstractContextManager[object]:
+    """CasADi writes all arguments of a failing call to Python's stderr; what failed is told by `Run.message`."""
+    return redirect_stderr(io.StringIO())
 
 
 def _reason(error: RuntimeError) -> str:

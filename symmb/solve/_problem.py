@@ -74,12 +74,16 @@ def build_problem(dae: DAE, stabilization: Stabilization, *, algebraic: bool, wo
     vdot, lam = dae.forward(*at, right)
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
     if algebraic and dae.n_r and dae.G is not None:
-        z = ca.SX.sym("lam", dae.n_r)
-        # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
-        guess, lam = lam, z
         M, G = dae.M(*at), dae.G(*at)
-        vdot = ca.solve(M, dae.Q(*at) - G.T @ z)
-        alg = G @ vdot - right
+        if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
+            z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot, lam)
+            vdot, lam = z[: dae.n_v], z[dae.n_v :]
+            alg = ca.vertcat(M @ vdot + G.T @ lam - dae.Q(*at), G @ vdot - right)
+        else:
+            z, guess = ca.SX.sym("lam", dae.n_r), lam
+            # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
+            vdot, lam = ca.solve(M, dae.Q(*at) - G.T @ z), z
+            alg = G @ vdot - right
     power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
     return Problem(
         x=x,

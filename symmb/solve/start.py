@@ -74,6 +74,12 @@ class Start:
         ok &= ~self._contradiction(x, P)
         return np.where(ok[:, None], x, np.nan), ok
 
+    def nominal(self) -> dict[str, Array]:
+        """The start at the nominal parameters: q (n_q,), v (n_v,), s (n_s,) and p (n_p,)."""
+        x = self.states(self.dae.p_nominal[None])[0][0]
+        q, v, s = np.split(x, [self.dae.n_q, self.dae.n_q + self.dae.n_v])
+        return {"q": q, "v": v, "s": s, "p": self.dae.p_nominal}
+
     def _contradiction(self, x: Array, P: Array) -> Array:
         """Whether samples violate rows that were not needed to solve for the start, (N,)."""
         bad = np.zeros(len(P), dtype=bool)
@@ -255,7 +261,7 @@ def _velocities(
 
 def _check_velocities(start: Start, p0: Array) -> None:
     dae = start.dae
-    x, ok = start.states(p0[None])
+    _, ok = start.states(p0[None])
     if ok[0]:
         return
     q = start.q_nominal

@@ -1,6 +1,7 @@
 """Comparison of a scene or a simulator in one call."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from symmb._box import Box
 from symmb._types import Array, Executor, Expr
@@ -63,7 +64,7 @@ def compare(
         return compare_simulator(
             simulator, methods, box, reference, scene=repr(simulator), executor=executor, progress=progress
         )
-    return compare_simulator(
+    comparison = compare_simulator(
         simulator,
         methods,
         box,
@@ -76,3 +77,4 @@ def compare(
         executor=executor,
         progress=progress,
     )
+    return replace(comparison, units=simulator.units)

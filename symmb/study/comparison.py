@@ -25,7 +25,7 @@ class Comparison:
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not keep the
-    reference's cost, the solver's own error, `threads` and `repeats`: they are None when read back.
+    reference's cost, the solver's own error, `threads`, `repeats` and `units`: they are left out when read back.
 
     Attributes
     ----------
@@ -40,6 +40,7 @@ class Comparison:
     solver_error : (n_y,) or None   rms difference to a ten times tighter solver at the centre and at two
                                     opposite corners of the box, in the norm of `Score.error`
     threads, repeats : int or None  how run_seconds was measured
+    units : tuple of n_y str        units of the outputs for the picture, '' where they are not known
     """
 
     scene: str
@@ -54,6 +55,7 @@ class Comparison:
     solver_error: Array | None = None
     threads: int | None = None
     repeats: int | None = None
+    units: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Comparison({self.scene!r}, {len(self.rows)} methods, {len(self.outputs)} outputs)"
@@ -134,7 +136,7 @@ class Comparison:
         ]
         return plot.plot_comparison(
             self.times,
-            self.outputs,
+            plot.labels(self.outputs, self.units),
             plot.Band(f"reference: {reference.method}", reference.lower, reference.upper),
             curves,
             measured=~reference.yardstick.zero_width,

@@ -1,0 +1,284 @@
+"""Every signature that scene files and scripts outside this repository rely on, executed."""
+
+import json
+import re
+from concurrent.futures import ThreadPoolExecutor
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy
+
+import symmb as mb
+from symmb.cli import main
+from symmb.cli.specs import method, solver
+
+SCENE = '''
+"""Planar double pendulum of two homogeneous rods (Wang & Yang 2021, sec. 4.2)."""
+import numpy as np
+import symmb as mb
+
+def scene():
+    p = mb.Parameters(l1=1.0, l2=1.0)                    # nominal values [m]; p.l1 is a CasADi SX symbol
+    ground = mb.Ground()
+    rod1 = mb.Body("rod1", mass=p.l1, inertia=p.l1**3 / 12, pose=mb.Planar())    # 1 kg/m
+    rod2 = mb.Body("rod2", mass=p.l2, inertia=p.l2**3 / 12, pose=mb.Planar())
+    system = mb.System(
+        rod1, rod2,
+        mb.Revolute("shoulder", ground.point(0, 0), rod1.point(0, -p.l1 / 2)),
+        mb.Revolute("elbow", rod1.point(0, p.l1 / 2), rod2.point(0, -p.l2 / 2)),
+        mb.Gravity(0, 9.81),                             # the paper's y points down
+        parameters=p,
+    )
+    return mb.Scene(
+        system,
+        start={"rod1.theta": -np.pi / 4, "rod2.theta": -np.pi / 3},
+        times=np.linspace(0.0, 10.0, 1001),
+        outputs={"x1": rod1.x, "theta1": -rod1.theta, "x2_dot": rod2.vx, "tip_y": rod2.point(0, p.l2 / 2).y},
+        box=mb.Box.around(p, 0.05),
+    )
+'''
+SHORT = np.linspace(0.0, 0.5, 6)
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("contract") / "pendulum.py"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def scene():
+    namespace = {}
+    exec(SCENE, namespace)
+    return namespace["scene"]()
+
+
+def test_system_gives_vectors_matrices_and_reactions(scene):
+    system = scene.system
+    assert [v.numel() for v in (system.q, system.v, system.p, system.lam)] == [6, 6, 2, 4]
+    shapes = {"M": (6, 6), "N": (6, 6), "Q": (6, 1), "Phi": (4, 1), "Phi_q": (4, 6), "Phi_t": (4, 1), "gamma": (4, 1)}
+    assert {name: getattr(system, name).shape for name in shapes} == shapes
+    assert all(isinstance(getattr(system, name), ca.SX) for name in (*shapes, "q", "v", "p", "lam"))
+    assert system.lam("elbow").shape == (2, 1)
+    reaction = system.reaction("elbow")
+    assert reaction.force.shape == reaction.torque.shape == (3, 1)
+    assert isinstance(system.to_sympy()["M"], sympy.MatrixBase)
+    assert r"\Phi" in system.latex()
+    assert "n_q = 6" in str(system)
+
+
+def test_names_of_bodies_are_symbols_or_plain_combinations(scene):
+    rod = scene.system.bodies[0]
+    assert all(getattr(rod, name).is_symbolic() for name in ("x", "y", "theta", "vx", "vy", "omega"))
+    tip = rod.point(0, 0.5)
+    assert all(getattr(tip, name).numel() == 1 for name in ("x", "y", "z", "vx", "vy", "vz"))
+    assert ca.is_equal(mb.ddt(rod.x), rod.vx)
+    top = mb.Body("top", mass=1.0, inertia=(1, 2, 3), pose=mb.Spatial())
+    assert top.omega.shape == (3, 1) and top.z.is_symbolic()
+
+
+def test_compiled_functions_take_q_v_p_t(scene, tmp_path):
+    dae = mb.compile_dae(scene.system)
+    q, v = np.zeros(6), np.zeros(6)
+    for f in (dae.M, dae.Q, dae.Phi, dae.Phi_q, dae.gamma, dae.rhs):
+        assert f.n_in() == 4
+        f(q, v, [1.0, 1.0], 0.0)
+    files = dae.save_c(tmp_path / "c")
+    assert {file.name for file in files} >= {"model.c", "model.h", "main.c"}
+
+
+def test_simulate_takes_solver_parameters_times_outputs(scene):
+    rod1 = scene.system.bodies[0]
+    traj = mb.simulate(scene, solver=None, parameters=None, times=SHORT)
+    assert traj["x1"].shape == traj(rod1.x**2).shape == traj.t.shape == (6,)
+    assert traj.q.shape == traj.v.shape == (6, 6) and traj.lam.shape == (6, 4)
+    assert traj.drift.position.shape == traj.energy.kinetic.shape == (6,)
+    assert "start" in traj.statistics
+    other = mb.simulate(scene, mb.IDAS(rtol=1e-8), {"l1": 1.02}, times=SHORT, outputs={"half": rod1.x / 2})
+    assert other.names == ("half",)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        mb.IDAS(rtol=1e-8), mb.CVODES(rtol=1e-8), mb.Collocation(), mb.RungeKutta(), mb.NSTIFFSI2(step=5e-3),
+        mb.GeneralizedAlpha(), mb.HHT(), mb.CVODES(stabilization=mb.Baumgarte(alpha=3.0, beta=3.0)),
+        mb.RungeKutta(stabilization=mb.Projection()),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_every_solver_is_named_and_runs(scene, made):
+    tight = mb.simulate(scene, mb.CVODES(rtol=1e-12), times=SHORT)
+    np.testing.assert_allclose(mb.simulate(scene, made, times=SHORT).values, tight.values, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    "made, runs",
+    [
+        (mb.PolynomialChaos.paper(order=2), 9), (mb.PolynomialChaos(order=4), 25), (mb.Taylor(order=2), 6),
+        (mb.MonteCarlo(50, seed=0), 50), (mb.Scanning(5), 25), (mb.Vertex(), 4),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_propagate_gives_bounds(scene, made, runs):
+    bounds = mb.propagate(scene.with_times(SHORT), made, box=None, solver=None, executor=None)
+    assert bounds.evaluations == runs
+    assert bounds.lower.shape == bounds.upper.shape == (6, 4)
+    assert bounds.names == ("x1", "theta1", "x2_dot", "tip_y")
+    assert bounds.kind in ("enclosure", "estimate", "sampled")
+    assert (bounds.outer[0] <= bounds.lower).all() and bounds.seconds > 0 and not bounds.failed
+    with ThreadPoolExecutor(2) as executor:
+        again = mb.propagate(mb.DAESimulator(scene.with_times(SHORT)), made, box=scene.box, executor=executor)
+    np.testing.assert_array_equal(again.lower, bounds.lower)
+
+
+def test_adaptive_polynomial_chaos_meets_its_tolerance_or_budget(scene):
+    short = scene.with_times(SHORT)
+    bounds = mb.propagate(short, mb.PolynomialChaos())
+    width = bounds.upper - bounds.lower
+    assert bounds.estimate is not None and bounds.estimate[1:].max() < 0.05 * width[1:].max()
+    assert mb.propagate(short, mb.PolynomialChaos(tolerance=1e-3)).evaluations >= bounds.evaluations
+    assert mb.propagate(short, mb.PolynomialChaos(budget=30)).evaluations <= 30
+
+
+def test_the_paper_is_a_preset():
+    explicit = mb.PolynomialChaos(order=2, nodes=mb.Gauss(), basis=mb.TotalDegree(), range=mb.LegendreInclusion())
+    assert mb.PolynomialChaos.paper(2) == explicit
+    assert repr(explicit) == "PolynomialChaos.paper(order=2)"
+
+
+def test_function_simulator_and_scene_without_bodies():
+    simulator = mb.FunctionSimulator(
+        lambda k: np.exp(-k * SHORT)[:, None], parameters={"k": 1.0}, times=SHORT, outputs=["x"]
+    )
+    assert mb.propagate(simulator, mb.Scanning(5), mb.Box(k=(0.5, 2.0))).upper[-1, 0] == pytest.approx(np.exp(-0.25))
+    p = mb.Parameters(x=0.5)
+    cubic = mb.Scene(mb.System(parameters=p), outputs={"f": p.x**3 - 2 * p.x**2 + p.x + 0 * mb.t}, box=mb.Box(x=(0, 1)))
+    bounds = mb.propagate(cubic, mb.IntervalArithmetic())
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((-2, 2), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "spec, made",
+    [
+        ("pce:2:paper", mb.PolynomialChaos.paper(order=2)), ("pce:4", mb.PolynomialChaos(order=4)),
+        ("pce", mb.PolynomialChaos()), ("pce:tol=1e-3", mb.PolynomialChaos(tolerance=1e-3)),
+        ("pce:budget=200", mb.PolynomialChaos(budget=200)), ("taylor:2", mb.Taylor(order=2)),
+        ("mc:10000", mb.MonteCarlo(10_000, seed=0)), ("scan:21", mb.Scanning(21)),
+    ],
+)  # fmt: skip
+def test_specs_of_methods(spec, made):
+    assert method(spec) == made
+
+
+@pytest.mark.parametrize(
+    "spec, made",
+    [
+        ("idas", mb.IDAS()), ("idas:1e-10", mb.IDAS(rtol=1e-10)), ("cvodes:1e-8", mb.CVODES(rtol=1e-8)),
+        ("collocation", mb.Collocation()), ("rk", mb.RungeKutta()), ("nstiff-si2:5e-3", mb.NSTIFFSI2(step=5e-3)),
+        ("gen-alpha", mb.GeneralizedAlpha()), ("hht", mb.HHT()),
+    ],
+)  # fmt: skip
+def test_specs_of_solvers(spec, made):
+    assert solver(spec) == made
+
+
+def test_spatial_scene_with_rotations_every_joint_and_force_constructs():
+    p = mb.Parameters(k=100.0, m=1.0)
+    ground, box = mb.Ground(), (0.1, 0.2, 0.3)
+    top = mb.Body("top", mass=p.m, inertia=box, pose=mb.Spatial(), com=(0.0, 0.0, 0.1))
+    rod = mb.Body("rod", mass=1.0, inertia=0.1, pose=mb.Planar())
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    a, b = ground.point(0, 0, 0), top.point(0, 0, 0)
+    joints = [
+        mb.Revolute("r", a, b), mb.Prismatic("p", a, b, axis=(1, 0, 0)), mb.Cylindrical("c", a, b, axis=(0, 1, 0)),
+        mb.Spherical("s", a, b), mb.Universal("u", a, b, axis=(1, 0, 0), axis_b=(0, 1, 0)),
+        mb.PlanarJoint("pl", a, b, axis=(0, 0, 1)), mb.Weld("w", a, b), mb.Distance("d", a, top.point(0, 0, 1), 1.0),
+        mb.PointOnLine("l", a, b, axis=(1, 0, 0)), mb.Gear("g", a, b, ratio=2.0), mb.Screw("sc", a, b, pitch=0.1),
+        mb.Motion("m", top.x, ca.sin(mb.t)),
+    ]  # fmt: skip
+    for joint in joints:
+        assert mb.System(top, joint, parameters=p).Phi.numel() > 0
+    forces = [
+        mb.Gravity(0, -9.81), mb.Spring("k", a, ball.point(0, 0), p.k, 1.0), mb.Damper("c", a, ball.point(0, 0), 2.0),
+        mb.SpringDamper("kc", a, rod.point(0, 0), p.k, 1.0, 0.5), mb.TorsionSpring("t", ground, rod, 5.0, damping=0.1),
+        mb.Bushing("b", a, top.point(0, 0, 0), 10.0), mb.Force("f", rod.point(0, 1), (1, ca.cos(mb.t))),
+        mb.Torque("tz", rod, 1.0), mb.Torque("txyz", top, (1, 0, 0)),
+    ]  # fmt: skip
+    rotation = mb.rotation(axis=(0, 0, 1), angle=0.3) @ mb.rotation(axis=(1, 0, 0), angle=0.1)
+    start = {"top.x": 0.1, "top.vx": 0.2, "top.rotation": rotation, "top.omega": (0, 0, 1), "ball.x": 1.0, "rod.x": 0.5}
+    scene = mb.Scene(mb.System(top, rod, ball, *forces, parameters=p), start=start, times=SHORT)
+    assert np.isfinite(mb.simulate(scene).values).all()
+
+
+def test_guess_picks_the_assembly_branch():
+    ground = mb.Ground()
+    crank = mb.Body("crank", mass=1.0, inertia=0.1, pose=mb.Planar())
+    slider = mb.Body("slider", mass=1.0, pose=mb.Particle())
+    system = mb.System(
+        crank, slider,
+        mb.Revolute("pivot", ground.point(0, 0), crank.point(0, 0)),
+        mb.PointOnLine("guide", ground.point(0, 0), slider.point(0, 0), axis=(1, 0, 0)),
+        mb.Distance("rod", crank.point(1, 0), slider.point(0, 0), 2.0),
+    )  # fmt: skip
+    for guess, x in ((2.6, np.sqrt(3.0)), (-2.6, -np.sqrt(3.0))):
+        scene = mb.Scene(system, start={"crank.theta": np.pi / 2}, guess={"slider.x": guess})
+        assert mb.simulate(scene)["slider.x"][0] == pytest.approx(x, abs=1e-12)
+
+
+def test_sympy_laws_are_bound_by_name():
+    x, k = sympy.symbols("ball.x k")
+    p = mb.Parameters(k=4.0)
+    ball = mb.Body("ball", mass=sympy.Symbol("k") / 4, pose=mb.Particle())
+    system = mb.System(ball, mb.Force("pull", ball.point(0, 0), (-k * x, 0)), parameters=p)
+    traj = mb.simulate(mb.Scene(system, start={"ball.x": 1.0}, times=SHORT))
+    np.testing.assert_allclose(traj["ball.x"], np.cos(2 * SHORT), atol=1e-8)
+
+
+def test_compare_json_has_the_agreed_layout(scene_file, tmp_path, capsys):
+    out, picture = tmp_path / "out.json", tmp_path / "out.png"
+    arguments = ["compare", str(scene_file), "--spread", "5%", "--methods", "pce:2:paper", "taylor:2", "pce", "mc:20"]
+    assert main([*arguments, "--json", str(out), "--plot", str(picture), "--solver", "rk"]) == 0
+    saved = json.loads(out.read_text())
+    assert set(saved) >= {"scene", "times", "outputs", "box", "solver", "reference", "methods"}
+    assert set(saved["reference"]) >= {"method", "lower", "upper", "uncertainty"}
+    assert saved["box"] == {"l1": [0.95, 1.05], "l2": [0.95, 1.05]}
+    keys = {"name", "kind", "evaluations", "failed", "setup_seconds", "run_seconds", "error", "over", "under", "coverage"}
+    for row in saved["methods"]:
+        assert set(row) >= keys | {"lower", "upper"}
+        assert np.shape(row["lower"]) == (1001, 4) and len(row["error"]) == 4
+    assert [row["name"] for row in saved["methods"]][:2] == ["PolynomialChaos.paper(order=2)", "Taylor(order=2)"]
+    assert {"estimate", "inner_lower", "inner_upper"} <= set(saved["methods"][2])
+    assert not re.search(r"NaN|Infinity", out.read_text())
+    assert picture.stat().st_size > 10_000
+    assert "PolynomialChaos.paper(order=2)" in capsys.readouterr().out
+
+
+def test_simulate_json_has_the_agreed_layout(scene_file, tmp_path):
+    out = tmp_path / "run.json"
+    arguments = ["simulate", str(scene_file), "--json", str(out), "--csv", str(tmp_path / "run.csv"), "--set", "l1=1.02"]
+    assert main([*arguments, "--plot", str(tmp_path / "run.png"), "--solver", "idas:1e-8"]) == 0
+    saved = json.loads(out.read_text())
+    assert set(saved) == {
+        "scene", "times", "outputs", "values", "position_drift", "velocity_drift", "energy_drift", "solver", "statistics",
+        "setup_seconds", "run_seconds",
+    }  # fmt: skip
+    assert np.shape(saved["values"]) == (1001, 4)
+
+
+def test_equations_and_codegen(scene_file, tmp_path, capsys):
+    assert main(["equations", str(scene_file)]) == 0
+    assert main(["equations", str(scene_file), "--latex"]) == 0
+    assert main(["codegen", str(scene_file), "-o", str(tmp_path / "c")]) == 0
+    assert "n_c = 4" in capsys.readouterr().out
+
+
+def test_compare_in_python(scene, tmp_path):
+    methods = [mb.PolynomialChaos.paper(order=2), mb.Vertex()]
+    comparison = mb.compare(scene, methods, box=None, reference=mb.Scanning(7), solver=mb.RungeKutta(), times=SHORT)
+    assert "Vertex()" in str(comparison)
+    comparison.save(tmp_path / "c.json")
+    comparison.plot(tmp_path / "c.png")
+    assert mb.Comparison.load(tmp_path / "c.json").rows[0].evaluations == 9
