@@ -1,0 +1,200 @@
+"""What a wrong declaration is told: all faults at once, declared names, what was expected, the remedy."""
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+
+import symmb as mb
+
+GROUND = mb.Ground()
+P = mb.Parameters(l1=1.0, m1=2.0, none=0.0)
+ROD1, ROD2, STRANGER = (mb.Body(name, 1.0, 0.1, mb.Planar()) for name in ("rod1", "rod2", "stranger"))
+TOP = mb.Body("top", 1.0, (0.1, 0.1, 0.2), mb.Spatial())
+BALL = mb.Body("ball", 1.0, pose=mb.Particle())
+
+
+def spatial(**more):
+    return mb.Body("plate", 1.0, pose=mb.Spatial(), **more)
+
+
+FAULTS = {
+    "a parameter among the elements": (lambda: [P], r"neither a body, a constraint nor a force\. Name parameters as parameters=p"),
+    "a name used twice": (
+        lambda: [ROD1, mb.Torque("rod1", ROD1, 1.0)],
+        "Torque 'rod1': the name is used twice. Choose another.",
+    ),
+    "two gravities": (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
+    "a dot in a name": (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name is a text without dots"),
+    "no name": (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name is a text"),
+    "a body left out": (
+        lambda: [mb.Revolute("elbow", ROD1.point(0, 0), ROD2.point(0, 0))],
+        r"Revolute 'elbow': body 'rod2' is not part of the System\. Add it",
+    ),
+    "a symbol of a body left out": (
+        lambda: [mb.Torque("drive", ROD1, STRANGER.theta)],
+        r"Torque 'drive': torque: symbol 'stranger\.theta' belongs to no parameter and no body of the System",
+    ),
+    "a parameter of another set": (
+        lambda: [mb.Torque("drive", ROD1, mb.Parameters(m11=1.0).m11)],
+        r"symbol 'm11' belongs to no parameter .* Did you mean 'm1'\?",
+    ),
+    "a near miss in SymPy": (
+        lambda: [mb.Torque("drive", ROD1, sp.Symbol("rod1.teta"))],
+        r"Torque 'drive': torque: Unknown symbol 'rod1\.teta' .*Did you mean 'rod1\.theta'\?",
+    ),
+    "SX mixed with SymPy": (
+        lambda: [mb.Torque("drive", ROD1, ROD1.theta * sp.Symbol("l1"))],
+        r"Torque 'drive': torque: .*(contains nan|contains NaN)",
+    ),
+    "SymPy mixed with SX": (
+        lambda: [mb.Torque("drive", ROD1, sp.Symbol("l1") * ROD1.theta)],
+        r"Torque 'drive': torque: .*(contains nan|contains NaN)",
+    ),
+    "a NaN in a law": (
+        lambda: [mb.Force("push", ROD1.point(0, 0), (np.nan, 0))],
+        "Force 'push': force: contains NaN or infinity",
+    ),
+    "an infinite stiffness": (
+        lambda: [mb.Spring("s", GROUND.point(0, 0), ROD1.point(0, 0), np.inf)],
+        "SpringDamper 's': stiffness: contains NaN or infinity",
+    ),
+    "a NaN in a point": (
+        lambda: [mb.Revolute("elbow", GROUND.point(0, 0), ROD1.point(np.nan, 0))],
+        "Revolute 'elbow': contains NaN or infinity",
+    ),
+    "a negative mass": (lambda: [mb.Body("b", -1.0, 1.0)], "Body 'b': mass is negative at the nominal parameters"),
+    "a mass negative at the nominal parameters": (
+        lambda: [mb.Body("b", P.l1 - P.m1, 1.0)],
+        "Body 'b': mass is negative at the nominal parameters",
+    ),
+    "a negative inertia": (lambda: [spatial(inertia=(1, -1, 1))], "Body 'plate': inertia is negative"),
+    "a mass that is 0 by its parameter": (lambda: [mb.Body("b", P.none, 1.0)], "Body 'b': mass vanishes.* Write 0 for a massless"),
+    "a mass of two numbers": (lambda: [mb.Body("b", (1, 2), 1.0)], "Body 'b': mass has 2 components|'b': mass"),
+    "a mass that is a text": (lambda: [mb.Body("b", "heavy", 1.0)], "Body 'b': mass: 'heavy' is no number"),
+    "a mass that moves": (lambda: [mb.Body("b", ROD1.omega, 1.0), ROD1], r"must not depend on velocities \(rod1\.omega\)"),
+    "an inertia of the wrong shape": (
+        lambda: [mb.Body("b", 1.0, (1, 2, 3), mb.Planar())],
+        r"Body 'b': inertia of shape \(3, 1\) does not fit Planar\(\); expected one scalar about z",
+    ),
+    "a scalar inertia in space": (lambda: [spatial(inertia=1.0)], "does not fit Spatial.*three principal values or a 3x3"),
+    "a ragged inertia": (lambda: [spatial(inertia=[[1, 0, 0], [0, 1]])], "Body 'plate': inertia: its rows have 3 and 2"),
+    "an inertia that is not symmetric": (
+        lambda: [spatial(inertia=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])],
+        "Body 'plate': inertia matrix is not symmetric",
+    ),
+    "an inertia of a particle": (lambda: [mb.Body("b", 1.0, 1.0, mb.Particle())], r"does not fit Particle\(\); expected none"),
+    "a force out of the plane": (
+        lambda: [ROD1, mb.Force("push", ROD1.point(0, 0), (0, 0, 2))],
+        r"Force 'push': force along z \(2\.?\) leaves the plane of planar body 'rod1'\. Leave it out or use pose=Spatial\(\)",
+    ),
+    "a torque out of the plane": (
+        lambda: [ROD1, mb.Torque("twist", ROD1, (1, 0, 0))],
+        r"Torque 'twist': torque about x \(.*\) leaves the plane of planar body 'rod1'",
+    ),
+    "gravity out of the plane": (lambda: [ROD1, mb.Gravity(0, 0, -9.81)], "Gravity 'gravity': force along z .* body 'rod1'"),
+    "a torque on a particle": (
+        lambda: [BALL, mb.Torque("twist", BALL, 1.0)],
+        r"Torque 'twist': makes no sense on Particle\(\) body 'ball'",
+    ),
+    "a force that is no vector": (lambda: [ROD1, mb.Force("push", ROD1.point(0, 0), 3.0)], r"Force 'push': expected a force \(fx, fy"),
+    "a spring within one body": (
+        lambda: [ROD1, mb.Spring("s", ROD1.point(0, 0), ROD1.point(1, 0), 1.0)],
+        "SpringDamper 's': both points are on body 'rod1'",
+    ),
+    "a bushing with two stiffnesses": (
+        lambda: [TOP, mb.Bushing("b", GROUND.point(0, 0), TOP.point(0, 0), (1, 2))],
+        "Bushing 'b': stiffness has 2 components; expected one or three",
+    ),
+    "a torsion spring without an axis": (
+        lambda: [TOP, mb.TorsionSpring("s", GROUND, TOP, 1.0, axis=(0, 0, 0))],
+        "TorsionSpring 's': axis .* has no direction",
+    ),
+    "a torsion spring out of the plane": (
+        lambda: [ROD1, mb.TorsionSpring("s", GROUND, ROD1, 1.0, axis=(1, 0, 0))],
+        "TorsionSpring 's': axis .* leaves the plane",
+    ),
+    "a torsion spring between points": (
+        lambda: [ROD1, mb.TorsionSpring("s", GROUND, ROD1.point(0, 0), 1.0)],
+        "TorsionSpring 's': expected a body, got Point",
+    ),
+    "a drive of a number": (lambda: [ROD1, mb.Motion("drive", 1.0, mb.t)], "Motion 'drive': no coordinate can meet the row"),
+    "a drive of a velocity": (
+        lambda: [ROD1, mb.Motion("drive", ROD1.vx, mb.t)],
+        "Motion 'drive': a position row must not contain velocities. Use VelocityConstraint",
+    ),
+    "a drive of nothing": (lambda: [ROD1, mb.Motion("drive", ROD1.x, ROD1.x)], "Motion 'drive': all its rows vanish"),
+    "a velocity row without velocities": (
+        lambda: [ROD1, mb.VelocityConstraint("roll", (ROD1.x,))],
+        "VelocityConstraint 'roll': expressions must be linear in the velocities, and contain some",
+    ),
+    "a velocity row that is not linear": (
+        lambda: [ROD1, mb.VelocityConstraint("roll", (ROD1.vx**2,))],
+        "VelocityConstraint 'roll': expressions must be linear in the velocities",
+    ),
+    "velocity rows that are no tuple": (
+        lambda: [ROD1, mb.VelocityConstraint("roll", ROD1.vx)],
+        "VelocityConstraint 'roll': expressions must be a tuple, got SX",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_told_with_names_and_remedy(fault):
+    elements, text = FAULTS[fault]
+    needed = [] if any(e in (ROD1, TOP, BALL) for e in elements() if isinstance(e, mb.Body)) else [ROD1]
+    with pytest.raises(mb.DeclarationError, match=text):
+        mb.System(*needed, *elements(), parameters=P)
+
+
+def test_all_faults_of_a_system_are_told_at_once():
+    with pytest.raises(mb.DeclarationError) as told:
+        mb.System(
+            ROD1, ROD1, mb.Body("b", -1.0, 1.0),
+            mb.Revolute("elbow", ROD1.point(0, 0), ROD2.point(0, 0), axis=(1, 0, 0)),
+            mb.Distance("rope", GROUND.point(0, 0), ROD1.point(0, 0), -1.0),
+        )  # fmt: skip
+    faults = str(told.value).split("\n")
+    assert len(faults) == 6
+    for name in ("'rod1': the name", "'b': mass is negative", "body 'rod2' is not part", "'rod1'. Planar", "'rope': length"):
+        assert any(name in fault for fault in faults), name
+
+
+def test_all_faults_of_the_laws_are_told_at_once():
+    with pytest.raises(mb.DeclarationError) as told:
+        mb.System(
+            ROD1,
+            mb.Force("push", ROD1.point(0, 0), (STRANGER.x, 0, 1)),
+            mb.Torque("twist", ROD1, ca.SX.sym("c")),
+            mb.Motion("drive", STRANGER.x, mb.t),
+            mb.Gravity(0, 0, -9.81),
+        )
+    text = str(told.value)
+    for name in ("Force 'push'", "Torque 'twist'", "Motion 'drive'", "Gravity 'gravity'"):
+        assert text.count(name) == 1, name
+
+
+@pytest.mark.parametrize(
+    ("declare", "text"),
+    [
+        (lambda: mb.Parameters(l=np.nan), "parameter 'l': nominal value nan is not a finite number"),
+        (lambda: mb.Parameters(l="1"), "parameter 'l': nominal value '1'"),
+        (lambda: mb.Parameters(nominal=1.0, keys=2.0), "parameter 'nominal': the name is taken.*\n.*'keys'"),
+        (lambda: mb.Body("b", 1.0, pose="Planar"), r"Body 'b': pose 'Planar' is none\. Use pose=Planar\(\)"),
+        (lambda: mb.Body("b", 1.0, pose=mb.Planar), r"Body 'b': pose .*Planar.* is none"),
+        (lambda: ROD1.point(1, 2, 3, ), "lies out of its plane"),
+        (lambda: ROD1.point("tip", 0), "point of 'rod1': .*neither numbers nor CasADi SX"),
+        (lambda: mb.Body("b", 1.0, com=(0, 0, 0, 0)).point(0, 0), "com of 'b' has 4 components; expected two or three"),
+        (lambda: TOP.theta, r"Body 'top' is Spatial\(\) and has no single angle theta\. Use joint\.angle"),
+        (lambda: mb.ddt(ROD1.vx), r"ddt takes expressions of positions, but 'rod1\.vx' is a velocity"),
+    ],
+)  # fmt: skip
+def test_faults_outside_of_a_system(declare, text):
+    with pytest.raises(mb.DeclarationError, match=text):
+        point = declare()
+        mb.System(ROD1, mb.Revolute("hinge", GROUND.point(0, 0), point))  # a point is judged by who uses it
+
+
+def test_an_unknown_parameter_is_an_attribute_error_that_lists_the_known():
+    with pytest.raises(AttributeError, match="no parameter 'l2'; declared are: l1, m1, none"):
+        P.l2

@@ -1,0 +1,217 @@
+"""A system derives what its scene needs and nothing else, and says so."""
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+from joints import bundle, numbers
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+
+def pendulum():
+    p = mb.Parameters(l=1.0, g=9.81)
+    rod = mb.Body("rod", p.l, p.l**3 / 12, mb.Planar())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, -p.l / 2))
+    return mb.System(rod, hinge, mb.Gravity(0, p.g), parameters=p)
+
+
+def spatial():
+    p = mb.Parameters(m=2.0)
+    top = mb.Body("top", p.m, (0.1, 0.2, 0.3), mb.Spatial())
+    return mb.System(top, mb.Spherical("tip", mb.Ground().point(0, 0), top.point(0, 0, -0.5)), parameters=p)
+
+
+def driven():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    return mb.System(ball, mb.Motion("drive", ball.x, ca.sin(mb.t)), mb.Force("push", ball.point(0, 0), (0, 1, 2)))
+
+
+def free():
+    ball = mb.Body("ball", 2.0, pose=mb.Particle())
+    return mb.System(ball, mb.Spring("spring", mb.Ground().point(0, 0), ball.point(0, 0), 8.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "parts"),
+    [
+        (pendulum, ("M", "Q", "Phi", "Phi_q", "gamma")),
+        (spatial, ("M", "N", "Q", "Phi", "Phi_q", "gamma")),
+        (driven, ("M", "Q", "Phi", "Phi_q", "Phi_t", "gamma")),
+        (free, ("M", "Q")),
+        (mb.System, ()),
+    ],
+)
+def test_only_what_a_scene_has_is_there(make, parts):
+    system = make()
+    assert system.parts == parts
+    assert tuple(system.to_sympy()) == parts
+    assert system.latex().count(r"\[") == len(parts)
+
+
+@pytest.mark.parametrize(
+    ("make", "lines"),
+    [
+        (pendulum, ["1 planar body", "1 Revolute", "1 Gravity", "n_q = 3, n_v = 3, n_c = 2; 1 degrees of freedom",
+                    "constant along the motion, diagonal: reciprocals", "3 of 5 rows of Phi vanish", "quaternions and N",
+                    "Phi_t and Phi_tt (no drive)", "work (all forces have a potential)"]),
+        (spatial, ["1 spatial body", "n_q = 7, n_v = 6, n_c = 3; 3 degrees of freedom"]),
+        (driven, ["1 Motion", "1 Force"]),
+        (free, ["Phi, gamma and multipliers (no constraint)", "constraints  none"]),
+        (mb.System, ["bodies       none", "M            none"]),
+    ],
+)  # fmt: skip
+def test_print_tells_what_was_found_and_what_fell_away(make, lines):
+    text = str(make())
+    for line in lines:
+        assert line in text, text
+
+
+def test_print_leaves_out_what_is_there():
+    assert "quaternions" not in str(spatial())
+    assert "fell away" not in str(spatial())
+    assert "Phi_tt" not in str(driven())
+
+
+def test_to_sympy_gives_the_same_numbers():
+    system = pendulum()
+    matrices = system.to_sympy("M", "Q", "Phi", "Phi_q", "gamma")
+    names = [*system.parameters, *system.collected.q_names, *system.collected.v_names]
+    values = dict(zip(names, (0.8, 9.0, 0.3, -0.4, 0.7, 1.0, -2.0, 3.0), strict=True))
+    for name, matrix in matrices.items():
+        sx = getattr(system, name)
+        f = ca.Function("f", [system.p, system.q, system.v], [ca.densify(sx)])
+        expected = f([0.8, 9.0], [0.3, -0.4, 0.7], [1.0, -2.0, 3.0]).full()
+        found = np.array(matrix.subs({s: values[s.name] for s in matrix.free_symbols}), dtype=float)
+        assert_allclose(found, expected, atol=1e-14)
+    assert {s.name for s in matrices["Phi"].free_symbols} == {"l", "rod.x", "rod.y", "rod.theta"}
+    assert matrices["M"][0, 0] == next(s for s in matrices["M"].free_symbols if s.name == "l")
+    assert isinstance(matrices["M"], sp.MatrixBase)
+
+
+def test_latex_shows_names():
+    text = pendulum().latex()
+    assert r"\Phi_q =" in text and r"\gamma =" in text
+    assert r"\theta" in text
+
+
+def test_coordinates_stand_in_the_order_of_declaration():
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", 1.0, (1, 2, 3), mb.Spatial())
+    ball = mb.Spherical("ball", a.point(0, 0), b.point(0, 0))
+    system, dae = bundle(b, a, mb.Gravity(0, -9.81), ball)
+    assert dae.q_names == ("b.x", "b.y", "b.z", "b.e0", "b.e1", "b.e2", "b.e3", "a.x", "a.y", "a.theta")
+    assert dae.v_names == ("b.vx", "b.vy", "b.vz", "b.omega_x", "b.omega_y", "b.omega_z", "a.vx", "a.vy", "a.omega")
+    assert dae.row_names == ("ball.lam[0]", "ball.lam[1]", "ball.lam[2]")
+    assert [s.name() for s in ca.vertsplit(system.q)] == list(dae.q_names)
+    assert [s.name() for s in ca.vertsplit(system.lam("ball"))] == list(dae.row_names)
+    assert_allclose(dae.q_neutral, [0, 0, 0, 1, 0, 0, 0, 0, 0, 0])
+
+
+def test_points_are_declared_from_their_own_origin():
+    """A plate whose centre of mass lies (0.1, -0.2) off the origin of its points, turned by a right angle."""
+    plate = mb.Body("plate", 1.0, 0.1, mb.Planar(), com=(0.1, -0.2))
+    point = plate.point(0.5, 0.3)
+    f = ca.Function("f", [plate.frame.q, plate.frame.v], [point.x, point.y, point.vx, point.vy])
+    x, y, vx, vy = (float(value) for value in f([1, 2, np.pi / 2], [3, 4, 5]))
+    assert_allclose([x, y], [1 - 0.5, 2 + 0.4])
+    assert_allclose([vx, vy], [3 - 5 * 0.4, 4 - 5 * 0.5])
+
+
+def test_rotations_are_body_to_world_and_compose_from_the_right():
+    body = mb.Body("b", 1.0, (1, 1, 1), mb.Spatial())
+    R = ca.Function("R", [body.frame.q], [body.rotation])
+    quarter_z, quarter_x = mb.rotation((0, 0, 1), np.pi / 2), mb.rotation((2, 0, 0), np.pi / 2)
+
+    def matrix(rotation):
+        return R(ca.vertcat(0, 0, 0, ca.DM(rotation.quaternion))).full()
+
+    assert_allclose(matrix(quarter_z) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    assert_allclose(matrix(quarter_z @ quarter_x), matrix(quarter_z) @ matrix(quarter_x), atol=1e-15)
+    assert_allclose(matrix(quarter_z @ quarter_x) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+
+
+def test_untouched_coordinates_of_a_particle_move_uniformly():
+    ball = mb.Body("ball", 2.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -9.81), mb.Force("drag", ball.point(0, 0), (0, -0.5 * ball.vy)))
+    assert system.collected.q_names == ("ball.y",)
+    assert system.q.numel() == system.v.numel() == 1
+    assert "ball.x moves uniformly" in str(system) and "ball.z moves uniformly" in str(system)
+    scene = mb.Scene(
+        system, start={"ball.x": 1.0, "ball.vx": 3.0, "ball.z": -2.0}, times=np.linspace(2.0, 4.0, 5),
+        outputs={"x": ball.x, "vx": ball.vx, "z": ball.z, "d": ball.x * ball.y, "y": ball.y},
+    )  # fmt: skip
+    trajectory = mb.simulate(scene)
+    t = trajectory.t - 2.0
+    assert_allclose(trajectory["x"], 1 + 3 * t)
+    assert_allclose(trajectory["vx"], 3)
+    assert_allclose(trajectory["z"], -2)
+    assert_allclose(trajectory["d"], trajectory["x"] * trajectory["ball.y"])
+    assert_allclose(trajectory(ball.point(1, 0).x), 2 + 3 * t)
+    assert_allclose(trajectory(ball.vz), 0)
+    assert trajectory.energy_drift < 1e-7
+
+
+@pytest.mark.parametrize(
+    "element",
+    [
+        lambda b: mb.Force("push", b.point(0, 0), (0, b.x)),
+        lambda b: mb.Force("push", b.point(0, 0), (0, ca.sin(b.vx))),
+        lambda b: mb.Motion("drive", b.y - b.x, mb.t),
+        lambda b: mb.VelocityConstraint("roll", (b.vy - b.vx,)),
+    ],
+)
+def test_a_coordinate_that_anything_touches_stays(element):
+    ball = mb.Body("ball", 2.0, pose=mb.Particle())
+    assert mb.System(ball, element(ball)).collected.q_names == ("ball.x", "ball.y")
+
+
+@pytest.mark.parametrize("solver", [mb.CVODES(rtol=1e-11), mb.IDAS(rtol=1e-11), mb.Collocation(steps=200)], ids=repr)
+def test_a_massless_coupler_carries_force_without_inertia(solver):
+    """A massless bar hinged to the ground and to a particle is a rod without mass: the pendulum of length 0.8."""
+    bar = mb.Body("bar", 0.0, 0.0, mb.Planar())
+    bob = mb.Body("bob", 1.5, 0.0, mb.Planar())
+    system = mb.System(
+        bar, bob,
+        mb.Revolute("top", mb.Ground().point(0, 0), bar.point(0, 0)),
+        mb.Weld("end", bar.point(0, -0.8), bob.point(0, 0)),
+        mb.Gravity(0, -9.81),
+    )  # fmt: skip
+    assert "singular: the full matrix is solved" in str(system)
+    times = np.linspace(0, 2, 9)
+    run = mb.simulate(mb.Scene(system, start={"bar.theta": 0.6}, times=times), solver)
+    point, hinge = mb.Body("point", 1.5, 0.0, mb.Particle()), mb.Ground().point(0, 0)
+    alone = mb.System(point, mb.Distance("rod", hinge, point.point(0, 0), 0.8), mb.Gravity(0, -9.81))
+    start = {"point.x": 0.8 * np.sin(0.6), "point.z": 0.0}
+    expected = mb.simulate(mb.Scene(alone, start, times, guess={"point.y": -0.8}), mb.CVODES(rtol=1e-12))
+    assert_allclose(run["bob.x"], expected["point.x"], atol=2e-8)
+    assert_allclose(run.reaction("end")[0][:, 1], expected.reaction("rod")[0][:, 1], atol=1e-6)
+
+
+def test_a_system_without_constraints_has_no_rows():
+    system = free()
+    dae = mb.compile_dae(system)
+    assert (dae.Phi, dae.G, dae.gamma, dae.shift, dae.n_r, dae.power) == (None, None, None, None, 0, None)
+    times = np.linspace(0, 3, 7)
+    trajectory = mb.simulate(mb.Scene(system, {"ball.x": 0.4, "ball.vy": 1.0}, times), mb.CVODES(rtol=1e-11))
+    assert_allclose(trajectory["ball.x"], 0.4 * np.cos(2 * times), atol=1e-8)
+    assert_allclose(trajectory["ball.y"], 0.5 * np.sin(2 * times), atol=1e-8)
+    assert trajectory.lam.shape == (7, 0)
+
+
+def test_a_scene_without_bodies_is_an_expression_of_parameters_and_time():
+    p = mb.Parameters(x=0.2)
+    scene = mb.Scene(mb.System(parameters=p), times=[0.0, 1.0, 3.0], outputs={"y": p.x * mb.t**2, "one": 1.0})
+    simulator = mb.DAESimulator(scene)
+    ensemble = simulator.run(np.array([[0.2], [2.0]]))
+    assert_allclose(ensemble.Y, [[[0, 1], [0.2, 1], [1.8, 1]], [[0, 1], [2, 1], [18, 1]]])
+    assert ensemble.ok.all()
+    assert_allclose(numbers(simulator.expression, [3.0], 2.0), [12, 1])
+    assert_allclose(simulator.jets(np.array([0.2]), np.array([[1.0]]), 2)[1, 0, :, 0], [0, 1, 9])
+    assert np.isnan(mb.simulate(scene).energy_drift)
+
+
+def test_the_nearest_names_are_offered():
+    trajectory = mb.simulate(mb.Scene(pendulum()))
+    with pytest.raises(mb.DeclarationError, match="No output or state 'rod.teta'. Did you mean 'rod.theta'?"):
+        trajectory["rod.teta"]
