@@ -3,15 +3,14 @@
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 Expr = Any
 """A number, a CasADi SX scalar or, where a law or a mass is asked for, a SymPy expression."""
-
-SX = ca.SX
 
 
 class Executor(Protocol):

@@ -23,7 +23,7 @@ def describe(system: "System") -> str:
     forces = [e for e in system.elements if isinstance(e, ForceElement)]
     dropped = c.written - c.Phi.numel()
     lines = [
-        f"bodies       {_count([f'{type(b.pose).__name__.lower()} body' for b in c.bodies])}",
+        f"bodies       {_count([type(b.pose).__name__ for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
         f"forces       {_count([type(e).__name__ for e in forces])}",
         f"parameters   {', '.join(system.parameters) or 'none'}",
@@ -47,11 +47,11 @@ def _count(kinds: list[str]) -> str:
 def _mass_structure(system: "System") -> str:
     if not system.v.numel():
         return "none"
-    kinds = {lookup(s).kind if lookup(s) else None for s in ca.symvar(system.M) if not is_time(s)}
+    kinds = {record.kind for s in ca.symvar(system.M) if (record := lookup(s)) is not None}
     varies = Kind.COORDINATE in kinds or any(is_time(s) for s in ca.symvar(system.M))
     what = "varies along the motion" if varies else "constant along the motion"
     if system.M.sparsity().is_subset(ca.Sparsity.diag(system.v.numel())):
-        massless = system.M.nnz() < system.v.numel() or any(is_zero(ca.diag(system.M)[i]) for i in range(system.v.numel()))
+        massless = any(is_zero(ca.diag(system.M)[i]) for i in range(system.v.numel()))
         return f"{what}, diagonal" + (", singular: the full matrix is solved" if massless else ": reciprocals")
     return f"{what}, blocks of {sorted(set(np.asarray(system.block_sizes).tolist()))}"
 

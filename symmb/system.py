@@ -120,7 +120,7 @@ class System:
     def s_rate(self) -> ca.SX:
         """Rates of the first-order states, (n_s,)."""
         states = self.collected.states
-        return ca.vertcat(*[ca.SX(s.rate) for s in states]) if states else ca.SX(0, 1)
+        return ca.vertcat(*[s.rate for s in states]) if states else ca.SX(0, 1)
 
     @cached_property
     def lam(self) -> Multipliers:

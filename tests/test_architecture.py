@@ -24,6 +24,7 @@ FLOORS = {
     "describe": 3,
     "system": 3,
     "units": 3,
+    "validate": 3,
     "scene": 3,
     "dae": 4,
     "schemes": 4,

@@ -97,12 +97,13 @@ class At:
         return self._rates()[2] if self.dae.n_s else ca.SX(0, 1)
 
     def _rates(self) -> Sequence[ca.SX]:
-        return self.dae.rhs(*self.arguments)
+        return self.dae.rhs.call(list(self.arguments))
 
     def solved(self) -> tuple[ca.SX, ca.SX]:
         """Accelerations (n_v,) and multipliers (n_r,) of the index-1 equations."""
         gamma = self.dae.gamma(*self.arguments) if self.dae.gamma is not None else ca.SX(0, 1)
-        return self.dae.forward(*self.arguments, gamma)
+        vdot, lam = self.dae.forward.call([*self.arguments, gamma])
+        return vdot, lam
 
     def unbalance(self, vdot: ca.SX, lam: ca.SX) -> ca.SX:
         """M v' + G' lam - Q, (n_v,)."""

@@ -12,14 +12,11 @@ from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from symmb._errors import SimulationError
-from symmb._types import Array, Executor
+from symmb._types import Array, Executor, Indices, Mask
 
 S = TypeVar("S")
-Mask = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.intp]
 Progress = Callable[[int, int], None]
 """Called with the number of samples done and the number of all."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jets
 
@@ -27,7 +27,7 @@ class ImplicitMap:
             ca.Function("jacobian", [u, w], [ca.jacobian(residual, u)], options),
         )
 
-    def solve(self, w: Array, iterations: int = 30) -> tuple[Array, Array]:
+    def solve(self, w: Array, iterations: int = 30) -> tuple[Array, Mask]:
         """Newton from u = 0.
 
         Parameters
@@ -84,4 +84,4 @@ def _solve_each(J: Array, r: Array) -> Array:
     try:
         return np.linalg.solve(J, r[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:  # one singular sample must not take its neighbours with it
-        return np.stack([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(J, r, strict=True)])
+        return np.stack([np.linalg.lstsq(a, b, rcond=None)[0].astype(np.float64) for a, b in zip(J, r, strict=True)])

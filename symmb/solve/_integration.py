@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.solve._problem import Problem
 from symmb.symbolic.batch import batch
 
@@ -64,7 +64,7 @@ class Integration:
 
         Python threads must not share CasADi objects (their reference counts are not atomic); its thread map may.
         """
-        started = np.isfinite(x0).all(axis=1)
+        started: Mask = np.atleast_1d(np.isfinite(x0).all(axis=1))
         if not started.all():
             parts = iter(self.run(x0[started], p[started], threads))
             return [next(parts) if ok else self._unstarted() for ok in started]
@@ -79,7 +79,7 @@ class Integration:
                 return [run for sample in zip(x0[:, None], p[:, None], strict=True) for run in self.run(*sample)]
             return [self._walk(x0[0], p[0])]
         X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
-        done = np.isfinite(X).all(axis=(1, 2))
+        done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
         return [Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k]) for k in range(len(x0))]
 
     def _unstarted(self) -> Run:
@@ -132,9 +132,9 @@ class Integration:
 
 
 def casadi_integration(
-    problem: Problem, plugin: str, options: Callable[[float, float], dict[str, Any]], times: Array
+    problem: Problem, plugin: str, options: Callable[[float, float, float], dict[str, Any]], times: Array
 ) -> Integration:
-    """A problem compiled for one of CasADi's integrators, options given (span, horizon) [s]."""
+    """A problem compiled for one of CasADi's integrators, options given (span, horizon) [s] and the length in its own time."""
     arguments = [problem.x, problem.p, problem.t]
     guess = ca.Function("guess", arguments, [problem.z_guess])
     project = None if problem.projected is None else ca.Function("project", arguments, [problem.projected], {"cse": True})
@@ -145,14 +145,14 @@ def casadi_integration(
         dae = {name: e for name, e in dae.items() if e.numel()}
         horizon = float(times[-1] - times[0])
         if project is None:
-            whole = ca.integrator("whole", plugin, dae, times[0], times, options(horizon, horizon))
+            whole = ca.integrator("whole", plugin, dae, times[0], times, options(horizon, horizon, horizon))
         # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
         begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
         for name in {"ode", "alg", "quad"} & dae.keys():
             dae[name] = ca.substitute(dae[name], problem.t, begin + span * tau) * (1 if name == "alg" else span)
         dae |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
         longest = float(np.diff(times).max())
-        between = ca.integrator("between", plugin, dae, 0, 1, options(longest, horizon))
+        between = ca.integrator("between", plugin, dae, 0, 1, options(longest, horizon, 1.0))
     return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
 
 

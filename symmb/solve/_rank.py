@@ -4,23 +4,27 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 
 _RANK_TOLERANCE = 1e-9
 
 
-def independent(A: Array) -> tuple[Array, Array]:
+def independent(A: Array) -> tuple[Indices, Indices]:
     """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix."""
     if not A.size:
-        return np.arange(0), np.arange(0)
+        return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
     import scipy.linalg  # not at import: most of a scene's life goes without it
 
     scale = np.linalg.norm(A, axis=1)
     scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
     rank = int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * max(A.shape)))
-    rows = np.sort(scipy.linalg.qr(scaled.T, pivoting=True, mode="r")[1][:rank])
-    columns = np.sort(scipy.linalg.qr(scaled[rows], pivoting=True, mode="r")[1][:rank])
-    return rows, columns
+
+    def pivots(B: Array) -> Indices:
+        *_, order = scipy.linalg.qr(B, pivoting=True, mode="r")
+        return np.sort(order[:rank]).astype(np.intp)
+
+    rows = pivots(scaled.T)
+    return rows, pivots(scaled[rows])
 
 
 def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[int, tuple[str, ...]]:

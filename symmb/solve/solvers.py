@@ -37,8 +37,8 @@ class _Casadi(Solver):
     stabilization: Stabilization
 
     @abstractmethod
-    def options(self, span: float, horizon: float) -> dict[str, Any]:
-        """CasADi's options for an interval of length `span` within the whole horizon [s]."""
+    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
+        """CasADi's options for an interval of length `span` within the whole horizon [s], `length` in its own time."""
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
@@ -63,7 +63,7 @@ class IDAS(_Casadi):
     atol: float | None = None
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float) -> dict[str, Any]:
+    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
         return {**_tolerances(self.rtol, self.atol)}
 
     def tighter(self, factor: float = 10.0) -> "IDAS":
@@ -89,9 +89,10 @@ class CVODES(_Casadi):
     stiff: bool = False
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float) -> dict[str, Any]:
+    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
         method = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
-        return {**_tolerances(self.rtol, self.atol), **method}
+        # Shorter steps get lost in rounding: the run is in a singularity, which it would creep into for long.
+        return {**_tolerances(self.rtol, self.atol), **method, "min_step_size": 1e-14 * length}
 
     def tighter(self, factor: float = 10.0) -> "CVODES":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
@@ -113,7 +114,7 @@ class RungeKutta(_Casadi):
     steps: int = 2000
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float) -> dict[str, Any]:
+    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
         return {"number_of_finite_elements": _elements(self.steps, span, horizon)}
 
     def tighter(self, factor: float = 10.0) -> "RungeKutta":
@@ -139,7 +140,7 @@ class Collocation(_Casadi):
     steps: int = 1000
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float) -> dict[str, Any]:
+    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
         return {
             "number_of_finite_elements": _elements(self.steps, span, horizon),
             "interpolation_order": self.degree,

@@ -12,15 +12,14 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.dae import DAE
 from symmb.scene import Scene
+from symmb.solve._assembly import assemble, at_rest, check_rank, check_upright, coordinate_of, owner, rest
 from symmb.solve._implicit import ImplicitMap
-from symmb.solve._rank import independent, redundant_names
+from symmb.solve._rank import independent
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jets
-
-_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Start:
     solved: tuple[str, ...]
     defaults: tuple[str, ...]
 
-    def states(self, P: Array) -> tuple[Array, Array]:
+    def states(self, P: Array) -> tuple[Array, Mask]:
         """Starting states of N samples.
 
         Parameters
@@ -55,7 +54,7 @@ class Start:
         (N, n_x) array         x = (q, v, s), nan where the start could not be solved
         (N,) bool array        whether it could
         """
-        ok = np.ones(len(P), dtype=bool)
+        ok: Mask = np.ones(len(P), dtype=bool)
         u = np.zeros((len(P), self.place.numel_in(0)))
         if self.position is not None:
             u, ok = self.position.solve(P)
@@ -64,14 +63,14 @@ class Start:
             w = np.hstack([q, P])
             mu, found = self.velocity.solve(w)
             v = batch(self.spread, mu, w)[0]
-            ok &= found
+            ok = ok & found
         else:
             v = batch(self.listed_v, P)[0]
         parts = [q, _rows_of(v, len(P))]
         if self.dae.s_start is not None:
             parts.append(_rows_of(batch(self.dae.s_start, q, P)[0], len(P)))
         x = np.hstack(parts)
-        ok &= ~self._contradiction(x, P)
+        ok = ok & ~self._contradiction(x, P)
         return np.where(ok[:, None], x, np.nan), ok
 
     def nominal(self) -> dict[str, Array]:
@@ -80,15 +79,15 @@ class Start:
         q, v, s = np.split(x, [self.dae.n_q, self.dae.n_q + self.dae.n_v])
         return {"q": q, "v": v, "s": s, "p": self.dae.p_nominal}
 
-    def _contradiction(self, x: Array, P: Array) -> Array:
+    def _contradiction(self, x: Array, P: Array) -> Mask:
         """Whether samples violate rows that were not needed to solve for the start, (N,)."""
-        bad = np.zeros(len(P), dtype=bool)
+        bad: Mask = np.zeros(len(P), dtype=bool)
         n = self.dae.n_q
         arguments = (x[:, :n], x[:, n : n + self.dae.n_v], *((x[:, n + self.dae.n_v :],) if self.dae.n_s else ()))
         for f in (self.dae.Phi, self.dae.Phi_dot):
             if f is not None:
                 r = np.abs(batch(f, *arguments, P, np.array([self.t0]))[0]).max(axis=1)
-                bad |= ~(r <= 1e-7 * max(1.0, float(np.abs(x[np.isfinite(x)]).max(initial=0.0))))
+                bad = bad | ~(r <= 1e-7 * max(1.0, float(np.abs(x[np.isfinite(x)]).max(initial=0.0))))
         return bad
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
@@ -136,22 +135,16 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     listed_q = ca.vertcat(*[held.q.get(i, before[i]) for i in range(dae.n_q)]) if dae.n_q else before
     listed_v = ca.vertcat(*[held.v.get(i, ca.SX(0)) for i in range(dae.n_v)]) if dae.n_v else ca.SX(0, 1)
     reference = ca.Function("reference", [p, before], [listed_q])
-    free = np.array([i for i in range(dae.n_v) if i not in held.displacements], dtype=int)
+    free = np.array([i for i in range(dae.n_v) if i not in held.displacements], dtype=np.intp)
     guess = dae.q_neutral.copy()
     for i, value in scene.guesses.items():
         guess[i] = float(ca.Function("guess", [p], [value])(p0))
 
-    q0 = _assemble(scene, dae, reference, guess, free, t0)
-    _check_upright(scene, dae, q0)
-    G0 = _at(dae.G, dae, q0, t0) if dae.G is not None else np.zeros((0, dae.n_v))
+    q0 = assemble(scene, dae, reference, guess, free, t0)
+    check_upright(scene, dae, q0)
+    G0 = at_rest(dae.G, dae, q0, t0) if dae.G is not None else np.zeros((0, dae.n_v))
     if dae.n_r:
-        rank, names = redundant_names(G0, dae.rows)
-        if rank < dae.n_r:
-            raise AssemblyError(
-                f"Constraints are redundant at the start: rank {rank} of {dae.n_r} rows; the rows of "
-                f"{', '.join(map(repr, names))} depend on each other. Use joints that lock less (Spherical or Cylindrical "
-                "in place of a Revolute), pose=Planar() for planar loops, or a start away from the singular position."
-            )
+        check_rank(dae, G0)
     rows, columns = independent(G0[: dae.n_c, free])
     solved = free[columns]
     u = ca.SX.sym("u", len(solved))
@@ -160,81 +153,17 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     place = ca.Function("place", [u, p], [q], {"cse": True})
     position = None
     if len(solved) and dae.Phi is not None:
-        residual = dae.Phi(*_state(dae, place(u, p)), p, t0)[rows.tolist()]
+        residual = dae.Phi(*rest(dae, place(u, p)), p, t0)[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)
     velocity, spread = _velocities(dae, listed_v, p, [i for i in range(dae.n_v) if i not in held.v], q0, t0)
     start = Start(
         dae, t0, q0, reference, ca.Function("listed_v", [p], [listed_v]), place, position, velocity, spread,
         held=tuple((*scene.start,)),
-        solved=tuple(_coordinate(dae, i) for i in solved),
-        defaults=tuple(_coordinate(dae, i) for i in np.setdiff1d(free, solved)),
+        solved=tuple(coordinate_of(dae, i) for i in solved),
+        defaults=tuple(coordinate_of(dae, i) for i in np.setdiff1d(free, solved)),
     )  # fmt: skip
     _check_velocities(start, p0)
     return start
-
-
-def _state(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
-    return (q, ca.SX(dae.n_v, 1), *((ca.SX(dae.n_s, 1),) if dae.n_s else ()))
-
-
-def _at(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
-    s = (np.zeros(dae.n_s),) if dae.n_s else ()
-    return np.asarray(f(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full())
-
-
-def _coordinate(dae: DAE, displacement: int) -> str:
-    body, _, part = dae.v_names[displacement].rpartition(".")
-    part = "theta" if part == "omega" else part.replace("omega_", "rotation_")
-    return f"{body}.{part.removeprefix('v') if part in ('vx', 'vy', 'vz') else part}"
-
-
-def _assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free: Array, t0: float) -> Array:
-    """Coordinates with Phi = 0 at the nominal parameters, moved least from the guess; damped Gauss-Newton."""
-    q = np.asarray(reference(dae.p_nominal, guess)).ravel()
-    if dae.Phi is None:
-        return q
-    r = _at(dae.Phi, dae, q, t0).ravel()
-    scale = max(float(np.abs(q).max(initial=0.0)), float(np.abs(r).max()), 1e-300)
-    for _ in range(100):
-        if np.abs(r).max() <= 1e-15 * scale or not free.size:
-            break
-        # G holds the position rows first; the least-norm step moves the coordinates least.
-        J = _at(dae.G, dae, q, t0)[: dae.n_c, free]
-        step = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
-        for damping in 0.5 ** np.arange(12):
-            delta = np.zeros(dae.n_v)
-            delta[free] = damping * step
-            q_new = np.asarray(dae.retract(q, delta)).ravel()
-            r_new = _at(dae.Phi, dae, q_new, t0).ravel()
-            if np.linalg.norm(r_new) < np.linalg.norm(r):
-                break
-        else:
-            break
-        q, r = q_new, r_new
-    worst = float(np.abs(r).max())
-    if not worst <= _TOLERANCE * scale:
-        name = next(n for n, rows in dae.rows.items() if rows.start <= int(np.abs(r).argmax()) < rows.stop)
-        bodies = {b.name for e in scene.system.elements if e.name == name for b in getattr(e, "bodies", tuple)()}
-        listed = [key for key in scene.start if key.split(".")[0] in bodies] or list(scene.start)
-        remedy = f"Leave one of {', '.join(listed)} free, or" if listed else "Please"
-        raise AssemblyError(
-            f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}. {remedy} give a better guess."
-        )
-    return q
-
-
-def _check_upright(scene: Scene, dae: DAE, q: Array) -> None:
-    if dae.upright is None:
-        return
-    cosines = np.asarray(dae.upright(q, dae.p_nominal)).ravel()
-    if cosines.min(initial=1.0) < 0:
-        at = int(cosines.argmin())
-        constraints = [e for e in scene.system.elements if hasattr(e, "upright")]
-        owners = [e.name for e in constraints for _ in range(e.upright().numel())]
-        raise AssemblyError(
-            f"Joint {owners[at]!r} is assembled the wrong way round: frames that it locks parallel end antiparallel. "
-            "Give a guess nearer to the meant position."
-        )
 
 
 def _velocities(
@@ -243,7 +172,7 @@ def _velocities(
     """Velocities v = listed + E G' mu with G v + Phi_t = 0; mu for independent rows only."""
     if dae.G is None or dae.Phi_dot is None:
         return None, None
-    A = _at(dae.G, dae, q0, t0)[:, free]
+    A = at_rest(dae.G, dae, q0, t0)[:, free]
     rows, _ = independent(A)
     if not rows.size:
         return None, None
@@ -273,8 +202,7 @@ def _check_velocities(start: Start, p0: Array) -> None:
         v = batch(start.spread, start.velocity.solve(w)[0], w)[0][0]
     s = (np.zeros(dae.n_s),) if dae.n_s else ()
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
-    name = next(n for n, rows in dae.rows.items() if rows.start <= int(r.argmax()) < rows.stop)
     raise AssemblyError(
-        f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {name!r}. "
+        f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {owner(dae, int(r.argmax()))!r}. "
         "Leave one of the listed velocities free."
     )

@@ -5,7 +5,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 
 
 @lru_cache(maxsize=256)
@@ -14,7 +14,7 @@ def _mapped(f: ca.Function, n: int, threads: int) -> ca.Function:
 
 
 @lru_cache(maxsize=256)
-def _scatter(f: ca.Function, i: int) -> Array | None:
+def _scatter(f: ca.Function, i: int) -> Indices | None:
     """Where the nonzeros of output i stand in its dense column-major form, None if it is dense."""
     sparsity = f.sparsity_out(i)
     return None if sparsity.is_dense() else np.array(sparsity.find(), dtype=np.intp)
@@ -44,12 +44,12 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
     for i, a in enumerate(arguments):
         held.append(np.ascontiguousarray(np.broadcast_to(a, (N, f.numel_in(i))), dtype=float))
         if held[-1].size:
-            buffer.set_arg(i, memoryview(held[-1].reshape(-1)))
+            buffer.set_arg(i, memoryview(held[-1].reshape(-1)))  # pyright: ignore[reportCallIssue]
     results = []
     for i in range(f.n_out()):
         results.append(np.zeros((N, f.nnz_out(i))))
         if results[-1].size:
-            buffer.set_res(i, memoryview(results[-1].reshape(-1)))
+            buffer.set_res(i, memoryview(results[-1].reshape(-1)))  # pyright: ignore[reportCallIssue]
     evaluate()
     if buffer.ret():
         raise RuntimeError(f"evaluation of {f.name()!r} failed")

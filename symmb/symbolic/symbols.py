@@ -5,7 +5,7 @@ is and how fast it changes; the table here holds those records weakly, so that i
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from weakref import WeakValueDictionary
 
@@ -29,13 +29,16 @@ class Kind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """A declared symbol: dotted name, kind, and for what moves its rate; `value` is where a state starts."""
+    """A declared symbol: dotted name, kind, and for what moves its rate; `value` is where a state starts.
+
+    What a symbol does not have is empty.
+    """
 
     name: str
     kind: Kind
     sx: ca.SX
-    rate: ca.SX | None = None
-    value: ca.SX | None = None
+    rate: ca.SX = field(default_factory=ca.SX)
+    value: ca.SX = field(default_factory=ca.SX)
 
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
@@ -46,7 +49,7 @@ def declare(
 ) -> tuple[Symbol, ...]:
     """Enter symbols into the table; whoever declares them keeps the records alive."""
     records = tuple(
-        Symbol(name, kind, symbols[i], None if rates is None else rates[i], value)
+        Symbol(name, kind, symbols[i], ca.SX() if rates is None else rates[i], ca.SX() if value is None else value)
         for i, name in enumerate(names)
     )
     for record in records:
@@ -98,7 +101,7 @@ def ddt(expression: ca.SX) -> ca.SX:
         record = lookup(symbol)
         if record is None or record.kind is Kind.PARAMETER:
             continue
-        if record.rate is None:
+        if record.rate.is_empty():
             raise DeclarationError(
                 f"ddt takes expressions of positions, but {record.name!r} is a {record.kind.value}; "
                 "its rate follows from the equations of motion only."

@@ -1,0 +1,110 @@
+"""Assembly at the nominal parameters: coordinates on the constraints near a guess, and what is wrong if there are none."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import AssemblyError
+from symmb._types import Array, Indices
+from symmb.dae import DAE
+from symmb.mechanics.constraint import Constraint
+from symmb.scene import Scene
+from symmb.solve._rank import redundant_names
+
+_TOLERANCE = 1e-9
+
+
+def rest(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
+    """The arguments (q, v[, s]) of the DAE's Functions with nothing moving."""
+    return (q, ca.SX(dae.n_v, 1), *((ca.SX(dae.n_s, 1),) if dae.n_s else ()))
+
+
+def at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
+    """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
+    s = (np.zeros(dae.n_s),) if dae.n_s else ()
+    return np.asarray(f(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full())
+
+
+def coordinate_of(dae: DAE, displacement: int) -> str:
+    """Name of the coordinate that a displacement moves."""
+    body, _, part = dae.v_names[displacement].rpartition(".")
+    part = "theta" if part == "omega" else part.replace("omega_", "rotation_")
+    return f"{body}.{part.removeprefix('v') if part in ('vx', 'vy', 'vz') else part}"
+
+
+def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free: Indices, t0: float) -> Array:
+    """Coordinates with Phi = 0 at the nominal parameters, moved least from the guess; damped Gauss-Newton.
+
+    Parameters
+    ----------
+    reference : (p, q) -> q     puts the listed coordinates in
+    guess : (n_q,) array
+    free : (n,) indices         displacements that may move
+
+    Raises
+    ------
+    AssemblyError               if Newton ends off the constraints, with the joint that is worst
+    """
+    q = np.asarray(reference(dae.p_nominal, guess)).ravel()
+    Phi, G = dae.Phi, dae.G
+    if Phi is None or G is None:
+        return q
+    r = at_rest(Phi, dae, q, t0).ravel()
+    scale = max(float(np.abs(q).max(initial=0.0)), float(np.abs(r).max()), 1e-300)
+    for _ in range(100):
+        if np.abs(r).max() <= 1e-15 * scale or not free.size:
+            break
+        # G holds the position rows first; the least-norm step moves the coordinates least.
+        J = at_rest(G, dae, q, t0)[: dae.n_c, free]
+        step = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
+        for damping in 0.5 ** np.arange(12):
+            delta = np.zeros(dae.n_v)
+            delta[free] = damping * step
+            q_new = np.asarray(dae.retract(q, delta)).ravel()
+            r_new = at_rest(Phi, dae, q_new, t0).ravel()
+            if np.linalg.norm(r_new) < np.linalg.norm(r):
+                break
+        else:
+            break
+        q, r = q_new, r_new
+    worst = float(np.abs(r).max())
+    if not worst <= _TOLERANCE * scale:
+        name = owner(dae, int(np.abs(r).argmax()))
+        joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
+        bodies = {body.name for joint in joints for body in joint.bodies()}
+        listed = [key for key in scene.start if key.split(".")[0] in bodies] or list(scene.start)
+        remedy = f"Leave one of {', '.join(listed)} free, or" if listed else "Please"
+        raise AssemblyError(
+            f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}. {remedy} give a better guess."
+        )
+    return q
+
+
+def check_upright(scene: Scene, dae: DAE, q: Array) -> None:
+    """Raise AssemblyError if frames that a joint locks parallel are antiparallel at q."""
+    if dae.upright is None:
+        return
+    cosines = np.asarray(dae.upright(q, dae.p_nominal)).ravel()
+    if cosines.min(initial=1.0) < 0:
+        at = int(cosines.argmin())
+        constraints = [e for e in scene.system.elements if isinstance(e, Constraint)]
+        owners = [e.name for e in constraints for _ in range(e.upright().numel())]
+        raise AssemblyError(
+            f"Joint {owners[at]!r} is assembled the wrong way round: frames that it locks parallel end antiparallel. "
+            "Give a guess nearer to the meant position."
+        )
+
+
+def owner(dae: DAE, row: int) -> str:
+    """Name of the constraint that a row belongs to."""
+    return next(name for name, rows in dae.rows.items() if rows.start <= row < rows.stop)
+
+
+def check_rank(dae: DAE, G: Array) -> None:
+    """Raise AssemblyError if rows of the velocity Jacobian G (n_r, n_v) depend on each other."""
+    rank, names = redundant_names(G, dae.rows)
+    if rank < dae.n_r:
+        raise AssemblyError(
+            f"Constraints are redundant at the start: rank {rank} of {dae.n_r} rows; the rows of "
+            f"{', '.join(map(repr, names))} depend on each other. Use joints that lock less (Spherical or Cylindrical "
+            "in place of a Revolute), pose=Planar() for planar loops, or a start away from the singular position."
+        )
