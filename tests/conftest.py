@@ -17,7 +17,7 @@ from models import (
     slider_crank_spatial,
     spherical_pendulum,
 )
-from symmb import CVODES, IDAS, Collocation, RungeKutta
+from symmb import CVODES, HHT, IDAS, NSTIFFSI2, Collocation, GeneralizedAlpha, RungeKutta
 from symmb.bounds import (
     Gauss,
     IntervalArithmetic,
@@ -38,6 +38,9 @@ ALL_SOLVERS = (
     IDAS(rtol=1e-11),
     RungeKutta(steps=2000),
     Collocation(steps=100),
+    NSTIFFSI2(step=1e-3),
+    GeneralizedAlpha(step=1e-3),
+    HHT(step=1e-3),
 )
 
 ALL_METHODS = (

@@ -1,0 +1,94 @@
+"""Every solver with every stabilization against equations written by hand; fitted orders; drift."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ALL_SOLVERS
+from mechanisms import MECHANISMS, double_pendulum, double_pendulum_by_hand
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+STABILIZATIONS = (None, mb.Baumgarte(), mb.Projection())
+SECOND_ORDER = (mb.NSTIFFSI2, mb.GeneralizedAlpha, mb.HHT)
+
+
+def stabilized():
+    for solver in ALL_SOLVERS:
+        if hasattr(solver, "stabilization"):
+            yield from (replace(solver, stabilization=s) for s in STABILIZATIONS)
+        else:
+            yield solver
+
+
+@pytest.fixture(scope="module")
+def by_hand():
+    return {name: mechanism.by_hand(mechanism.nominal) for name, mechanism in MECHANISMS.items()}
+
+
+@pytest.mark.parametrize("solver", tuple(stabilized()), ids=repr)
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_solvers_agree_with_equations_by_hand(name, solver, by_hand):
+    run = mb.simulate(MECHANISMS[name].scene(), solver)
+    tolerance = 4e-3 if isinstance(solver, SECOND_ORDER) else 2e-7
+    assert_allclose(run.values, by_hand[name], atol=tolerance)
+    assert run.energy_drift < tolerance / 10
+    if isinstance(getattr(solver, "stabilization", None), mb.Projection):
+        assert run.position_drift < 1e-14 and run.velocity_drift < 1e-13
+
+
+ORDERS = [
+    (lambda n: mb.RungeKutta(steps=n), 4, (200, 400, 800)),
+    (lambda n: mb.RungeKutta(steps=n, stabilization=mb.Baumgarte(2.0, 2.0)), 4, (200, 400, 800)),
+    (lambda n: mb.Collocation(degree=1, steps=n), 1, (1000, 2000, 4000)),
+    (lambda n: mb.Collocation(degree=2, steps=n), 3, (40, 80, 160)),
+    (lambda n: mb.Collocation(degree=3, steps=n), 5, (40, 80, 160)),
+    (lambda n: mb.Collocation(degree=4, steps=n), 7, (40, 60, 80)),
+    (lambda n: mb.NSTIFFSI2(step=1 / n), 2, (400, 800, 1600)),
+    (lambda n: mb.GeneralizedAlpha(step=1 / n), 2, (400, 800, 1600)),
+    (lambda n: mb.HHT(step=1 / n), 2, (400, 800, 1600)),
+]
+
+
+@pytest.mark.parametrize(("solver", "order", "steps"), ORDERS, ids=[repr(o[0](o[2][0])) for o in ORDERS])
+def test_the_order_is_the_one_of_the_method(solver, order, steps):
+    times = np.linspace(0, 1, 6)
+    exact = double_pendulum_by_hand((1.0, 0.8), times)
+    errors = [np.abs(mb.simulate(double_pendulum(times), solver(n)).values - exact).max() for n in steps]
+    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert abs(slope - order) < 0.25, errors
+
+
+@pytest.mark.parametrize("make", [mb.CVODES, mb.IDAS], ids=lambda c: c.__name__)
+def test_the_error_follows_the_tolerance(make):
+    exact = double_pendulum_by_hand((1.0, 0.8))
+    errors = [np.abs(mb.simulate(double_pendulum(), make(rtol=r)).values - exact).max() for r in (1e-5, 1e-7, 1e-9)]
+    assert errors[0] > 5 * errors[1] > 25 * errors[2]
+
+
+def test_tighter_solvers_err_less():
+    exact = double_pendulum_by_hand((1.0, 0.8))
+    coarse = (mb.CVODES(rtol=1e-5), mb.IDAS(rtol=1e-5), mb.RungeKutta(steps=150), mb.Collocation(degree=2, steps=100))
+    for solver in (*coarse, mb.NSTIFFSI2(), mb.GeneralizedAlpha(step=5e-3), mb.HHT(step=5e-3)):
+        first, second = (
+            np.abs(mb.simulate(double_pendulum(), s).values - exact).max() for s in (solver, solver.tighter(100.0))
+        )
+        assert second < 0.2 * first, solver
+
+
+def test_stabilization_takes_the_drift_away():
+    times = np.linspace(0, 10, 101)
+    solvers = [mb.RungeKutta(steps=1500, stabilization=s) for s in (None, mb.Baumgarte(10.0, 10.0), mb.Projection())]
+    free, fed_back, projected = (mb.simulate(double_pendulum(times), s) for s in solvers)
+    assert free.position_drift > 1e-5
+    assert fed_back.position_drift < 0.1 * free.position_drift
+    assert projected.position_drift < 1e-14
+    assert free.velocity_drift > 1e-5
+    assert fed_back.velocity_drift < 0.3 * free.velocity_drift
+    assert projected.velocity_drift < 1e-13
+
+
+def test_solvers_print_what_was_chosen():
+    assert repr(mb.CVODES()) == "CVODES()"
+    assert repr(mb.IDAS(rtol=1e-7, stabilization=mb.Projection())) == "IDAS(rtol=1e-07, stabilization=Projection())"
