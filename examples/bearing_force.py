@@ -1,0 +1,54 @@
+"""How much does a bearing feel of play in the parts? A slider-crank is driven at constant speed; the bounds of the force in
+its crankpin follow from intervals of the lengths and of the slider's mass.
+"""
+
+import casadi as ca
+import numpy as np
+
+import symmb as mb
+
+SPEED = 2 * np.pi  # one turn a second
+
+p = mb.Parameters(crank=0.1, rod=0.3, slider_mass=2.0)
+ground = mb.Ground()
+crank = mb.Body("crank", mass=0.5, inertia=0.5 * p.crank**2 / 12, pose=mb.Planar())
+rod = mb.Body("rod", mass=0.8, inertia=0.8 * p.rod**2 / 12, pose=mb.Planar())
+slider = mb.Body("slider", mass=p.slider_mass, pose=mb.Particle())
+system = mb.System(
+    crank,
+    rod,
+    slider,
+    mb.Revolute("bearing", ground.point(0, 0), crank.point(-p.crank / 2, 0)),
+    mb.Revolute("crankpin", crank.point(p.crank / 2, 0), rod.point(-p.rod / 2, 0)),
+    mb.Spherical("wristpin", rod.point(p.rod / 2, 0), slider.point(0, 0)),
+    mb.Motion("guide", slider.y, 0),
+    mb.Motion("motor", crank.theta, SPEED * mb.t),
+    mb.Damper("process", ground.point(-1, 0), slider.point(0, 0), 40.0),
+    parameters=p,
+)
+pin = system.reaction("crankpin")
+scene = mb.Scene(
+    system,
+    start={"crank.theta": 0.0},
+    guess={"slider.x": 0.4},
+    times=np.linspace(0.0, 1.0, 201),
+    outputs={"stroke": slider.x, "pin_force": ca.sqrt(pin.fx**2 + pin.fy**2)},
+    box=mb.Box(crank=(0.098, 0.102), rod=(0.297, 0.303), slider_mass=(1.9, 2.1)),
+    name="bearing force",
+)
+run = mb.simulate(scene)
+bounds = mb.propagate(scene, mb.PolynomialChaos())
+
+# The stroke has a closed form, and so has its range: it grows with both lengths where the crank points outwards.
+theta = SPEED * scene.times
+stroke = 0.1 * np.cos(theta) + np.sqrt(0.3**2 - (0.1 * np.sin(theta)) ** 2)
+assert np.abs(run["stroke"] - stroke).max() < 1e-6
+assert abs(bounds["stroke"][1][0] - (0.102 + 0.303)) < 1e-6
+assert run.energy_drift < 1e-6  # the motor's and the damper's work are counted
+force_low, force_high = bounds["pin_force"]
+assert (force_low <= run["pin_force"] + 1e-6).all() and (run["pin_force"] <= force_high + 1e-6).all()
+
+if __name__ == "__main__":
+    print(run)
+    peak = force_high.argmax()
+    print(f"largest pin force: {run['pin_force'][peak]:.2f} N nominal, at most {force_high[peak]:.2f} N at {scene.times[peak]:.3f} s")

@@ -1,0 +1,34 @@
+"""Bounds of a model that symmb did not derive: any Python function takes the place of a scene.
+
+Here SciPy integrates van der Pol's oscillator; its damping and the start are known as intervals only.
+"""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+
+TIMES = np.linspace(0.0, 10.0, 101)
+
+
+def van_der_pol(mu: float, x0: float) -> np.ndarray:
+    """Displacement and velocity, (n_t, 2)."""
+    run = solve_ivp(lambda t, y: (y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]), (0, 10), (x0, 0.0), "DOP853", TIMES, rtol=1e-9)
+    return run.y.T
+
+
+oscillator = mb.FunctionSimulator(van_der_pol, parameters={"mu": 1.0, "x0": 0.5}, times=TIMES, outputs=["x", "v"])
+box = mb.Box(mu=(0.9, 1.1), x0=(0.45, 0.55))
+chaos = mb.propagate(oscillator, mb.PolynomialChaos(), box)
+sampled = mb.propagate(oscillator, mb.Scanning(9), box)
+
+assert chaos.kind == "estimate" and sampled.kind == "sampled"
+# Samples are attained: they lie within the outer bounds, which are not much wider than the samples reach.
+assert (chaos.outer[0] <= sampled.lower + 1e-6).all() and (sampled.upper <= chaos.outer[1] + 1e-6).all()
+width = (sampled.upper - sampled.lower).max(axis=0)
+assert ((chaos.upper - chaos.lower).max(axis=0) < 1.05 * width).all()
+
+if __name__ == "__main__":
+    print(chaos)
+    for i, name in enumerate(chaos.names):
+        print(f"{name}: widest at {TIMES[(chaos.upper - chaos.lower)[:, i].argmax()]:.1f} s")

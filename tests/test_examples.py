@@ -1,0 +1,25 @@
+"""Every example runs and its assertions hold; the README's code does what it says."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_example(path):
+    runpy.run_path(str(path), run_name="example")
+
+
+def test_code_of_the_readme(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 1 and len(blocks[0].splitlines()) <= 30
+    namespace = {}
+    exec(blocks[0], namespace)
+    lower, upper = namespace["bounds"]["tip_y"]
+    run = namespace["run"]["tip_y"]
+    assert (lower <= run + 1e-6).all() and (run <= upper + 1e-6).all()
+    assert "PolynomialChaos.paper(order=2)" in capsys.readouterr().out
