@@ -145,7 +145,8 @@ class Collocation(_Casadi):
             "number_of_finite_elements": _elements(self.steps, span, horizon),
             "interpolation_order": self.degree,
             "collocation_scheme": "radau",
-            "rootfinder_options": {"abstol": 1e-12},
+            # Newton is quadratic: after a step of 1e-8 the error is at rounding level, also where unknowns are large.
+            "rootfinder_options": {"abstol": 1e-12, "abstolStep": 1e-8},
         }
 
     def tighter(self, factor: float = 10.0) -> "Collocation":
