@@ -1,0 +1,248 @@
+"""Starting: what is listed holds exactly, the rest follows from the constraints on one assembly branch."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from joints import numbers
+from mechanisms import four_bar
+from numpy.testing import assert_allclose, assert_array_equal
+
+import symmb as mb
+
+GROUND = mb.Ground()
+
+
+def started(scene, P=None):
+    """Start of a scene, with coordinates and velocities by name for every sample."""
+    simulator = mb.DAESimulator(scene)
+    P = simulator.start.dae.p_nominal[None] if P is None else np.asarray(P, dtype=float)
+    x, ok = simulator.start.states(P)
+    assert ok.all()
+    dae = simulator.dae
+    residuals = [numbers(dae.Phi, *dae.arguments(row, p, simulator.times[0])) for row, p in zip(x, P, strict=True)]
+    assert_allclose(residuals, 0, atol=1e-13)
+    rates = [numbers(dae.Phi_dot, *dae.arguments(row, p, simulator.times[0])) for row, p in zip(x, P, strict=True)]
+    assert_allclose(rates, 0, atol=1e-12)
+    return simulator.start, dict(zip((*dae.q_names, *dae.v_names, *dae.s_names), x.T, strict=True))
+
+
+def pendulum():
+    """A rod of length l on a hinge at the origin, hanging along -y at theta = 0."""
+    p = mb.Parameters(l=1.2, tilt=0.3)
+    rod = mb.Body("rod", p.l, p.l**3 / 12, mb.Planar())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, p.l / 2))
+    return mb.System(rod, hinge, parameters=p), p
+
+
+P = [[1.2, 0.3], [0.7, -1.0], [1.0, 2.0]]
+
+
+def test_listed_values_hold_exactly_and_the_others_follow():
+    system, p = pendulum()
+    start, x = started(mb.Scene(system, {"rod.theta": p.tilt, "rod.omega": 2 * p.l}), P)
+    lengths, tilts = np.array(P).T
+    assert_array_equal(x["rod.theta"], tilts)
+    assert_array_equal(x["rod.omega"], 2 * lengths)
+    assert_allclose(x["rod.x"], lengths / 2 * np.sin(tilts), atol=1e-14)
+    assert_allclose(x["rod.vx"], lengths**2 * np.cos(tilts), atol=1e-14)
+    assert (start.held, start.solved, start.defaults) == (("rod.theta", "rod.omega"), ("rod.x", "rod.y"), ())
+
+
+@pytest.mark.parametrize(("guess", "sign"), [(0.4, 1), (-0.4, -1), (np.pi - 0.4, 1), (0.0, None)])
+def test_the_guess_picks_the_branch(guess, sign):
+    """With y listed, the rod may lean left or right; straight down the slope vanishes and nothing is found."""
+    system, p = pendulum()
+    y = -p.l / 2 * ca.cos(0.3)
+    scene = mb.Scene(system, {"rod.y": y}, guess={"rod.theta": guess})
+    if sign is None:
+        with pytest.raises(mb.AssemblyError, match=r"'hinge'.* better guess"):
+            mb.DAESimulator(scene)
+        return
+    _, x = started(scene, P)
+    assert_allclose(np.sin(x["rod.theta"]), sign * np.sin(0.3), atol=1e-12)
+    assert_array_equal(x["rod.y"], [-row[0] / 2 * np.cos(0.3) for row in P])
+
+
+def test_what_the_constraints_leave_open_stays_at_its_guess():
+    """A ball on a rod: the least move from the guess is along the line to the anchor."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Distance("rope", GROUND.point(0, 0), ball.point(0, 0), 2.0), mb.Gravity(0, 0, -1))
+    start, x = started(mb.Scene(system, guess={"ball.x": 3.0, "ball.y": 4.0}))
+    assert_allclose([x["ball.x"][0], x["ball.y"][0], x["ball.z"][0]], [1.2, 1.6, 0], atol=1e-12)
+    assert len(start.solved) == 1 and len(start.defaults) == 2 and start.held == ()
+
+
+def test_defaults_are_zero_and_the_identity_rotation():
+    top = mb.Body("top", 1.0, (1, 1, 1), mb.Spatial())
+    scene = mb.Scene(mb.System(top, mb.Gravity(0, 0, -1)))
+    simulator = mb.DAESimulator(scene)
+    assert_array_equal(simulator.start.states(np.zeros((1, 0)))[0], [[0, 0, 0, 1, *[0] * 9]])
+    names = ("top.x", "top.y", "top.z", "top.rotation_x", "top.rotation_y", "top.rotation_z")
+    assert simulator.start.defaults == names
+    assert "at default top.x, top.y" in str(mb.simulate(scene))
+
+
+def test_velocities_left_free_are_zero_and_dependent_ones_of_least_norm():
+    """A bar whose left end is fixed to a slider that moves at 1 m/s: nothing makes it turn."""
+    slider, bar = mb.Body("slider", 1.0, 1.0, mb.Planar()), mb.Body("bar", 1.0, 0.1, mb.Planar())
+    system = mb.System(
+        slider, bar,
+        mb.Prismatic("guide", GROUND.point(0, 0), slider.point(0, 0), axis=(1, 0, 0)),
+        mb.Revolute("pin", slider.point(0, 0), bar.point(0, 1)),
+    )  # fmt: skip
+    _, x = started(mb.Scene(system, {"slider.vx": 1.0, "bar.omega": 0.0}))
+    assert_allclose([x["slider.vx"][0], x["bar.vx"][0], x["bar.omega"][0]], [1, 1, 0], atol=1e-14)
+    _, x = started(mb.Scene(system, {"slider.vx": 1.0}))
+    assert_allclose([x["slider.vx"][0], x["bar.vx"][0], x["bar.omega"][0]], [1, 0.5, -0.5], atol=1e-14)
+    _, x = started(mb.Scene(system))
+    assert all(x[name][0] == 0 for name in ("slider.vx", "bar.vx", "bar.omega"))
+
+
+def test_rotations_and_spins_may_depend_on_parameters():
+    p = mb.Parameters(tilt=0.4, spin=3.0, r=0.5)
+    top = mb.Body("top", 1.0, (1, 1, 1), mb.Spatial())
+    tip = mb.Spherical("tip", GROUND.point(0, 0), top.point(0, 0, -p.r))
+    rotation = mb.rotation((0, 1, 0), p.tilt) @ mb.rotation((0, 0, 1), 0.2)
+    scene = mb.Scene(mb.System(top, tip, parameters=p), {"top.rotation": rotation, "top.omega": (0, p.tilt, p.spin)})
+    start, x = started(scene, [[0.4, 3.0, 0.5], [1.0, -2.0, 0.3]])
+    tilt, r = np.array([0.4, 1.0]), np.array([0.5, 0.3])
+    assert_allclose(x["top.x"], r * np.sin(tilt), atol=1e-14)
+    assert_allclose(x["top.z"], r * np.cos(tilt), atol=1e-14)
+    assert_allclose(x["top.e0"], np.cos(tilt / 2) * np.cos(0.1), atol=1e-14)
+    assert_array_equal(x["top.omega_z"], [3.0, -2.0])
+    assert_array_equal(x["top.omega_x"], 0.0)
+    assert start.held == ("top.rotation", "top.omega")
+
+
+def test_all_samples_start_on_the_branch_of_the_nominal_one():
+    """Crank-rocker: the coupler's pin lies above the line of the pivots for the nominal crank and every sample."""
+    p = mb.Parameters(crank=0.3, coupler=0.9, angle=0.5)
+    bodies = [mb.Body(name, 1.0, 0.1, mb.Planar()) for name in ("crank", "coupler", "rocker")]
+    crank, coupler, rocker = bodies
+    system = mb.System(
+        *bodies,
+        mb.Revolute("A", GROUND.point(0, 0), crank.point(0, 0)),
+        mb.Revolute("B", crank.point(p.crank, 0), coupler.point(0, 0)),
+        mb.Revolute("C", coupler.point(p.coupler, 0), rocker.point(0.7, 0)),
+        mb.Revolute("D", GROUND.point(1.0, 0), rocker.point(0, 0)),
+        parameters=p,
+    )
+    rng = np.random.default_rng(2)
+    samples = np.array([0.3, 0.9, 0.5]) + rng.uniform(-1, 1, (200, 3)) * [0.05, 0.1, 2.5]
+    for guess, sign in (({"coupler.theta": 0.9, "rocker.theta": 1.5}, 1), ({"coupler.theta": -0.9, "rocker.theta": -1.5}, -1)):
+        start, x = started(mb.Scene(system, {"crank.theta": p.angle}, guess=guess), samples)
+        assert (sign * np.sin(x["rocker.theta"]) > 0.1).all()
+        assert "crank.theta" not in start.solved and "rocker.theta" in start.solved
+
+
+def test_a_drive_sets_the_start_at_its_own_time():
+    """x = sin(2 t) from t0 = 0.6 on: position and velocity are those of that time."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Motion("drive", ball.x, ca.sin(2 * mb.t)), mb.Gravity(0, -9.81))
+    scene = mb.Scene(system, {"ball.y": 1.0, "ball.vy": 2.0}, np.linspace(0.6, 1.6, 6))
+    _, x = started(scene)
+    assert_allclose(x["ball.x"], np.sin(1.2))
+    assert_allclose(x["ball.vx"], 2 * np.cos(1.2))
+    run = mb.simulate(scene, mb.CVODES(rtol=1e-11))
+    assert_allclose(run["ball.x"], np.sin(2 * run.t), atol=1e-9)
+    assert_allclose(run["ball.y"], 1 + 2 * (run.t - 0.6) - 9.81 / 2 * (run.t - 0.6) ** 2, atol=1e-9)
+    assert_allclose(run["drive.lam[0]"], 4 * np.sin(2 * run.t), atol=1e-8)  # m x'' + lam = 0
+    with pytest.raises(mb.AssemblyError, match=r"residual .* in joint 'drive'"):
+        mb.DAESimulator(mb.Scene(system, {"ball.x": 0.0}, [0.6]))
+
+
+CONTRADICTIONS = {
+    "position": ({"rod.theta": 0.3, "rod.x": 0.5}, r"Phi = 0: residual .* in joint 'hinge'\. Leave one of rod\.theta, rod\.x free"),
+    "everything": (
+        {"rod.theta": 0.3, "rod.x": 0.0, "rod.y": 0.0},
+        r"residual .* in joint 'hinge'\. Leave one of rod\.theta, rod\.x, rod\.y free",
+    ),
+    "out of reach": ({"rod.x": 0.7}, r"residual 0\.1 in joint 'hinge'"),
+    "velocity": (
+        {"rod.theta": 0.3, "rod.omega": 1.0, "rod.vx": 0.0},
+        r"Start velocities contradict the constraints: rate .* in joint 'hinge'\. Leave one of the listed velocities free",
+    ),
+    "all velocities": ({"rod.omega": 1.0, "rod.vx": 1.0, "rod.vy": 1.0}, r"velocities contradict .* in joint 'hinge'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CONTRADICTIONS)
+def test_a_start_that_contradicts_the_constraints_names_the_joint(case):
+    system, _ = pendulum()
+    listed, text = CONTRADICTIONS[case]
+    with pytest.raises(mb.AssemblyError, match=text):
+        mb.DAESimulator(mb.Scene(system, listed))
+
+
+def test_listed_values_may_be_redundant_where_they_agree():
+    system, p = pendulum()
+    listed = {"rod.theta": 0.3, "rod.x": p.l / 2 * np.sin(0.3), "rod.omega": 1.0, "rod.vx": p.l / 2 * np.cos(0.3)}
+    start, x = started(mb.Scene(system, listed), P)
+    assert start.solved == ("rod.y",)
+    assert_array_equal(x["rod.x"], [row[0] / 2 * np.sin(0.3) for row in P])
+
+
+def test_a_sample_whose_listed_values_contradict_fails_alone():
+    system, p = pendulum()
+    scene = mb.Scene(system, {"rod.theta": 0.3, "rod.x": 0.6 * np.sin(0.3) * (1 + 0 * p.l)}, [0.0, 0.1])
+    ensemble = mb.DAESimulator(scene).run(np.array([[1.2, 0.0], [1.3, 0.0]]))
+    assert_array_equal(ensemble.ok, [True, False])
+
+
+@pytest.mark.parametrize(
+    ("pose", "make"),
+    [
+        (mb.Planar(), lambda b: mb.Weld("clamp", GROUND.point(0, 0), b.point(0, 0))),
+        (mb.Planar(), lambda b: mb.Prismatic("clamp", GROUND.point(0, 0), b.point(0, 0), axis=(1, 0, 0))),
+        (mb.Spatial(), lambda b: mb.Revolute("clamp", GROUND.point(0, 0), b.point(0, 0), axis=(1, 0, 0))),
+        (mb.Spatial(), lambda b: mb.Weld("clamp", GROUND.point(0, 0), b.point(0, 0))),
+        (mb.Spatial(), lambda b: mb.PlanarJoint("clamp", GROUND.point(0, 0), b.point(0, 0), axis=(1, 0, 0))),
+    ],
+)
+def test_a_flipped_root_is_an_error_that_names_the_joint(pose, make):
+    """Turned by almost half a turn about z, the frames lock antiparallel."""
+    planar = isinstance(pose, mb.Planar)
+    body = mb.Body("b", 1.0, 1.0 if planar else (1, 1, 1), pose)
+    guess = {"b.theta": 3.0} if planar else {"b.rotation": mb.rotation((0, 0, 1), 3.0)}
+    with pytest.raises(mb.AssemblyError, match=r"'clamp' is assembled the wrong way round: .* Give a guess nearer"):
+        mb.DAESimulator(mb.Scene(mb.System(body, make(body)), guess=guess))
+
+
+def hinges(pose, offset):
+    inertia = 1.0 if isinstance(pose, mb.Planar) else (1, 1, 1)
+    door, frame = mb.Body("door", 1.0, inertia, pose), mb.Body("frame", 1.0, inertia, pose)
+    z = (0, 0) if isinstance(pose, mb.Planar) else (0, offset)
+    return mb.System(
+        door, frame,
+        mb.Weld("wall", GROUND.point(0, 0), frame.point(0, 0)),
+        mb.Revolute("lower", frame.point(0, 0, z[0]), door.point(0, 0, z[0])),
+        mb.Revolute("upper", frame.point(0, 0, z[1]), door.point(0, 0, z[1])),
+    )  # fmt: skip
+
+
+UPRIGHT = {"left.y": 0.5, "coupler.x": 1.0, "coupler.y": 1.0, "right.x": 2.0, "right.y": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("system", "guess", "rank", "named", "others"),
+    [
+        (four_bar(mb.Spatial()), UPRIGHT, "17 of 20", ("A", "B", "C", "D"), ()),
+        (hinges(mb.Planar(), 0), {}, "5 of 7", ("lower", "upper"), ("wall",)),
+        (hinges(mb.Spatial(), 1.0), {}, "11 of 16", ("lower", "upper"), ("wall",)),
+    ],
+)
+def test_redundant_constraints_are_named(system, guess, rank, named, others):
+    with pytest.raises(mb.AssemblyError) as told:
+        mb.DAESimulator(mb.Scene(system, guess=guess))
+    text = str(told.value)
+    assert f"rank {rank} rows" in text
+    assert all(f"'{name}'" in text for name in named)
+    assert not any(f"'{name}'" in text for name in others)
+    assert "Spherical or Cylindrical" in text
+
+
+def test_a_planar_four_bar_is_not_redundant_off_its_singular_position():
+    start, x = started(mb.Scene(four_bar(mb.Planar()), {"left.theta": -0.3}, guess=UPRIGHT))
+    assert_allclose(x["right.theta"], -0.3, atol=1e-12)
+    assert_allclose(x["coupler.theta"], 0, atol=1e-12)
+    assert len(start.solved) == 8
