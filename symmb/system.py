@@ -84,6 +84,7 @@ class System:
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected = self.collected.with_states(states)
+        copy.lam = self.lam  # the outputs may hold these very symbols
         return copy
 
     @property
