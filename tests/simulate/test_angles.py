@@ -1,0 +1,128 @@
+"""Angles of joints count their turns: revolutes, gears, screws and torsion springs, in the plane and in space."""
+
+import numpy as np
+import pytest
+from conftest import ALL_SOLVERS
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+TIMES = np.linspace(0.0, 3.0, 31)
+TIGHT = mb.CVODES(rtol=1e-11)
+GROUND = mb.Ground()
+AXIS = (0.48, 0.64, 0.6)
+POSES = [mb.Planar(), mb.Spatial()]
+
+
+def wheel(name, pose, inertia=0.5):
+    return mb.Body(name, 1.0, inertia if isinstance(pose, mb.Planar) else (inertia,) * 3, pose)
+
+
+def axis_of(pose):
+    return (0, 0, 1) if isinstance(pose, mb.Planar) else AXIS
+
+
+def spin(name, pose, rate):
+    if isinstance(pose, mb.Planar):
+        return {f"{name}.omega": rate}
+    return {f"{name}.rotation": mb.rotation((0, 0, 1), 0), f"{name}.omega": tuple(rate * a for a in AXIS)}
+
+
+@pytest.mark.parametrize("pose", POSES, ids=repr)
+@pytest.mark.parametrize("ground_is_b", [False, True])
+@pytest.mark.parametrize("rate", [11.0, -11.0])
+def test_the_angle_of_a_hinge_grows_over_several_turns(pose, ground_is_b, rate):
+    body = wheel("wheel", pose)
+    points = (body.point(0, 0), GROUND.point(0, 0)) if ground_is_b else (GROUND.point(0, 0), body.point(0, 0))
+    hinge = mb.Revolute("hinge", *points, axis=axis_of(pose))
+    scene = mb.Scene(mb.System(body, hinge), spin("wheel", pose, rate), TIMES, {"angle": hinge.angle, "rate": mb.ddt(hinge.angle)})
+    run = mb.simulate(scene, TIGHT)
+    sign = -1 if ground_is_b else 1
+    assert_allclose(run["angle"], sign * rate * TIMES, atol=1e-8)  # 33 rad, more than five turns
+    assert_allclose(run["rate"], sign * rate, atol=1e-8)
+
+
+@pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
+def test_every_solver_counts_turns(solver):
+    body = wheel("wheel", mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0), axis=AXIS)
+    scene = mb.Scene(mb.System(body, hinge), spin("wheel", mb.Spatial(), 11.0), TIMES, {"angle": hinge.angle})
+    assert_allclose(mb.simulate(scene, solver)["angle"], 11 * TIMES, atol=1e-3)
+
+
+def test_an_angle_may_start_beyond_a_quarter_turn_and_stand_beside_a_reaction():
+    body = wheel("wheel", mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0, 0), body.point(0.3, 0, 0))
+    system = mb.System(body, hinge, mb.Gravity(0, 0, -9.81))
+    start = {"wheel.rotation": mb.rotation((0, 0, 1), -2.5), "wheel.omega": (0, 0, -4.0)}
+    outputs = {"angle": hinge.angle, "fz": system.reaction("hinge").fz}
+    run = mb.simulate(mb.Scene(system, start, TIMES, outputs), TIGHT)
+    assert_allclose(run["angle"], -2.5 - 4 * TIMES, atol=1e-8)
+    assert_allclose(run["fz"], 9.81, atol=1e-9)
+    assert_allclose(run(system.reaction("hinge").fz), 9.81, atol=1e-9)
+    assert_allclose(run.reaction("hinge")[0][:, 2], 9.81, atol=1e-9)
+
+
+def test_an_angle_asked_for_after_the_run_must_be_an_output():
+    body = wheel("wheel", mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
+    run = mb.simulate(mb.Scene(mb.System(body, hinge)))
+    with pytest.raises(mb.DeclarationError, match=r"'hinge\.angle' counts turns along the run: make it an output"):
+        run(hinge.angle)
+
+
+@pytest.mark.parametrize("pose", POSES, ids=repr)
+def test_a_gear_keeps_its_ratio_over_several_turns(pose):
+    """Torque T on wheel a: (J_a + r^2 J_b) alpha = T."""
+    a, b = wheel("a", pose, 0.5), wheel("b", pose, 0.2)
+    axis = axis_of(pose)
+    hinges = [mb.Revolute(f"hinge_{w.name}", GROUND.point(i, 0), w.point(0, 0), axis=axis) for i, w in enumerate((a, b))]
+    torque = mb.Torque("drive", a, tuple(3.0 * x for x in axis))
+    gear = mb.Gear("gear", a.point(0, 0), b.point(0, 0), axis=axis, ratio=-2.5)
+    system = mb.System(a, b, *hinges, gear, torque)
+    outputs = {"a": hinges[0].angle, "b": hinges[1].angle}
+    run = mb.simulate(mb.Scene(system, times=TIMES, outputs=outputs), TIGHT)
+    alpha = 3.0 / (0.5 + 2.5**2 * 0.2)
+    assert_allclose(run["a"], alpha * TIMES**2 / 2, atol=1e-7)
+    assert_allclose(run["b"], -2.5 * run["a"], atol=1e-7)
+    assert abs(run["b"][-1]) > 4 * np.pi
+
+
+def test_a_screw_advances_by_its_pitch_with_every_turn():
+    """A nut of mass m on a vertical screw: (J + m (h / 2 pi)^2) alpha = -m g h / (2 pi)."""
+    nut = wheel("nut", mb.Spatial(), 0.02)
+    pitch = 0.6
+    screw = mb.Screw("screw", GROUND.point(0, 0), nut.point(0, 0), pitch=pitch)
+    system = mb.System(nut, screw, mb.Gravity(0, 0, -9.81))
+    run = mb.simulate(mb.Scene(system, {"nut.z": 0.0}, TIMES, {"angle": screw.angle, "z": nut.z}), TIGHT)
+    lead = pitch / (2 * np.pi)
+    alpha = -9.81 * lead / (0.02 + lead**2)
+    assert_allclose(run["angle"], alpha * TIMES**2 / 2, rtol=1e-7, atol=1e-7)
+    assert_allclose(run["z"], lead * run["angle"], rtol=1e-7, atol=1e-7)
+    assert abs(run["angle"][-1]) > 10 * np.pi
+    assert run.energy_drift < 1e-7
+
+
+@pytest.mark.parametrize("pose", POSES, ids=repr)
+def test_a_torsion_spring_winds_up_over_several_turns(pose):
+    """J alpha'' = -k alpha - c alpha' from a spin that winds it by more than two turns."""
+    body = wheel("wheel", pose)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0), axis=axis_of(pose))
+    spring = mb.TorsionSpring("spring", GROUND, body, 2.0, 0.1, 0.0, axis=axis_of(pose))
+    scene = mb.Scene(mb.System(body, hinge, spring), spin("wheel", pose, 40.0), TIMES, {"angle": hinge.angle})
+    run = mb.simulate(scene, TIGHT)
+    damping, frequency = 0.1, np.sqrt(2.0 / 0.5 - 0.1**2)
+    assert_allclose(run["angle"], 40 / frequency * np.exp(-damping * TIMES) * np.sin(frequency * TIMES), atol=1e-7)
+    assert run["angle"].max() > 4 * np.pi
+    assert run.energy_drift < 1e-8
+
+
+def test_a_drive_turns_a_hinge_through_several_turns():
+    body = wheel("wheel", mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0.2, 0), axis=AXIS)
+    drive = mb.Motion("drive", hinge.angle, 4 * mb.t**2)
+    scene = mb.Scene(mb.System(body, hinge, drive), times=TIMES, outputs={"angle": hinge.angle})
+    run = mb.simulate(scene, mb.CVODES(rtol=1e-11, stabilization=mb.Projection()))
+    assert_allclose(run["angle"], 4 * TIMES**2, atol=1e-12)
+    assert run.position_drift < 1e-12
+    assert run.energy_drift < 1e-8
