@@ -50,5 +50,5 @@ assert (force_low <= run["pin_force"] + 1e-6).all() and (run["pin_force"] <= for
 
 if __name__ == "__main__":
     print(run)
-    peak = force_high.argmax()
+    peak = int(force_high.argmax())
     print(f"largest pin force: {run['pin_force'][peak]:.2f} N nominal, at most {force_high[peak]:.2f} N at {scene.times[peak]:.3f} s")

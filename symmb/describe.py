@@ -23,7 +23,7 @@ def describe(system: "System") -> str:
     forces = [e for e in system.elements if isinstance(e, ForceElement)]
     dropped = c.written - c.Phi.numel()
     lines = [
-        f"bodies       {_count([type(b.pose).__name__ for b in c.bodies])}",
+        f"bodies       {_count([type(b.pose).__name__.lower() for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
         f"forces       {_count([type(e).__name__ for e in forces])}",
         f"parameters   {', '.join(system.parameters) or 'none'}",

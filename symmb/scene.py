@@ -38,7 +38,7 @@ class Scene:
     system : System
     start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> value, number or expression of parameters;
                            these hold exactly, the others follow from Phi = 0 and its rate, free velocities are 0
-    times : (n_t,) array   times of the outputs [s], increasing; the first is the start
+    times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
                            coordinates and velocities
     box : Box              intervals of the uncertain parameters
@@ -52,7 +52,7 @@ class Scene:
 
     system: System
     start: Mapping[str, Expr] = field(default_factory=dict)
-    times: Sequence[float] | Array = (0.0,)
+    times: Array = field(default_factory=lambda: np.zeros(1))
     outputs: Mapping[str, Expr] | None = None
     box: Box | None = None
     guess: Mapping[str, Expr] = field(default_factory=dict)
@@ -144,7 +144,7 @@ class Scene:
 
     def with_times(self, times: Sequence[float] | Array) -> "Scene":
         """A copy with other times."""
-        return replace(self, times=times)
+        return replace(self, times=np.asarray(times))
 
     def with_outputs(self, outputs: Mapping[str, Expr]) -> "Scene":
         """A copy with other outputs."""

@@ -53,10 +53,10 @@ def test_only_what_a_scene_has_is_there(make, parts):
 @pytest.mark.parametrize(
     ("make", "lines"),
     [
-        (pendulum, ["1 planar body", "1 Revolute", "1 Gravity", "n_q = 3, n_v = 3, n_c = 2; 1 degrees of freedom",
+        (pendulum, ["1 planar", "1 Revolute", "1 Gravity", "n_q = 3, n_v = 3, n_c = 2; 1 degrees of freedom",
                     "constant along the motion, diagonal: reciprocals", "3 of 5 rows of Phi vanish", "quaternions and N",
                     "Phi_t and Phi_tt (no drive)", "work (all forces have a potential)"]),
-        (spatial, ["1 spatial body", "n_q = 7, n_v = 6, n_c = 3; 3 degrees of freedom"]),
+        (spatial, ["1 spatial", "n_q = 7, n_v = 6, n_c = 3; 3 degrees of freedom"]),
         (driven, ["1 Motion", "1 Force"]),
         (free, ["Phi, gamma and multipliers (no constraint)", "constraints  none"]),
         (mb.System, ["bodies       none", "M            none"]),

@@ -94,7 +94,7 @@ class Body(_Framed):
     --------
     >>> rod = Body("rod", mass=2.0, inertia=0.5, pose=Planar())
     >>> rod.point(0.5, 0).x
-    SX((rod.x+(cos(rod.theta)*0.5)))
+    SX((rod.x+(0.5*cos(rod.theta))))
     """
 
     name: str

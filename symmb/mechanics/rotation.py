@@ -24,9 +24,9 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
     Examples
     --------
     >>> import numpy as np
-    >>> half = rotation(axis=(0, 0, 2), angle=np.pi / 2)
-    >>> (half @ half).quaternion
-    SX([6.12323e-17, 0, 0, 1])
+    >>> turn = rotation(axis=(0, 0, 2), angle=np.pi / 3)
+    >>> np.array(ca.DM((turn @ turn).quaternion)).ravel().round(3)
+    array([0.5  , 0.   , 0.   , 0.866])
     """
     half = ca.SX(angle) / 2
     return Rotation(ca.densify(ca.vertcat(ca.cos(half), ca.sin(half) * unit(vector(axis, "rotation axis")))))

@@ -84,4 +84,5 @@ def _solve_each(J: Array, r: Array) -> Array:
     try:
         return np.linalg.solve(J, r[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:  # one singular sample must not take its neighbours with it
-        return np.stack([np.linalg.lstsq(a, b, rcond=None)[0].astype(np.float64) for a, b in zip(J, r, strict=True)])
+        solutions: list[Array] = [np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(J, r, strict=True)]  # pyright: ignore[reportAssignmentType]
+        return np.stack(solutions)

@@ -131,29 +131,33 @@ class Integration:
             yield i, x
 
 
-def casadi_integration(
-    problem: Problem, plugin: str, options: Callable[[float, float, float], dict[str, Any]], times: Array
+def multistep_integration(
+    problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array
 ) -> Integration:
-    """A problem compiled for one of CasADi's integrators, options given (span, horizon) [s] and the length in its own time."""
-    arguments = [problem.x, problem.p, problem.t]
-    guess = ca.Function("guess", arguments, [problem.z_guess])
-    project = None if problem.projected is None else ca.Function("project", arguments, [problem.projected], {"cse": True})
+    """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length."""
+    guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
+    project = projection(problem)
     whole = between = None
     if problem.x.numel() and len(times) > 1:
         dae = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
         dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
         dae = {name: e for name, e in dae.items() if e.numel()}
-        horizon = float(times[-1] - times[0])
         if project is None:
-            whole = ca.integrator("whole", plugin, dae, times[0], times, options(horizon, horizon, horizon))
+            whole = ca.integrator("whole", plugin, dae, times[0], times, options(float(times[-1] - times[0])))
         # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
         begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
         for name in {"ode", "alg", "quad"} & dae.keys():
             dae[name] = ca.substitute(dae[name], problem.t, begin + span * tau) * (1 if name == "alg" else span)
         dae |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
-        longest = float(np.diff(times).max())
-        between = ca.integrator("between", plugin, dae, 0, 1, options(longest, horizon, 1.0))
+        between = ca.integrator("between", plugin, dae, 0, 1, options(1.0))
     return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
+
+
+def projection(problem: Problem) -> ca.Function | None:
+    """(x, p, t) -> x on the constraints, if the problem projects."""
+    if problem.projected is None:
+        return None
+    return ca.Function("project", [problem.x, problem.p, problem.t], [problem.projected], {"cse": True})
 
 
 def _quiet() -> AbstractContextManager[object]:

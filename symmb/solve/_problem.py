@@ -27,6 +27,8 @@ class Problem:
 
     def jets(self, order: int) -> "Problem":
         """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
+        if order == 0:
+            return self
         zero = ca.SX.zeros(self.p.shape)
         p1 = ca.SX.sym("p_1", self.p.numel())
         X = [self.x, *(ca.SX.sym(f"x_{j}", self.x.numel()) for j in range(1, order + 1))]

@@ -9,7 +9,7 @@ from symmb.dae import DAE
 from symmb.schemes._step import Step
 from symmb.schemes.generalized_alpha import generalized_alpha
 from symmb.schemes.nstiff_si2 import nstiff_si2
-from symmb.solve._implicit_driver import implicit_integration
+from symmb.solve._fixed_step import fixed_step_integration, implicit
 from symmb.solve._integration import Integration
 from symmb.solve.solvers import Solver
 
@@ -24,7 +24,8 @@ class _Implicit(Solver):
         """The scheme as a symbolic step."""
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        return implicit_integration(self.formula(dae, work).jets(order), times, self.step, self.tolerance)
+        advance = implicit(self.formula(dae, work).jets(order), self.tolerance)
+        return fixed_step_integration(advance, times, self.step)
 
     def tighter(self, factor: float = 10.0) -> Self:
         return replace(self, step=self.step / factor**0.5)  # pyright: ignore[reportArgumentType]

@@ -1,4 +1,4 @@
-"""CasADi's integrators on the index-reduced DAE."""
+"""Solvers of the index-reduced DAE, on CasADi's integrators and compiled step loops."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
@@ -8,8 +8,10 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.dae import DAE
-from symmb.solve._integration import Integration, casadi_integration
-from symmb.solve._problem import build_problem
+from symmb.schemes.runge_kutta import CLASSICAL
+from symmb.solve._fixed_step import Advance, collocation, explicit, fixed_step_integration
+from symmb.solve._integration import Integration, multistep_integration, projection
+from symmb.solve._problem import Problem, build_problem
 from symmb.solve.stabilization import Stabilization
 
 
@@ -31,22 +33,22 @@ class Solver(ABC):
         return f"{type(self).__name__}({', '.join(shown)})"
 
 
-class _Casadi(Solver):
+class _Multistep(Solver):
     plugin: ClassVar[str]
     algebraic: ClassVar[bool] = False
     stabilization: Stabilization
 
     @abstractmethod
-    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
-        """CasADi's options for an interval of length `span` within the whole horizon [s], `length` in its own time."""
+    def options(self, length: float) -> dict[str, Any]:
+        """CasADi's options for an integration over a time of this length."""
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
-        return casadi_integration(problem.jets(order) if order else problem, self.plugin, self.options, times)
+        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
+        return multistep_integration(problem, self.plugin, self.options, times)
 
 
 @dataclass(frozen=True, repr=False)
-class IDAS(_Casadi):
+class IDAS(_Multistep):
     """Variable-order BDF on the index-1 DAE, multipliers as algebraic variables (SUNDIALS).
 
     Parameters
@@ -63,7 +65,7 @@ class IDAS(_Casadi):
     atol: float | None = None
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
+    def options(self, length: float) -> dict[str, Any]:
         return {**_tolerances(self.rtol, self.atol)}
 
     def tighter(self, factor: float = 10.0) -> "IDAS":
@@ -71,7 +73,7 @@ class IDAS(_Casadi):
 
 
 @dataclass(frozen=True, repr=False)
-class CVODES(_Casadi):
+class CVODES(_Multistep):
     """Variable-order multistep method on the ODE with multipliers eliminated (SUNDIALS).
 
     Parameters
@@ -89,7 +91,7 @@ class CVODES(_Casadi):
     stiff: bool = False
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
+    def options(self, length: float) -> dict[str, Any]:
         method = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         # Shorter steps get lost in rounding: the run is in a singularity, which it would creep into for long.
         return {**_tolerances(self.rtol, self.atol), **method, "min_step_size": 1e-14 * length}
@@ -98,8 +100,24 @@ class CVODES(_Casadi):
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
 
 
+class _OneStep(Solver):
+    fixed_step: ClassVar[bool] = True
+    algebraic: ClassVar[bool] = False
+    steps: int
+    stabilization: Stabilization
+
+    @abstractmethod
+    def advance(self, problem: Problem) -> Advance:
+        """The compiled step."""
+
+    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
+        length = float(times[-1] - times[0]) / self.steps
+        return fixed_step_integration(self.advance(problem), times, length, projection(problem))
+
+
 @dataclass(frozen=True, repr=False)
-class RungeKutta(_Casadi):
+class RungeKutta(_OneStep):
     """Classical fourth-order Runge-Kutta with a fixed step on the ODE with multipliers eliminated.
 
     Parameters
@@ -108,21 +126,18 @@ class RungeKutta(_Casadi):
     stabilization            None, Baumgarte(...) or Projection()
     """
 
-    plugin: ClassVar[str] = "rk"
-    fixed_step: ClassVar[bool] = True
-
-    steps: int = 2000
+    steps: int = 2500
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
-        return {"number_of_finite_elements": _elements(self.steps, span, horizon)}
+    def advance(self, problem: Problem) -> Advance:
+        return explicit(problem, *CLASSICAL)
 
     def tighter(self, factor: float = 10.0) -> "RungeKutta":
         return replace(self, steps=int(np.ceil(self.steps * factor**0.25)))
 
 
 @dataclass(frozen=True, repr=False)
-class Collocation(_Casadi):
+class Collocation(_OneStep):
     """Radau collocation with a fixed step on the index-1 DAE, multipliers as algebraic variables.
 
     Parameters
@@ -132,29 +147,17 @@ class Collocation(_Casadi):
     stabilization            None, Baumgarte(...) or Projection()
     """
 
-    plugin: ClassVar[str] = "collocation"
     algebraic: ClassVar[bool] = True
-    fixed_step: ClassVar[bool] = True
 
     degree: int = 4
     steps: int = 1000
     stabilization: Stabilization = None
 
-    def options(self, span: float, horizon: float, length: float) -> dict[str, Any]:
-        return {
-            "number_of_finite_elements": _elements(self.steps, span, horizon),
-            "interpolation_order": self.degree,
-            "collocation_scheme": "radau",
-            # Newton is quadratic: after a step of 1e-8 the error is at rounding level, also where unknowns are large.
-            "rootfinder_options": {"abstol": 1e-12, "abstolStep": 1e-8},
-        }
+    def advance(self, problem: Problem) -> Advance:
+        return collocation(problem, self.degree)
 
     def tighter(self, factor: float = 10.0) -> "Collocation":
         return replace(self, steps=int(np.ceil(self.steps * factor ** (1 / (2 * self.degree - 1)))))
-
-
-def _elements(steps: int, span: float, horizon: float) -> int:
-    return max(1, int(np.ceil(steps * span / horizon - 1e-9)))
 
 
 def _tolerances(rtol: float, atol: float | None) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def ddt(expression: ca.SX) -> ca.SX:
     >>> import symmb as mb
     >>> rod = mb.Body("rod", mass=1.0, inertia=0.1, pose=mb.Planar())
     >>> mb.ddt(rod.x ** 2)
-    SX(((2*rod.x)*rod.vx))
+    SX(((2.*rod.x)*rod.vx))
     """
     expression = ca.SX(expression)
     moving, rates = [t], [ca.SX(1)]

@@ -1,134 +1,127 @@
-"""The paper's double pendulum: its bounds and the true ones, against independent computations of both."""
+"""The paper's double pendulum: its bounds by each method and the true ones, against independent computations of both."""
 
 import json
-from dataclasses import dataclass, field
 from pathlib import Path
 
+import chaospy
 import numpy as np
 import pytest
 
-from symmb.bounds import Box, PolynomialChaos, Taylor, propagate
-from symmb.simulate import Ensemble, stream
+import symmb as mb
+from models.double_pendulum import scene
+from symmb.simulate import run_blocks
+from symmb.study.metrics import Yardstick
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
-TIMES = np.linspace(0.0, 10.0, 101)
-AT = [int(np.flatnonzero(np.isclose(TIMES, t))[0]) for t in DATA["times"]]
-G = 9.81
+TIMES = np.array(DATA["times"])
+PAPER, TAYLOR = mb.PolynomialChaos.paper(order=2), mb.Taylor(order=2)
 
-
-def _rates(angles, speeds, l1, l2):
-    """Accelerations of two homogeneous rods of 1 kg/m; angles from the vertical."""
-    (a, b), (u, v), c = angles, speeds, np.cos(angles[0] - angles[1])
-    s = np.sin(a - b)
-    m11, m12, m22 = l1**3 / 3 + l2 * l1**2, l2 * l1 * l2 / 2 * c, l2**3 / 3
-    f1 = -l2 * l1 * l2 / 2 * s * v**2 - (l1 / 2 + l2) * G * l1 * np.sin(a)
-    f2 = l2 * l1 * l2 / 2 * s * u**2 - l2 * G * l2 / 2 * np.sin(b)
-    determinant = m11 * m22 - m12**2
-    return np.stack([m22 * f1 - m12 * f2, m11 * f2 - m12 * f1]) / determinant
-
-
-def _states(angles, speeds, l1, l2):
-    (a, b), (u, v) = angles, speeds
-    elbow, elbow_rate = (l1 * np.sin(a), l1 * np.cos(a)), (l1 * np.cos(a) * u, -l1 * np.sin(a) * u)
-    half, half_rate = (
-        (l2 / 2 * np.sin(b), l2 / 2 * np.cos(b)),
-        (l2 / 2 * np.cos(b) * v, -l2 / 2 * np.sin(b) * v),
-    )
-    first = [elbow[0] / 2, elbow[1] / 2, a, elbow[0] + half[0], elbow[1] + half[1], b]
-    rates = [
-        elbow_rate[0] / 2,
-        elbow_rate[1] / 2,
-        u,
-        elbow_rate[0] + half_rate[0],
-        elbow_rate[1] + half_rate[1],
-        v,
-    ]
-    return np.stack([*first, *rates], axis=-1)
-
-
-@dataclass(frozen=True)
-class Pendulum:
-    """Minimal coordinates, RK4 with 1000 steps (error 5e-7), all samples at once; jets by differences."""
-
-    parameters: dict = field(default_factory=lambda: {"l1": 1.0, "l2": 1.0})
-    times: np.ndarray = field(default_factory=lambda: TIMES)
-    outputs: tuple = tuple(DATA["names"])
-
-    def run(self, P):
-        l1, l2 = P.T
-        q = np.repeat([[np.pi / 4], [np.pi / 3]], len(P), axis=1)
-        v = np.zeros_like(q)
-        Y, h = [_states(q, v, l1, l2)], 0.01
-        for step in range(1, 1001):
-            k1 = v, _rates(q, v, l1, l2)
-            k2 = v + h / 2 * k1[1], _rates(q + h / 2 * k1[0], v + h / 2 * k1[1], l1, l2)
-            k3 = v + h / 2 * k2[1], _rates(q + h / 2 * k2[0], v + h / 2 * k2[1], l1, l2)
-            k4 = v + h * k3[1], _rates(q + h * k3[0], v + h * k3[1], l1, l2)
-            q, v = (x + h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]) for i, x in enumerate((q, v)))
-            if step % 10 == 0:
-                Y.append(_states(q, v, l1, l2))
-        return Ensemble(np.stack(Y, axis=1), np.ones(len(P), bool), np.full(len(P), np.nan), ())
-
-    def stream(self, P, reduction, executor=None, progress=None):
-        return stream(self, P, reduction, executor, progress)
-
-    def jets(self, p0, directions, order):
-        m, h = len(directions), 0.02
-        steps = np.array([-2, -1, 0, 1, 2]) * h
-        Y = self.run((p0 + np.multiply.outer(steps, directions)).reshape(-1, 2)).Y.reshape(5, m, len(TIMES), 12)
-        first = (Y[0] - 8 * Y[1] + 8 * Y[3] - Y[4]) / (12 * h)
-        second = (-Y[0] + 16 * Y[1] - 30 * Y[2] + 16 * Y[3] - Y[4]) / (12 * h**2)
-        return np.stack([Y[2], first, second / 2])
+# Mean error of all states, and over / under in % of the width in the first and in the last five seconds.
+KNOWN = [
+    (PAPER, 0.05, 9, 0.23, (16.4, 0.28), (36.8, 0.72)),
+    (PAPER, 0.20, 9, 0.37, (46.8, 1.5), (67.3, 1.9)),
+    (TAYLOR, 0.05, 6, 0.32, (18.9, 0.47), (52.3, 1.3)),
+    (TAYLOR, 0.20, 6, 2.0, (96.0, 2.3), (337.0, 1.3)),
+]
 
 
 @pytest.fixture(scope="module")
-def bounds():
+def simulator():
+    return mb.DAESimulator(scene().with_times(TIMES), mb.CVODES(rtol=1e-10))
+
+
+@pytest.fixture(scope="module")
+def bounds(simulator):
     """Bounds of a method, run once for each spread."""
     known = {}
 
     def of(method, spread):
         key = repr(method), spread
         if key not in known:
-            simulator = Pendulum()
-            known[key] = propagate(simulator, method, Box.around(simulator.parameters, spread))
+            known[key] = mb.propagate(simulator, method, mb.Box.around(simulator.parameters, spread))
         return known[key]
 
     return of
 
 
-def _deviation(result, case):
-    """Largest deviation of either bound, over the root mean square width, an array of 12 outputs."""
-    lower, upper = np.array(case["lower"]).T, np.array(case["upper"]).T
-    width = np.sqrt(np.mean((upper - lower) ** 2, axis=0))
-    return np.maximum(np.abs(result.lower[AT] - lower), np.abs(result.upper[AT] - upper)).max(axis=0) / width
+def digits(spread, method):
+    case = DATA["cases"][f"{100 * spread:.0f}%"][method]
+    return np.array(case["lower"]).T, np.array(case["upper"]).T
+
+
+def yardstick(lower, upper):
+    return Yardstick(lower, upper, np.zeros(12))
 
 
 @pytest.mark.parametrize("spread", [0.05, 0.2])
-def test_paper_method_gives_the_paper_s_bounds(bounds, spread):
-    case = DATA["cases"][f"{spread:.0%}"]["paper"]
-    assert _deviation(bounds(PolynomialChaos.paper(order=2), spread), case).max() < 5e-5
+@pytest.mark.parametrize(("method", "name"), [(PAPER, "paper2"), (TAYLOR, "taylor2")], ids=["paper", "taylor"])
+def test_bounds_agree_with_an_independent_implementation(bounds, method, name, spread):
+    result = bounds(method, spread)
+    lower, upper = digits(spread, name)
+    true = digits(spread, "true")
+    largest = (true[1] - true[0]).max(axis=0)
+    assert (np.abs(result.lower - lower).max(axis=0) < 1e-4 * largest).all()
+    assert (np.abs(result.upper - upper).max(axis=0) < 1e-4 * largest).all()
 
 
-def test_taylor_gives_the_bounds_from_variational_equations(bounds):
-    assert _deviation(bounds(Taylor(order=2), 0.05), DATA["cases"]["5%"]["taylor"]).max() < 2e-3
+@pytest.mark.parametrize(("method", "spread", "runs", "error", "early", "late"), KNOWN)
+def test_metrics_of_the_baselines(bounds, method, spread, runs, error, early, late):
+    result = bounds(method, spread)
+    assert result.evaluations == runs and result.kind == "estimate"
+    true = digits(spread, "true")
+    score = yardstick(*true).score(result.lower, result.upper)
+    assert score.error.mean() == pytest.approx(error, rel=0.03)
+    for half, (over, under) in ((TIMES < 5, early), (TIMES >= 5, late)):
+        part = yardstick(true[0][half], true[1][half]).score(result.lower[half], result.upper[half])
+        assert 100 * part.over.mean() == pytest.approx(over, rel=0.05)
+        assert 100 * part.under.mean() == pytest.approx(under, rel=0.15, abs=0.05)
 
 
-def test_order_four_meets_the_true_bounds(bounds):
-    result = bounds(PolynomialChaos(order=4), 0.05)
-    assert result.evaluations == 25
-    assert _deviation(result, DATA["cases"]["5%"]["true"]).max() < 5e-3
+def test_coefficients_are_those_of_chaospy(simulator):
+    box = mb.Box.around(simulator.parameters, 0.05)
+    joint = chaospy.J(*[chaospy.Uniform(low, high) for low, high in box.bounds])
+    nodes, weights = chaospy.generate_quadrature(2, joint, rule="gaussian")
+    expansion = chaospy.generate_expansion(2, joint)
+    Y = run_blocks(simulator, nodes.T).Y.reshape(9, -1)
+    theirs = chaospy.fit_quadrature(expansion, nodes, weights, Y)
+    corners = np.array([[0.95, 1.05, 1.0, 0.98], [1.05, 0.97, 1.0, 1.01]])
+    fit = mb.Gauss(), mb.TotalDegree()
+    ours = surrogate(*fit, order=2, Y=Y, points=box.to_unit(corners.T))
+    np.testing.assert_allclose(ours, theirs(*corners).T, rtol=0, atol=1e-10 * np.abs(Y).max())
 
 
-def test_adaptive_order_keeps_its_tolerance(bounds):
-    result = bounds(PolynomialChaos(), 0.05)
-    true = DATA["cases"]["5%"]["true"]
-    assert _deviation(result, true).max() < 1e-2
-    lower, upper = result.outer
-    width = np.array(true["upper"]).T - np.array(true["lower"]).T
-    assert (lower[AT] <= np.array(true["lower"]).T + 1e-4 * width).all()
-    assert (upper[AT] >= np.array(true["upper"]).T - 1e-4 * width).all()
+def surrogate(nodes, basis, order, Y, points):
+    """Values (n, m) at points (n, d) of the unit box of the polynomial fitted to Y (N, m) at the nodes."""
+    from symmb.bounds._fit import Fit
+
+    fit = Fit.of(nodes, basis, points.shape[1], order)
+    coefficients = fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))
+    legendre = [np.polynomial.legendre.legvander(points[:, k], order) for k in range(points.shape[1])]
+    terms = np.prod([legendre[k][:, fit.alpha[:, k]] for k in range(points.shape[1])], axis=0)
+    return terms @ coefficients
 
 
-def test_paper_method_is_much_wider_than_the_true_bounds(bounds):
-    paper, best = bounds(PolynomialChaos.paper(order=2), 0.05), bounds(PolynomialChaos(order=4), 0.05)
-    assert (paper.upper - paper.lower).mean() > 1.2 * (best.upper - best.lower).mean()
+@pytest.mark.parametrize(("order", "runs", "error"), [(2, 9, 0.0055), (4, 25, 0.0007), (8, 81, 0.0001)])
+def test_better_nodes_and_exact_ranges_converge_to_the_true_bounds(bounds, order, runs, error):
+    result = bounds(mb.PolynomialChaos(order=order), 0.05)
+    assert result.evaluations == runs
+    assert yardstick(*digits(0.05, "true")).score(result.lower, result.upper).error.mean() < error
+
+
+def test_adaptive_order_keeps_its_tolerance_and_its_estimate(bounds):
+    result = bounds(mb.PolynomialChaos(), 0.05)
+    true = digits(0.05, "true")
+    score = yardstick(*true).score(result.lower, result.upper, result.estimate)
+    assert score.error.max() < 1e-2
+    slack = 1e-4 * (true[1] - true[0]) + 2e-6  # the digits of the stored bounds
+    assert (result.outer[0] <= true[0] + slack).all() and (true[1] - slack <= result.outer[1]).all()
+
+
+def test_lockstep_and_separate_runs_agree_at_a_fixed_step():
+    simulator = mb.DAESimulator(scene().with_times(TIMES), mb.RungeKutta(steps=1000))
+    box = mb.Box.around(simulator.parameters, 0.05)
+    each = mb.propagate(simulator, PAPER, box)
+    lockstep = mb.propagate(simulator, mb.PolynomialChaos.paper(order=2, lockstep=True), box)
+    # One time after the other or all times of a node: the same steps, summed in another order.
+    np.testing.assert_allclose(lockstep.lower, each.lower, atol=1e-9)
+    np.testing.assert_allclose(lockstep.upper, each.upper, atol=1e-9)
