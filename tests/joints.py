@@ -1,4 +1,4 @@
-"""One example of every joint, with what theory says of it: which bodies it makes sense with and how many rows it has."""
+"""One example of every joint, with what theory says: the bodies it makes sense with and its number of rows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -127,5 +127,3 @@ def four_bar(pose, shift=0.0):
         mb.Revolute("D", ground.point(2 + shift, 0), right.point(0, -0.5)),
         mb.Gravity(0, -G),
     )  # fmt: skip
-
-

@@ -145,7 +145,9 @@ def test_a_spring_of_length_0_and_its_damper_are_finite_where_the_points_meet():
 @pytest.mark.parametrize("force", ["spring", "bushing", "damper"])
 def test_a_force_out_of_the_plane_of_a_planar_body_is_refused(force):
     a, b = free_body("Planar", "a"), free_body("Spatial", "b")
-    with pytest.raises(mb.DeclarationError, match=r"'s': force along z leaves the plane of planar body 'a'\. Leave it out"):
+    with pytest.raises(
+        mb.DeclarationError, match=r"'s': force along z leaves the plane of planar body 'a'\. Leave it out"
+    ):
         mb.System(a, b, INTERNAL[force](a, b))
 
 

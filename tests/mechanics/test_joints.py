@@ -83,7 +83,10 @@ def test_both_points_on_one_body_or_on_the_ground_are_refused(joint):
 @pytest.mark.parametrize(("joint", "a", "b"), ADMITTED)
 def test_rows_are_independent_where_the_joint_is_assembled(joint, a, b):
     bodies = make_body(a, "a"), make_body(b, "b")
-    scene = mb.Scene(mb.System(*bodies, joint.between(*bodies)), guess={f"{body.name}.x": 0.3 for body in bodies if body.name in "ab"})
+    scene = mb.Scene(
+        mb.System(*bodies, joint.between(*bodies)),
+        guess={f"{body.name}.x": 0.3 for body in bodies if body.name in "ab"},
+    )
     simulator = mb.DAESimulator(scene)  # redundant rows would be an AssemblyError
     dae = simulator.dae
     (x,), _ = simulator.start.states(np.zeros((1, 0)))
@@ -142,8 +145,16 @@ def test_a_velocity_row_adds_to_G_and_gamma_but_not_to_Phi():
 @pytest.mark.parametrize(
     ("joint", "poses", "text"),
     [
-        (lambda a, b: mb.Revolute("elbow", a, b, axis=(1, 0, 0)), "Planar", r"axis \(1, 0, 0\) leaves the plane of planar"),
-        (lambda a, b: mb.Revolute("elbow", a, b, axis_b=(0, 1, 0)), "Planar", r"axis \(0, 1, 0\) leaves the plane of planar"),
+        (
+            lambda a, b: mb.Revolute("elbow", a, b, axis=(1, 0, 0)),
+            "Planar",
+            r"axis \(1, 0, 0\) leaves the plane of planar",
+        ),
+        (
+            lambda a, b: mb.Revolute("elbow", a, b, axis_b=(0, 1, 0)),
+            "Planar",
+            r"axis \(0, 1, 0\) leaves the plane of planar",
+        ),
         (lambda a, b: mb.Prismatic("elbow", a, b), "Planar", r"axis \(0, 0, 1\) leaves the plane of planar"),
         (lambda a, b: mb.PointOnLine("elbow", a, b), "Planar", r"axis \(0, 0, 1\) leaves the plane of planar"),
         (lambda a, b: mb.Gear("elbow", a, b, axis=(0, 1, 0), ratio=2), "Planar", "leaves the plane of planar"),
@@ -157,7 +168,7 @@ def test_a_velocity_row_adds_to_G_and_gamma_but_not_to_Phi():
         (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1)), "Planar", "leaves the plane"),
         (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1, 0, 0)), "Spatial", "elbow.* has 4 components"),
     ],
-)  # fmt: skip
+)
 def test_faults_of_a_joint_name_it(joint, poses, text):
     a, b = make_body(poses, "a"), make_body(poses, "b")
     with pytest.raises(mb.DeclarationError, match=f"'elbow'.*{text}|{text}"):
@@ -166,5 +177,7 @@ def test_faults_of_a_joint_name_it(joint, poses, text):
 
 def test_a_point_out_of_the_plane_of_a_planar_body_is_refused():
     a, b = make_body("Planar", "a"), make_body("Spatial", "b")
-    with pytest.raises(mb.DeclarationError, match=r"Spherical 'ball': the point on planar body 'a' lies out of its plane"):
+    with pytest.raises(
+        mb.DeclarationError, match=r"Spherical 'ball': the point on planar body 'a' lies out of its plane"
+    ):
         mb.System(a, b, mb.Spherical("ball", a.point(0, 0, 0.1), b.point(0, 0)))

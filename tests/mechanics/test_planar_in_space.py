@@ -71,7 +71,9 @@ def chain(planar):
 def slider_crank(planar):
     """In space, a ball joint and a cylindrical joint carry the rod: with hinges it would be redundant."""
     ground = mb.Ground()
-    crank, rod, slider = (body(n, m, j, planar) for n, m, j in (("crank", 1.0, 0.1), ("rod", 1.5, 0.3), ("slider", 2.0, 0.2)))
+    crank, rod, slider = (
+        body(n, m, j, planar) for n, m, j in (("crank", 1.0, 0.1), ("rod", 1.5, 0.3), ("slider", 2.0, 0.2))
+    )
     wrist, pin = (mb.Revolute, mb.Revolute) if planar else (mb.Cylindrical, mb.Spherical)
     system = mb.System(
         crank, rod, slider,

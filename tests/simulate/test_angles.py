@@ -35,7 +35,9 @@ def test_the_angle_of_a_hinge_grows_over_several_turns(pose, ground_is_b, rate):
     body = wheel("wheel", pose)
     points = (body.point(0, 0), GROUND.point(0, 0)) if ground_is_b else (GROUND.point(0, 0), body.point(0, 0))
     hinge = mb.Revolute("hinge", *points, axis=axis_of(pose))
-    scene = mb.Scene(mb.System(body, hinge), spin("wheel", pose, rate), TIMES, {"angle": hinge.angle, "rate": mb.ddt(hinge.angle)})
+    scene = mb.Scene(
+        mb.System(body, hinge), spin("wheel", pose, rate), TIMES, {"angle": hinge.angle, "rate": mb.ddt(hinge.angle)}
+    )
     run = mb.simulate(scene, TIGHT)
     sign = -1 if ground_is_b else 1
     assert_allclose(run["angle"], sign * rate * TIMES, atol=1e-8)  # 33 rad, more than five turns
@@ -76,7 +78,9 @@ def test_a_gear_keeps_its_ratio_over_several_turns(pose):
     """Torque T on wheel a: (J_a + r^2 J_b) alpha = T."""
     a, b = wheel("a", pose, 0.5), wheel("b", pose, 0.2)
     axis = axis_of(pose)
-    hinges = [mb.Revolute(f"hinge_{w.name}", GROUND.point(i, 0), w.point(0, 0), axis=axis) for i, w in enumerate((a, b))]
+    hinges = [
+        mb.Revolute(f"hinge_{w.name}", GROUND.point(i, 0), w.point(0, 0), axis=axis) for i, w in enumerate((a, b))
+    ]
     torque = mb.Torque("drive", a, tuple(3.0 * x for x in axis))
     gear = mb.Gear("gear", a.point(0, 0), b.point(0, 0), axis=axis, ratio=-2.5)
     system = mb.System(a, b, *hinges, gear, torque)

@@ -93,7 +93,9 @@ def test_trajectories_in_space():
     tip = mb.Spherical("tip", mb.Ground().point(0, 0), top.point(0, 0, -p.arm))
     start = {"top.rotation": mb.rotation((0, 1, 0), p.tilt), "top.omega": (0.2, p.tilt, 8.0)}
     system = mb.System(top, tip, mb.Gravity(0, 0, -9.81), parameters=p)
-    scene = mb.Scene(system, start, TIMES, {"x": top.x, "y": top.y, "w": top.omega[0], "pull": system.reaction("tip").fz})
+    scene = mb.Scene(
+        system, start, TIMES, {"x": top.x, "y": top.y, "w": top.omega[0], "pull": system.reaction("tip").fz}
+    )
     simulator = mb.DAESimulator(scene, mb.CVODES(rtol=1e-13))
     nominal, h = np.array([1.5, 0.4, 0.5]), 0.004
     jets = simulator.jets(nominal, DIRECTIONS, ORDER)

@@ -18,7 +18,9 @@ def test_a_blow_up_is_an_error_with_time_and_parameters(solver):
 
 
 def test_a_blow_up_with_a_fixed_step_is_an_error_where_the_state_leaves_the_numbers():
-    with pytest.raises(mb.SimulationError, match=r"breaks down at t = 1\.?\d* s \(a = 1\): the state became infinite or NaN"):
+    with pytest.raises(
+        mb.SimulationError, match=r"breaks down at t = 1\.?\d* s \(a = 1\): the state became infinite or NaN"
+    ):
         mb.simulate(explosion(), mb.RungeKutta(steps=400))
 
 
@@ -79,9 +81,11 @@ def test_derivatives_of_a_failing_run_are_an_error():
 
 
 def test_wrong_parameters_are_told():
-    with pytest.raises(mb.DeclarationError, match="No parameter 'l3'. Did you mean 'l1'?|No parameter 'l3'"):
-        mb.simulate(double_pendulum(), parameters={"l3": 1.0})
+    with pytest.raises(mb.DeclarationError, match=r"No parameter 'l11'\. Did you mean 'l1'\?"):
+        mb.simulate(double_pendulum(), parameters={"l11": 1.0})
     with pytest.raises(mb.DeclarationError, match="Parameter 'l1': nan is not a finite number"):
         mb.simulate(double_pendulum(), parameters={"l1": np.nan})
-    with pytest.raises(mb.SimulationError, match=r"samples must have shape \(N, 2\), one column for each of l1, l2; got \(3, 1\)"):
+    with pytest.raises(
+        mb.SimulationError, match=r"samples must have shape \(N, 2\), one column for each of l1, l2; got \(3, 1\)"
+    ):
         mb.DAESimulator(double_pendulum()).stream(np.zeros((3, 1)), None)

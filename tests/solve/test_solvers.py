@@ -44,7 +44,7 @@ ORDERS = [
     (lambda n: mb.Collocation(degree=1, steps=n), 1, (1000, 2000, 4000)),
     (lambda n: mb.Collocation(degree=2, steps=n), 3, (40, 80, 160)),
     (lambda n: mb.Collocation(degree=3, steps=n), 5, (40, 80, 160)),
-    (lambda n: mb.Collocation(degree=4, steps=n), 7, (40, 60, 80)),
+    (lambda n: mb.Collocation(degree=4, steps=n), 7, (60, 80, 100)),
     (lambda n: mb.NSTIFFSI2(step=1 / n), 2, (400, 800, 1600)),
     (lambda n: mb.GeneralizedAlpha(step=1 / n), 2, (400, 800, 1600)),
     (lambda n: mb.HHT(step=1 / n), 2, (400, 800, 1600)),

@@ -1,0 +1,142 @@
+"""A scene: what may be listed, what its outputs may be, which faults are told."""
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+P = mb.Parameters(l=1.0, a=0.3)
+ROD = mb.Body("rod", P.l, P.l**3 / 12, mb.Planar())
+TOP = mb.Body("top", 1.0, (1, 1, 1), mb.Spatial())
+BALL = mb.Body("ball", 1.0, pose=mb.Particle())
+HINGE = mb.Revolute("hinge", mb.Ground().point(0, 0), ROD.point(0, P.l / 2))
+SYSTEM = mb.System(ROD, TOP, BALL, HINGE, mb.Force("up", BALL.point(0, 0), (0, 0, BALL.z)), parameters=P)
+
+
+def scene(**more):
+    return mb.Scene(SYSTEM, **more)
+
+
+FAULTS = {
+    "no times": ({"times": []}, r"times: expected a list of at least one time, got shape \(0,\)"),
+    "a single time": ({"times": 1.0}, r"times: expected a list .* got shape \(\)"),
+    "times that go back": ({"times": [0.0, 1.0, 0.5]}, "times: must increase from one to the next"),
+    "a time twice": ({"times": [0.0, 1.0, 1.0]}, "times: must increase"),
+    "an unknown time": ({"times": [0.0, np.nan]}, "times: contains NaN"),
+    "a near miss in start": (
+        {"start": {"rod.teta": 1.0}},
+        r"start: no coordinate or velocity 'rod\.teta'\. Did you mean 'rod\.theta'",
+    ),
+    "an unknown body in start": ({"start": {"rid.theta": 1.0}}, "start: no coordinate or velocity 'rid.theta'"),
+    "a quaternion": ({"start": {"top.e0": 1.0}}, r"start: no coordinate or velocity 'top\.e0'"),
+    "an angle of a spatial body": ({"start": {"top.theta": 1.0}}, r"no coordinate or velocity 'top\.theta'"),
+    "a rotation that is none": (
+        {"start": {"top.rotation": 0.3}},
+        r"start 'top\.rotation': expected rotation\(axis=\.\.\., angle",
+    ),
+    "a spin of one number": (
+        {"start": {"top.omega": 3.0}},
+        r"start 'top\.omega': expected three numbers or expressions, got 3\.0",
+    ),
+    "a spin of two numbers": ({"start": {"top.omega": (1, 2)}}, r"start 'top\.omega': expected three numbers"),
+    "a start of a coordinate": ({"start": {"rod.x": ROD.y}}, r"start 'rod\.x': may depend on parameters only"),
+    "a start of time": ({"start": {"rod.x": mb.t}}, r"start 'rod\.x': may depend on parameters only"),
+    "a start that is NaN": ({"start": {"rod.x": np.nan}}, r"start 'rod\.x': contains NaN"),
+    "a start of a strange parameter": (
+        {"start": {"rod.x": mb.Parameters(b=1.0).b}},
+        r"start 'rod\.x': symbol 'b' belongs to no parameter",
+    ),
+    "a guess of a velocity": ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List them in start"),
+    "a near miss in guess": ({"guess": {"rod.xx": 1.0}}, r"guess: no coordinate or velocity 'rod\.xx'\. Did you mean"),
+    "an output of two numbers": (
+        {"outputs": {"r": ca.vertcat(ROD.x, ROD.y)}},
+        "output 'r': has 2 components; give each its own",
+    ),
+    "an output of a strange body": (
+        {"outputs": {"x": mb.Body("other", 1.0, 1.0).x}},
+        "output 'x': symbol 'other.x' belongs to no parameter and no body",
+    ),
+    "an output that is a text": ({"outputs": {"x": "rod.x"}}, "output 'x': 'rod.x' is no number"),
+    "an output of a multiplier of another system": (
+        {"outputs": {"f": mb.System(ROD, HINGE, parameters=P).reaction("hinge").fx}},
+        r"output 'f': symbol 'hinge\.lam\[0\]' belongs to no",
+    ),
+    "a box of an unknown parameter": ({"box": mb.Box(ll=(0, 1))}, "box: no parameter 'll'. Did you mean 'l'"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_a_scene_is_told(fault):
+    more, text = FAULTS[fault]
+    with pytest.raises(mb.DeclarationError, match=text):
+        scene(**more)
+
+
+def test_all_faults_of_a_scene_are_told_at_once():
+    with pytest.raises(mb.DeclarationError) as told:
+        scene(
+            times=[0.0, 1.0], start={"rod.teta": 1.0, "top.omega": 1.0}, guess={"rod.vx": 1.0}, outputs={"x": "x"},
+            box=mb.Box(ll=(0, 1)),
+        )  # fmt: skip
+    text = str(told.value)
+    for part in ("'rod.teta'", "'top.omega'", "guess: velocities", "output 'x'", "box: no parameter"):
+        assert part in text
+
+
+def test_outputs_default_to_all_coordinates_and_velocities():
+    dae = mb.compile_dae(SYSTEM)
+    assert scene().output_names == (*dae.q_names, *dae.v_names)
+
+
+def test_outputs_may_be_any_expression():
+    theta, l = sp.symbols("rod.theta l")  # noqa: E741
+    outputs = {
+        "sympy": l * sp.sin(theta),
+        "casadi": P.l * ca.sin(ROD.theta),
+        "time": mb.t**2,
+        "number": 3,
+        "point": ROD.point(0, P.l).y,
+        "rate": mb.ddt(ROD.point(0, P.l).y),
+        "force": SYSTEM.reaction("hinge").fx,
+        "multiplier": SYSTEM.lam("hinge")[0],
+        "untouched": BALL.x,
+    }
+    start = {"rod.theta": P.a, "rod.omega": 2.0, "ball.x": P.l, "ball.vx": P.a}
+    run = mb.simulate(scene(outputs=outputs, start=start, times=[0.0, 0.5]), mb.CVODES(rtol=1e-11))
+    theta = 0.3 + 2 * run.t  # no gravity: the rod spins uniformly about its end
+    assert_allclose(run["sympy"], np.sin(theta), atol=1e-8)
+    assert_allclose(run["casadi"], run["sympy"], rtol=1e-14)
+    assert_allclose(run["time"], run.t**2)
+    assert_allclose(run["number"], 3)
+    assert_allclose(run["point"], 0.5 * np.cos(theta), atol=1e-8)
+    assert_allclose(run["rate"], -1.0 * np.sin(theta), atol=1e-8)
+    # The centre of mass is drawn to the hinge with m w^2 l / 2 = 2 N; it lies at (sin, -cos) / 2.
+    assert_allclose(run["force"], -2 * np.sin(theta), atol=1e-7)
+    assert_allclose(run["multiplier"], 2 * np.sin(theta), atol=1e-7)
+    assert_allclose(run["untouched"], 1 + 0.3 * run.t)
+
+
+def test_scenes_are_frozen_and_copied_with():
+    first = scene(times=[0.0, 1.0])
+    with pytest.raises(AttributeError):
+        first.times = [0.0]
+    box = mb.Box(l=(0.9, 1.1))
+    assert first.with_box(box).box is box and first.box is None
+    assert_allclose(first.with_times([2.0, 3.0]).times, [2.0, 3.0])
+    assert first.with_outputs({"x": ROD.x}).output_names == ("x",)
+    assert first.with_name("other").name == "other"
+    assert_allclose(first.times, [0.0, 1.0])
+
+
+def test_a_trajectory_answers_for_any_name_or_expression():
+    run = mb.simulate(scene(start={"rod.theta": 0.3, "rod.omega": 2.0}, times=[0.0, 0.5], outputs={"y": ROD.y}))
+    assert_allclose(run["rod.theta"], run(ROD.theta))
+    assert_allclose(run["rod.omega"], run.v[:, 2])
+    assert_allclose(run["hinge.lam[1]"], run.lam[:, 1])
+    assert_allclose(run(ca.vertcat(ROD.x, ROD.y))[:, 1], run["y"])
+    assert_allclose(run(sp.Symbol("rod.y")), run["y"])
+    with pytest.raises(mb.DeclarationError, match="symbol 'c' belongs to no parameter"):
+        run(ca.SX.sym("c"))
