@@ -95,8 +95,11 @@ class Scene:
     def guesses(self) -> dict[int, ca.SX]:
         """Guessed coordinates by index."""
         resolved = _resolve(self.system, self.guess, "guess")
-        if resolved.v or resolved.drift:
+        if resolved.v:
             raise DeclarationError("guess: velocities need no guess, their equations are linear. List them in start.")
+        if resolved.drift:
+            names = ", ".join(map(repr, resolved.drift))
+            raise DeclarationError(f"guess: nothing touches {names}. List them in start.")
         return resolved.q
 
     @cached_property

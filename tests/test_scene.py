@@ -50,6 +50,10 @@ FAULTS = {
         r"start 'rod\.x': symbol 'b' belongs to no parameter",
     ),
     "a guess of a velocity": ({"guess": {"rod.vx": 1.0}}, "guess: velocities need no guess, .* List them in start"),
+    "a guess of what nothing touches": (
+        {"guess": {"ball.x": 1.0}},
+        r"guess: nothing touches 'ball\.x'\. List them in start",
+    ),
     "a near miss in guess": ({"guess": {"rod.xx": 1.0}}, r"guess: no coordinate or velocity 'rod\.xx'\. Did you mean"),
     "an output of two numbers": (
         {"outputs": {"r": ca.vertcat(ROD.x, ROD.y)}},

@@ -55,6 +55,12 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
             break
         # G holds the position rows first; the least-norm step moves the coordinates least.
         J = at_rest(G, dae, q, t0)[: dae.n_c, free]
+        irregular = ~(np.isfinite(J).all(axis=1) & np.isfinite(r))
+        if irregular.any():
+            raise AssemblyError(
+                f"Joint {owner(dae, int(irregular.argmax()))!r} is singular at the guess: its rows are not finite "
+                "there, as those of a Distance between points that coincide. Give a guess away from that position."
+            )
         step = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
         for damping in 0.5 ** np.arange(12):
             delta = np.zeros(dae.n_v)

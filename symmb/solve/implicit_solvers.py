@@ -59,6 +59,8 @@ class GeneralizedAlpha(_Implicit):
     tolerance : float        of Newton's method, in displacements [m, rad]
     """
 
+    limits: ClassVar = {"rho": (0.0, 1.0)}
+
     step: float = 1e-3
     rho: float = 0.8
     tolerance: float = 1e-13
@@ -79,6 +81,8 @@ class HHT(_Implicit):
     alpha : float            damping, 0 (trapezoidal rule) to 1/3
     tolerance : float        of Newton's method, in displacements [m, rad]
     """
+
+    limits: ClassVar = {"alpha": (0.0, 1 / 3)}
 
     step: float = 1e-3
     alpha: float = 0.1

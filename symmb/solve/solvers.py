@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.dae import DAE
 from symmb.schemes.runge_kutta import CLASSICAL
@@ -19,6 +20,8 @@ class Solver(ABC):
     """What integrates a DAE; a frozen value whose fields are its options."""
 
     fixed_step: ClassVar[bool] = False
+    limits: ClassVar[dict[str, tuple[float, float]]] = {}
+    """Where an option may lie, ends included; the others are above 0."""
 
     @abstractmethod
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
@@ -27,6 +30,22 @@ class Solver(ABC):
     @abstractmethod
     def tighter(self, factor: float = 10.0) -> "Solver":
         """The same solver with tolerances `factor` times smaller, or steps as much smaller as that takes."""
+
+    def __post_init__(self) -> None:
+        faults = []
+        for f in fields(self):  # pyright: ignore[reportArgumentType]
+            value = getattr(self, f.name)
+            low, high = self.limits.get(f.name, (0.0, np.inf))
+            if f.name == "stabilization":
+                if not isinstance(value, Stabilization):
+                    faults.append(f"stabilization={value!r} is none: use Baumgarte(...), Projection() or None")
+            elif isinstance(value, bool) or (value is None and f.default is None):
+                continue
+            elif not isinstance(value, int | float | np.number) or not (low < value < high or value in self.limits.get(f.name, ())):
+                within = f"from {low:g} to {high:g}" if f.name in self.limits else "above 0"
+                faults.append(f"{f.name}={value!r} must be a number {within}")
+        if faults:
+            raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))
 
     def __repr__(self) -> str:
         shown = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]  # pyright: ignore[reportArgumentType]

@@ -92,3 +92,28 @@ def test_stabilization_takes_the_drift_away():
 def test_solvers_print_what_was_chosen():
     assert repr(mb.CVODES()) == "CVODES()"
     assert repr(mb.IDAS(rtol=1e-7, stabilization=mb.Projection())) == "IDAS(rtol=1e-07, stabilization=Projection())"
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: mb.CVODES(rtol=-1), r"CVODES: rtol=-1 must be a number above 0"),
+        (lambda: mb.CVODES(atol=0.0), r"CVODES: atol=0\.0 must be a number above 0"),
+        (lambda: mb.IDAS(rtol="1e-3"), r"IDAS: rtol='1e-3' must be a number"),
+        (lambda: mb.IDAS(rtol=np.nan), r"IDAS: rtol=nan must be a number above 0"),
+        (lambda: mb.RungeKutta(steps=0), r"RungeKutta: steps=0 must be a number above 0"),
+        (lambda: mb.Collocation(degree=0), r"Collocation: degree=0 must be a number above 0"),
+        (lambda: mb.NSTIFFSI2(step=0), r"NSTIFFSI2: step=0 must be a number above 0"),
+        (lambda: mb.GeneralizedAlpha(rho=1.2), r"GeneralizedAlpha: rho=1\.2 must be a number from 0 to 1"),
+        (lambda: mb.HHT(alpha=0.4), r"HHT: alpha=0\.4 must be a number from 0 to 0\.333"),
+        (lambda: mb.CVODES(stabilization="Projection"), r"stabilization='Projection' is none: use Baumgarte"),
+        (lambda: mb.CVODES(rtol=0, atol=-1), r"rtol=0 .*\nCVODES: atol=-1"),
+    ],
+)
+def test_options_that_make_no_sense_are_told(make, text):
+    with pytest.raises(mb.DeclarationError, match=text):
+        make()
+
+
+def test_the_ends_of_what_an_option_may_be_are_legal():
+    assert (mb.GeneralizedAlpha(rho=0.0).rho, mb.GeneralizedAlpha(rho=1.0).rho, mb.HHT(alpha=0.0).alpha) == (0, 1, 0)

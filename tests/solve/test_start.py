@@ -214,6 +214,14 @@ def test_a_flipped_root_is_an_error_that_names_the_joint(pose, make):
         mb.DAESimulator(mb.Scene(mb.System(body, make(body)), guess=guess))
 
 
+def test_points_that_coincide_at_the_guess_are_told():
+    """A Distance has no direction there."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Distance("rope", GROUND.point(0, 0), ball.point(0, 0), 2.0), mb.Gravity(0, 0, -1))
+    with pytest.raises(mb.AssemblyError, match=r"Joint 'rope' is singular at the guess: .* Give a guess away from"):
+        mb.DAESimulator(mb.Scene(system))
+
+
 def hinges(pose, offset):
     inertia = 1.0 if isinstance(pose, mb.Planar) else (1, 1, 1)
     door, frame = mb.Body("door", 1.0, inertia, pose), mb.Body("frame", 1.0, inertia, pose)
