@@ -82,7 +82,6 @@ def _solve_each(J: Array, r: Array) -> Array:
     if not r.shape[1]:
         return r
     try:
-        return np.linalg.solve(J, r[:, :, None])[:, :, 0]
+        return np.asarray(np.linalg.solve(J, r[:, :, None])[:, :, 0], dtype=np.float64)
     except np.linalg.LinAlgError:  # one singular sample must not take its neighbours with it
-        solutions: list[Array] = [np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(J, r, strict=True)]  # pyright: ignore[reportAssignmentType]
-        return np.stack(solutions)
+        return np.array([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(J, r, strict=True)], dtype=np.float64)
