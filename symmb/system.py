@@ -209,9 +209,17 @@ class System:
 
     @cached_property
     def power(self) -> ca.SX:
-        """Power of forces without potential and of driving constraints [W], in q, v, s, lam, p, t."""
+        """Power of forces without potential, of drives, and of mass that joins or leaves [W], in q, v, s, lam, p, t.
+
+        What joins a body, or leaves it, has the body's own velocity: M v' = Q holds as it stands.
+        """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
-        return ca.dot(self.v, self.collected.Q_work) + ca.dot(ca.SX(self.lam), at_rest)
+        M_dot = ca.jtimes(self.M, self.q, self.qdot) + ca.reshape(ca.jacobian(self.M, t), self.M.shape)
+        return (
+            ca.dot(self.v, self.collected.Q_work)
+            + ca.dot(ca.SX(self.lam), at_rest)
+            + 0.5 * ca.dot(self.v, M_dot @ self.v)
+        )
 
     def reaction(self, name: str) -> Reaction:
         """Reaction of the joint of that name on its second body at the joint's point, in world axes [N], [N m].

@@ -12,14 +12,12 @@ import symmb as mb
 DEFAULT = mb.CVODES()
 TIGHT = mb.CVODES(rtol=1e-12)
 
-# Three cases amplify an error a thousandfold and more, so that only tight runs get there: rods that pass stretched or
-# folded positions at a distance of 1 mm, and a crank that is much lighter than the slider it moves.
 CASES = [
     ("double_pendulum", None, DEFAULT, 1e-6),
     ("double_pendulum", None, TIGHT, 1e-9),
     ("slider_crank", "free_spin", DEFAULT, 1e-5),
     ("slider_crank", "gravity_release", DEFAULT, 1e-5),
-    ("slider_crank", "near_dead", TIGHT, 1e-5),
+    ("slider_crank", "near_dead", DEFAULT, 1e-5),
     ("four_bar", "grashof", DEFAULT, 1e-5),
     ("four_bar", "near_change_point", TIGHT, 1e-5),
     ("n_four_bar", "1", DEFAULT, 1e-6),
@@ -31,7 +29,7 @@ CASES = [
     ("andrews", None, TIGHT, 1e-8),
     ("car_axis", None, DEFAULT, 1e-5),
     ("car_axis", None, TIGHT, 1e-8),
-    ("slider_crank_spatial", None, TIGHT, 1e-5),
+    ("slider_crank_spatial", None, DEFAULT, 1e-5),
 ]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from symmb.symbolic.geometry import product, quaternion_rate, rotation_matrix, rotation_z, vector
+from symmb.symbolic.geometry import product, quaternion_rate, rotation_by, rotation_matrix, rotation_z, vector
 from symmb.symbolic.symbols import Kind, Symbol, declare
 
 
@@ -101,8 +101,7 @@ class Spatial(Pose):
         return Frame(q, v, rate, q[:3], rotation_matrix(q[3:]), S, records)
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        e = product(q[3:], ca.vertcat(1, delta[3:] / 2))
-        return ca.vertcat(q[:3] + delta[:3], e / ca.norm_2(e))
+        return ca.vertcat(q[:3] + delta[:3], product(q[3:], rotation_by(delta[3:])))
 
 
 class Particle(Pose):

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
-from symmb._errors import PropagationError, SimulationError
+from symmb._errors import SimulationError
 from symmb._types import Array, Executor
 from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
@@ -133,8 +133,6 @@ class DAESimulator:
         ------
         PropagationError       if the solver chooses its steps
         """
-        if not self.solver.fixed_step:
-            raise PropagationError(f"{self.solver!r} chooses its own steps; for lockstep use RungeKutta or Collocation.")
         P = np.ascontiguousarray(P, dtype=float)
         x0, _ = self.start.states(P)
         for i, x in self.integration().march(x0, P):

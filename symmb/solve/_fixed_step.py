@@ -1,28 +1,13 @@
 """Fixed steps over the output times, as one compiled call: for explicit, collocation and implicit schemes alike."""
 
-from dataclasses import dataclass
-
 import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.schemes._step import Step
+from symmb.solve._advance import Advance, Marching
 from symmb.solve._integration import Integration
 from symmb.solve._problem import Problem
-
-
-@dataclass(frozen=True)
-class Advance:
-    """One step of a scheme on its history w, which begins with the state x (n_x,) and the quadrature (n_quad,).
-
-    begin (x, p, t, h) -> w     history at the start, before a first step of length h
-    step (w, p, t, h) -> w      by a step of length h that ends at t
-    """
-
-    begin: ca.Function
-    step: ca.Function
-    n_x: int
-    n_quad: int
 
 
 def fixed_step_integration(
@@ -51,7 +36,7 @@ def fixed_step_integration(
     else:
         # Intervals of one number of steps are folded; others are walked one by one.
         whole = _all_intervals(between, project, times) if counts.min() == counts.max() else None
-    return Integration(times, n_x, advance.n_quad, whole, between, guess, project)
+    return Integration(times, n_x, advance.n_quad, whole, between, guess, project, Marching(advance, times, counts))
 
 
 def explicit(problem: Problem, weights: Array, nodes: Array, matrix: Array) -> Advance:

@@ -9,7 +9,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from symmb._errors import PropagationError
 from symmb._types import Array, Mask
+from symmb.solve._advance import Marching
 from symmb.solve._problem import Problem
 from symmb.symbolic.batch import batch
 
@@ -43,6 +45,7 @@ class Integration:
     between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of one interval
     guess : Function                     (x, p, t) -> z0
     project : Function, optional         (x, p, t) -> x on the constraints
+    marching : Marching, optional        the single steps of a scheme with a fixed step
     """
 
     def __init__(
@@ -54,10 +57,12 @@ class Integration:
         between: ca.Function | None,
         guess: ca.Function,
         project: ca.Function | None = None,
+        marching: Marching | None = None,
     ) -> None:
         self.times = times
         self.n_x, self.n_quad = n_x, n_quad
         self._whole, self._between, self._guess, self._project = whole, between, guess, project
+        self._marching = marching
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
@@ -117,18 +122,23 @@ class Integration:
         """States (N, n_x) on the constraints of time i, if the solver projects."""
         return x if self._project is None else batch(self._project, x, p, self.times[i : i + 1])[0]
 
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time.
+
+        Raises
+        ------
+        PropagationError       if the solver chooses its steps, so that samples cannot share them
+        """
+        if self._marching is None:
+            raise PropagationError(
+                "Lockstep needs a solver with a fixed step, such as RungeKutta(), and more than one output time."
+            )
+        yield from self._marching.march(x0, p, self._project)
+
     def statistics(self) -> dict[str, int]:
         """What the integrator counted in its last call over the whole time grid; empty where it counts nothing."""
         counted = self._whole.buffer()[0].stats() if self._whole is not None else {}
         return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
-
-    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
-        """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time."""
-        x = self.project(x0, p, 0)
-        yield 0, x
-        for i in range(1, len(self.times)):
-            x, _ = self.advance(i, x, p)
-            yield i, x
 
 
 def multistep_integration(

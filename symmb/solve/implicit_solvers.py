@@ -15,7 +15,6 @@ from symmb.solve.solvers import Solver
 
 
 class _Implicit(Solver):
-    fixed_step: ClassVar[bool] = True
     step: float
     tolerance: float
 

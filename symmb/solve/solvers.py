@@ -19,7 +19,6 @@ from symmb.solve.stabilization import Stabilization
 class Solver(ABC):
     """What integrates a DAE; a frozen value whose fields are its options."""
 
-    fixed_step: ClassVar[bool] = False
     limits: ClassVar[dict[str, tuple[float, float]]] = {}
     """Where an option may lie, ends included; the others are above 0."""
 
@@ -73,19 +72,19 @@ class IDAS(_Multistep):
     Parameters
     ----------
     rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol if left out [m, rad, m/s, rad/s]
+    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
     stabilization            None, Baumgarte(...) or Projection()
     """
 
     plugin: ClassVar[str] = "idas"
     algebraic: ClassVar[bool] = True
 
-    rtol: float = 1e-9
+    rtol: float = 1e-10
     atol: float | None = None
     stabilization: Stabilization = None
 
     def options(self, length: float) -> dict[str, Any]:
-        return {**_tolerances(self.rtol, self.atol)}
+        return _tolerances(self.rtol, self.atol)
 
     def tighter(self, factor: float = 10.0) -> "IDAS":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
@@ -98,14 +97,14 @@ class CVODES(_Multistep):
     Parameters
     ----------
     rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol if left out [m, rad, m/s, rad/s]
+    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
     stiff : bool             BDF with Newton iterations in place of Adams with fixed-point iterations
     stabilization            None, Baumgarte(...) or Projection()
     """
 
     plugin: ClassVar[str] = "cvodes"
 
-    rtol: float = 1e-9
+    rtol: float = 1e-10
     atol: float | None = None
     stiff: bool = False
     stabilization: Stabilization = None
@@ -120,7 +119,6 @@ class CVODES(_Multistep):
 
 
 class _OneStep(Solver):
-    fixed_step: ClassVar[bool] = True
     algebraic: ClassVar[bool] = False
     steps: int
     stabilization: Stabilization
@@ -183,7 +181,7 @@ def _tolerances(rtol: float, atol: float | None) -> dict[str, Any]:
     # The step limit holds from one output time to the next; a run that needs more is lost in a singularity.
     return {
         "reltol": rtol,
-        "abstol": rtol if atol is None else atol,
+        "abstol": rtol / 100 if atol is None else atol,
         "max_num_steps": 200_000,
         "quad_err_con": True,
         "disable_internal_warnings": True,

@@ -90,3 +90,13 @@ def product(a: ca.SX, b: ca.SX) -> ca.SX:
     """Quaternion product a b, scalar first, (4,)."""
     av, bv = a[1:4], b[1:4]
     return ca.vertcat(a[0] * b[0] - ca.dot(av, bv), a[0] * bv + b[0] * av + ca.cross(av, bv))
+
+
+def rotation_by(delta: ca.SX) -> ca.SX:
+    """Unit quaternion of the rotation vector delta (3,) [rad], exact to the sixth order in its length, (4,).
+
+    The series of cosine and sine in |delta|^2 are smooth at 0, where |delta| itself is not.
+    """
+    s = ca.sumsqr(delta)
+    e = ca.vertcat(1 - s / 8 + s**2 / 384, delta * (0.5 - s / 48 + s**2 / 3840))
+    return e / ca.norm_2(e)
