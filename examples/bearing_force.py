@@ -1,5 +1,5 @@
-"""How much does a bearing feel of play in the parts? A slider-crank is driven at constant speed; the bounds of the force in
-its crankpin follow from intervals of the lengths and of the slider's mass.
+"""How much does a bearing feel of play in the parts? A slider-crank is driven at constant speed; the bounds of the
+force in its crankpin follow from intervals of the lengths and of the slider's mass.
 """
 
 import casadi as ca
@@ -51,4 +51,7 @@ assert (force_low <= run["pin_force"] + 1e-6).all() and (run["pin_force"] <= for
 if __name__ == "__main__":
     print(run)
     peak = int(force_high.argmax())
-    print(f"largest pin force: {run['pin_force'][peak]:.2f} N nominal, at most {force_high[peak]:.2f} N at {scene.times[peak]:.3f} s")
+    print(
+        f"largest pin force at {scene.times[peak]:.3f} s: {run['pin_force'][peak]:.2f} N nominal, "
+        f"at most {force_high[peak]:.2f} N"
+    )

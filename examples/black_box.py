@@ -13,7 +13,9 @@ TIMES = np.linspace(0.0, 10.0, 101)
 
 def van_der_pol(mu: float, x0: float) -> np.ndarray:
     """Displacement and velocity, (n_t, 2)."""
-    run = solve_ivp(lambda t, y: (y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]), (0, 10), (x0, 0.0), "DOP853", TIMES, rtol=1e-9)
+    run = solve_ivp(
+        lambda t, y: (y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]), (0, 10), (x0, 0.0), "DOP853", TIMES, rtol=1e-9
+    )
     return run.y.T
 
 

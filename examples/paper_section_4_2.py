@@ -10,7 +10,7 @@ from pathlib import Path
 import symmb as mb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from models.double_pendulum import scene  # noqa: E402
+from models.double_pendulum import scene
 
 SPREADS = (0.05, 0.10, 0.15, 0.20)
 METHODS = (mb.PolynomialChaos.paper(order=2), mb.Taylor(order=2), mb.PolynomialChaos(order=8))
@@ -64,8 +64,17 @@ def draw(folder: Path) -> None:
         drawn.savefig(path, dpi=110)
 
     five = comparisons[0.05]
-    states = {"theta1": "rad", "theta2": "rad", "x2": "m", "theta1_dot": "rad/s", "x2_dot": "m/s", "theta2_dot": "rad/s"}
-    figure([(five, name, f"{name}, ± 5 %", f"{name} [{unit}]") for name, unit in states.items()], folder / "figure7.png")
+    states = {
+        "theta1": "rad",
+        "theta2": "rad",
+        "x2": "m",
+        "theta1_dot": "rad/s",
+        "x2_dot": "m/s",
+        "theta2_dot": "rad/s",
+    }
+    figure(
+        [(five, name, f"{name}, ± 5 %", f"{name} [{unit}]") for name, unit in states.items()], folder / "figure7.png"
+    )
     levels = [(c, "x2_dot", f"x2_dot, ± {100 * s:.0f} %", "x2_dot [m/s]") for s, c in comparisons.items()]
     figure(levels, folder / "figure8.png")
 

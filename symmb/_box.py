@@ -81,9 +81,7 @@ class Box:
         intervals = {}
         for name in nominal if names is None else names:
             if name not in nominal:
-                raise DeclarationError(
-                    f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}"
-                )
+                raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
             if nominal[name] == 0.0:
                 raise DeclarationError(
                     f"Box.around: parameter '{name}' has nominal value 0, of which a share is no interval. "
@@ -129,8 +127,7 @@ class Box:
 
     def __repr__(self) -> str:
         inside = ", ".join(
-            f"{name}=({low:.12g}, {high:.12g})"
-            for name, (low, high) in zip(self.names, self.bounds, strict=True)
+            f"{name}=({low:.12g}, {high:.12g})" for name, (low, high) in zip(self.names, self.bounds, strict=True)
         )
         return f"Box({inside})"
 

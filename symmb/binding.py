@@ -37,8 +37,8 @@ class Binding:
 
         Raises
         ------
-        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` says whose law
-                               it is
+        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` says whose
+                               law it is
         """
         if is_sympy(law):
             try:

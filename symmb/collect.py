@@ -210,4 +210,3 @@ def _without_untouched(c: Collected) -> Collected:
         Q_work=c.Q_work[v_keep],
         drifting=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in drop),
     )
-

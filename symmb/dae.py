@@ -102,7 +102,8 @@ class DAE:
         ----------
         folder : path                   made if it is not there
         start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): what the main
-                                        program integrates; default: neutral coordinates at rest, nominal parameters, one second
+                                        program integrates; default: neutral coordinates at rest, nominal
+                                        parameters, one second
 
         Returns
         -------
@@ -152,10 +153,10 @@ def compile_dae(system: System) -> DAE:
     names, z = [n for n, _ in states], [x for _, x in states]
     options = {"cse": True}
 
-    def function(name: str, outputs: list[ca.SX], out: list[str], extra: tuple[tuple[str, ca.SX], ...] = ()) -> ca.Function:
-        return ca.Function(
-            name, [*z, *[x for _, x in extra]], outputs, [*names, *[n for n, _ in extra]], out, options
-        )
+    def function(
+        name: str, outputs: list[ca.SX], out: list[str], extra: tuple[tuple[str, ca.SX], ...] = ()
+    ) -> ca.Function:
+        return ca.Function(name, [*z, *[x for _, x in extra]], outputs, [*names, *[n for n, _ in extra]], out, options)
 
     lam = ca.SX(system.lam)
     n_r = lam.numel()
@@ -192,7 +193,9 @@ def compile_dae(system: System) -> DAE:
         power=function("power", [power], ["power"], (("lam", lam),)) if not ca.sparsify(power).nnz() == 0 else None,
         retract=ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"]),
         upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
-        s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])]) if c.states else None,
+        s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
+        if c.states
+        else None,
     )
 
 

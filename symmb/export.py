@@ -114,9 +114,7 @@ def example_c(
             f"given {given}, s: {len(s)}, coordinates: {len(coordinates)}."
         )
     if steps < 1 or not all(math.isfinite(value) for value in [*q, *v, *s, *parameters.values(), t0, t1]):
-        raise DeclarationError(
-            "The example needs at least one step and finite start values, parameters and times."
-        )
+        raise DeclarationError("The example needs at least one step and finite start values, parameters and times.")
     labels = [*coordinates, *(f"v[{i}]" for i in range(len(v))), *(f"s[{i}]" for i in range(len(s)))]
     first_order = "s" in groups
     return _MAIN.substitute(

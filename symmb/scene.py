@@ -36,7 +36,7 @@ class Scene:
     Parameters
     ----------
     system : System
-    start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> value, number or expression of parameters;
+    start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> number or expression of parameters;
                            these hold exactly, the others follow from Phi = 0 and its rate, free velocities are 0
     times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all

@@ -5,9 +5,9 @@
     Phi_v v + Phi_t = 0,  Psi(q, v, p, t) = 0    velocities; Psi are velocity-only rows, linear in v
     G v' = gamma                                 accelerations, G = [Phi_v; Psi_v], Phi_v = Phi_q N
 
-q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one multiplier
-for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in body axes.
-M is block-diagonal, a block for each body. What a scene does not have is not there: `print(system)` tells.
+q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
+multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in
+body axes. M is block-diagonal, a block for each body. What a scene does not have is not there: `print(system)` tells.
 """
 
 from collections.abc import Callable, Sequence
@@ -286,5 +286,13 @@ class System:
         return describe(self)
 
 
-_LATEX = {"M": "M", "N": "N", "Q": "Q", "Phi": r"\Phi", "Phi_q": r"\Phi_q", "Phi_t": r"\Phi_t", "Psi": r"\Psi", "gamma": r"\gamma"}
-
+_LATEX = {
+    "M": "M",
+    "N": "N",
+    "Q": "Q",
+    "Phi": r"\Phi",
+    "Phi_q": r"\Phi_q",
+    "Phi_t": r"\Phi_t",
+    "Psi": r"\Psi",
+    "gamma": r"\gamma",
+}

@@ -22,7 +22,9 @@ def name_faults(elements: Sequence[object]) -> list[str]:
     faults, seen = [], set()
     for e in elements:
         if not isinstance(e, Body | Element):
-            faults.append(f"System: {e!r} is neither a body, a constraint nor a force. Name parameters as parameters=p.")
+            faults.append(
+                f"System: {e!r} is neither a body, a constraint nor a force. Name parameters as parameters=p."
+            )
             continue
         if not isinstance(e.name, str) or not e.name or any(c in e.name for c in ".[] "):
             faults.append(f"{type(e).__name__} {e.name!r}: a name is a text without dots, brackets and spaces.")
@@ -54,7 +56,9 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
     faults = []
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     if mass.numel() != 1:
-        raise DeclarationError(f"Body {body.name!r}: mass has {mass.numel()} components; expected one number or expression.")
+        raise DeclarationError(
+            f"Body {body.name!r}: mass has {mass.numel()} components; expected one number or expression."
+        )
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
     for what, value in (("mass", mass), ("inertia", ca.diag(J))):
         nominal = _nominal(value, parameters)
@@ -108,7 +112,9 @@ def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
         velocities = [s for s in ca.symvar(row) if bind.is_velocity(s)]
         linear = ca.jacobian(row, ca.vertcat(*velocities)) if velocities else None
         if linear is None or any(bind.is_velocity(s) for s in ca.symvar(linear)):
-            raise DeclarationError(f"{constraint.title}: expressions must be linear in the velocities, and contain some.")
+            raise DeclarationError(
+                f"{constraint.title}: expressions must be linear in the velocities, and contain some."
+            )
     return kept
 
 
@@ -122,7 +128,14 @@ def plane_faults(title: str, action: Action) -> list[str]:
             continue
         outside = [i for i in range(6) if not S[i].any() and not is_zero(wrench[i])]
         if outside:
-            what = ("force along x", "force along y", "force along z", "torque about x", "torque about y", "torque about z")
+            what = (
+                "force along x",
+                "force along y",
+                "force along z",
+                "torque about x",
+                "torque about y",
+                "torque about z",
+            )
             faults.append(
                 f"{title}: {what[outside[0]]}{_shown(wrench[outside[0]])} leaves the plane of planar body "
                 f"{load.body.name!r}. Leave it out or use pose=Spatial()."

@@ -61,9 +61,7 @@ def imported(node: ast.Import | ast.ImportFrom, path: Path) -> Iterator[str]:
         if node.level:
             package = ("symmb", *path.relative_to(ROOT).parent.parts)
             base = ".".join([*package[: len(package) - node.level + 1], *filter(None, [base])])
-        names = [
-            f"{base}.{alias.name}" if is_module(f"{base}.{alias.name}") else base for alias in node.names
-        ]
+        names = [f"{base}.{alias.name}" if is_module(f"{base}.{alias.name}") else base for alias in node.names]
     return (name for name in names if name.split(".")[0] == "symmb")
 
 

@@ -245,7 +245,18 @@ def test_compare_json_has_the_agreed_layout(scene_file, tmp_path, capsys):
     assert set(saved) >= {"scene", "times", "outputs", "box", "solver", "reference", "methods"}
     assert set(saved["reference"]) >= {"method", "lower", "upper", "uncertainty"}
     assert saved["box"] == {"l1": [0.95, 1.05], "l2": [0.95, 1.05]}
-    keys = {"name", "kind", "evaluations", "failed", "setup_seconds", "run_seconds", "error", "over", "under", "coverage"}
+    keys = {
+        "name",
+        "kind",
+        "evaluations",
+        "failed",
+        "setup_seconds",
+        "run_seconds",
+        "error",
+        "over",
+        "under",
+        "coverage",
+    }
     for row in saved["methods"]:
         assert set(row) >= keys | {"lower", "upper"}
         assert np.shape(row["lower"]) == (1001, 4) and len(row["error"]) == 4
@@ -258,12 +269,21 @@ def test_compare_json_has_the_agreed_layout(scene_file, tmp_path, capsys):
 
 def test_simulate_json_has_the_agreed_layout(scene_file, tmp_path):
     out = tmp_path / "run.json"
-    arguments = ["simulate", str(scene_file), "--json", str(out), "--csv", str(tmp_path / "run.csv"), "--set", "l1=1.02"]
+    arguments = [
+        "simulate",
+        str(scene_file),
+        "--json",
+        str(out),
+        "--csv",
+        str(tmp_path / "run.csv"),
+        "--set",
+        "l1=1.02",
+    ]
     assert main([*arguments, "--plot", str(tmp_path / "run.png"), "--solver", "idas:1e-8"]) == 0
     saved = json.loads(out.read_text())
     assert set(saved) == {
-        "scene", "times", "outputs", "values", "position_drift", "velocity_drift", "energy_drift", "solver", "statistics",
-        "setup_seconds", "run_seconds",
+        "scene", "times", "outputs", "values", "position_drift", "velocity_drift", "energy_drift", "solver",
+        "statistics", "setup_seconds", "run_seconds",
     }  # fmt: skip
     assert np.shape(saved["values"]) == (1001, 4)
 

@@ -27,9 +27,7 @@ def _accelerations(torque):
     return vdot
 
 
-PLAIN = ca.Function(
-    "rhs", [Q, V, P, T], [V, _accelerations(DRIVE * ca.cos(2 * T))], list("qvpt"), ["qdot", "vdot"]
-)
+PLAIN = ca.Function("rhs", [Q, V, P, T], [V, _accelerations(DRIVE * ca.cos(2 * T))], list("qvpt"), ["qdot", "vdot"])
 FILTERED = ca.Function(
     "rhs",
     [Q, V, S, P, T],

@@ -19,7 +19,7 @@ CASES = [
     ("slider_crank", "gravity_release", DEFAULT, 1e-5),
     ("slider_crank", "near_dead", DEFAULT, 1e-5),
     ("four_bar", "grashof", DEFAULT, 1e-5),
-    ("four_bar", "near_change_point", TIGHT, 1e-5),
+    ("four_bar", "near_change_point", DEFAULT, 1e-5),
     ("n_four_bar", "1", DEFAULT, 1e-6),
     ("n_four_bar", "2", DEFAULT, 1e-6),
     ("n_four_bar", "10", DEFAULT, 1e-6),

@@ -10,14 +10,12 @@ from symmb.symbolic.geometry import triad, turn
 from symmb.symbolic.symbols import Kind, Symbol, declare
 
 
-def relative_angle(
-    name: str, a: _Framed, axis_a: ca.SX, b: _Framed, axis_b: ca.SX
-) -> tuple[ca.SX, tuple[Symbol, ...]]:
+def relative_angle(name: str, a: _Framed, axis_a: ca.SX, b: _Framed, axis_b: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
     """Angle of body b against body a about an axis fixed in both [rad], and the records its state needs.
 
     For bodies that turn about z alone it is a difference of coordinates. Quaternions know an angle only up to whole
-    turns: a first-order state named `name.angle` follows it, and does nothing but choose the number of turns, so that an
-    error in it never becomes an error of the angle.
+    turns: a first-order state named `name.angle` follows it, and does nothing but choose the number of turns,
+    so that an error in it never becomes an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (angle_about_z(b.pose, b.frame) - angle_about_z(a.pose, a.frame)) * axis_a[2], ()

@@ -86,7 +86,9 @@ class _AxisJoint(Joint):
         yield from faults
         if faults:
             return
-        for body, axis in zip(self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True):
+        for body, axis in zip(
+            self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True
+        ):
             a = vector(axis, f"axis of {self.title}")
             if is_zero(a):
                 yield f"{self.title}: axis {axis} has no direction. Give a vector that is not zero."

@@ -85,7 +85,9 @@ class Gravity(ForceElement):
         yield from ()
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        g = ca.vertcat(*[bind(c, f"Gravity: {n}") for n, c in zip(("gx", "gy", "gz"), (self.gx, self.gy, self.gz), strict=True)])
+        g = ca.vertcat(
+            *[bind(c, f"Gravity: {n}") for n, c in zip(("gx", "gy", "gz"), (self.gx, self.gy, self.gz), strict=True)]
+        )
         for body, mass in masses:
             potential = -mass * ca.dot(g, body.frame.r) if _constant(g, mass) else None
             yield Action((Load(body, mass * g, ca.SX(3, 1)),), potential)
@@ -95,8 +97,9 @@ class Gravity(ForceElement):
 class SpringDamper(ForceElement):
     """Spring and damper along the line between two points: pull k (d - length) + c d'.
 
-    A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper resists along
-    the line alone, or it would brake the common rotation of its bodies; for damping in all directions use `Bushing`.
+    A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper resists
+    along the line alone, or it would brake the common rotation of its bodies; for damping in all directions use
+    `Bushing`.
 
     Parameters
     ----------

@@ -65,7 +65,9 @@ def _selection(rows: tuple[int, ...]) -> ca.SX:
     return ca.SX(ca.sparsify(ca.DM(S)))
 
 
-def _frame(pose: Pose, name: str, rows: tuple[int, ...]) -> tuple[ca.SX, ca.SX, ca.SX, tuple[str, ...], tuple[str, ...]]:
+def _frame(
+    pose: Pose, name: str, rows: tuple[int, ...]
+) -> tuple[ca.SX, ca.SX, ca.SX, tuple[str, ...], tuple[str, ...]]:
     q_names = tuple(f"{name}.{c}" for c in pose.coordinates)
     v_names = tuple(f"{name}.{c}" for c in pose.velocities)
     q = ca.vertcat(*[ca.SX.sym(n) for n in q_names])

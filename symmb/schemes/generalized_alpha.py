@@ -29,7 +29,7 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float) -> S
     cuts = [0, n_q, n_q + n_v, n_x, n_x + n_quad, n_x + 2 * n_quad, n_x + 2 * n_quad + n_v, n_x + 2 * n_quad + 2 * n_v]
     q, v, s, W, power_now, a, vdot, sdot = ca.vertsplit(w, [*cuts, w.numel()])
 
-    # Unknowns and residuals are displacements: else rounding in Phi over h^2 keeps Newton from converging at small steps.
+    # Unknowns and residuals are displacements: else rounding in Phi over h^2 keeps Newton from ending.
     scale = beta * h**2
     unknown, unknown_lam, s_new = ca.SX.sym("vdot", n_v), ca.SX.sym("lam", dae.n_r), ca.SX.sym("s", n_s)
     vdot_new, lam = unknown / scale, unknown_lam / scale

@@ -13,8 +13,8 @@ def nstiff_si2(dae: DAE, work: bool) -> Step:
 
         M v' + G' lam - Q = 0,      N v - q' + Phi_q' mu = 0,      Phi / (b h) = 0,      (G v + Phi_t) / (b h) = 0,
 
-    where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes at
-    the exact solution.
+    where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes
+    at the exact solution.
 
     References
     ----------
@@ -77,4 +77,6 @@ def nstiff_si2(dae: DAE, work: bool) -> Step:
 
 def quaternions(dae: DAE) -> list[int]:
     """Where quaternions stand in q: index of each scalar part."""
-    return [i for i, (name, one) in enumerate(zip(dae.q_names, dae.q_neutral, strict=True)) if one and name[-3:] == ".e0"]
+    return [
+        i for i, (name, one) in enumerate(zip(dae.q_names, dae.q_neutral, strict=True)) if one and name[-3:] == ".e0"
+    ]

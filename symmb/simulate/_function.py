@@ -47,19 +47,13 @@ class FunctionSimulator:
     times: Array
     outputs: tuple[str, ...]
 
-    def __init__(
-        self, f: Callable[..., Any], parameters: Mapping[str, float], times: Array, outputs: Sequence[str]
-    ):
+    def __init__(self, f: Callable[..., Any], parameters: Mapping[str, float], times: Array, outputs: Sequence[str]):
         times = np.array(times, dtype=float)
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-            raise DeclarationError(
-                "FunctionSimulator: times must be finite and increase, shape (n_t,), n_t >= 1."
-            )
+            raise DeclarationError("FunctionSimulator: times must be finite and increase, shape (n_t,), n_t >= 1.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         if not names or len(set(names)) < len(names):
-            raise DeclarationError(
-                f"FunctionSimulator: outputs must be one or more different names, got {names}."
-            )
+            raise DeclarationError(f"FunctionSimulator: outputs must be one or more different names, got {names}.")
         times.flags.writeable = False
         object.__setattr__(self, "f", f)
         object.__setattr__(self, "parameters", {name: float(value) for name, value in parameters.items()})
@@ -105,9 +99,7 @@ class FunctionSimulator:
         if values.shape == shape[:1] and shape[1] == 1:
             values = values[:, None]
         if values.shape != shape:
-            raise SimulationError(
-                f"{self!r}: the function returned shape {values.shape}, expected {shape} (n_t, n_y)."
-            )
+            raise SimulationError(f"{self!r}: the function returned shape {values.shape}, expected {shape} (n_t, n_y).")
         return values
 
     def __repr__(self) -> str:

@@ -11,7 +11,7 @@ from symmb._types import Array, Expr
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator
 from symmb.simulate._trajectory import Trajectory
-from symmb.solve.solvers import Solver
+from symmb.solve.solvers import CVODES, Solver
 
 
 def simulate(
@@ -63,7 +63,7 @@ def simulate(
             raise DeclarationError(f"Parameter {name!r}: {value!r} is not a finite number.")
         values[name] = float(value)
     begin = time.perf_counter()
-    simulator = DAESimulator(scene, solver)
+    simulator = DAESimulator(scene, CVODES() if solver is None else solver)
     integration = simulator.integration(work=simulator.dae.power is not None)
     setup = time.perf_counter() - begin
     begin = time.perf_counter()

@@ -130,7 +130,9 @@ class Trajectory:
             return self.x[:, states.index(name)]
         if name in dae.row_names:
             return self.lam[:, dae.row_names.index(name)]
-        raise DeclarationError(f"No output or state {name!r}.{did_you_mean(name, (*self.names, *states, *dae.row_names))}")
+        raise DeclarationError(
+            f"No output or state {name!r}.{did_you_mean(name, (*self.names, *states, *dae.row_names))}"
+        )
 
     def reaction(self, joint: str) -> tuple[Array, Array]:
         """Reaction of a joint on its second body, in world axes: force (n_t, 3) [N], torque (n_t, 3) [N m]."""
@@ -178,8 +180,7 @@ class Trajectory:
             [
                 f"{self.scene.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
-                f"  start       held {', '.join(start['held']) or 'nothing'}; solved for {', '.join(start['solved']) or 'nothing'}"
-                f"; at default {', '.join(start['defaults']) or 'nothing'}",
+                f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
                 f"  drift       position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, "
                 f"energy {self.energy_drift:.1e}",
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
@@ -223,3 +224,10 @@ class Trajectory:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+_START = {"held": "held", "solved": "solved for", "defaults": "at default"}
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) or "nothing"

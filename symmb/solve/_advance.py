@@ -26,7 +26,7 @@ class Advance:
 
 @dataclass(frozen=True)
 class Marching:
-    """Samples side by side, one step after the other: counts (n_t - 1,) equal steps in each interval of times (n_t,)."""
+    """Samples side by side, one step after the other: counts (n_t - 1,) equal steps in each interval of times."""
 
     advance: Advance
     times: Array

@@ -1,4 +1,4 @@
-"""Assembly at the nominal parameters: coordinates on the constraints near a guess, and what is wrong if there are none."""
+"""Assembly at the nominal parameters: coordinates on the constraints near a guess, or what is wrong."""
 
 import casadi as ca
 import numpy as np

@@ -127,13 +127,17 @@ def _interval(advance: Advance, count: int) -> ca.Function:
     p, begin, span = extended[:-2], extended[-2], extended[-1]
     h = span / count
     ends = begin + h * ca.DM(np.arange(1.0, count + 1)).T
-    W = advance.step.mapaccum(count)(advance.begin(x0, p, begin, h), ca.repmat(p, 1, count), ends, ca.repmat(h, 1, count))
+    W = advance.step.mapaccum(count)(
+        advance.begin(x0, p, begin, h), ca.repmat(p, 1, count), ends, ca.repmat(h, 1, count)
+    )
     return _as_integrator("between", [x0, z0, extended], advance, W[:, -1])
 
 
 def _all_intervals(between: ca.Function, project: ca.Function, times: Array) -> ca.Function:
     n_x, n_quad, n_t = between.numel_out(0), between.numel_out(2), len(times)
-    w, p, t, span = (ca.MX.sym(n, k) for n, k in (("w", n_x + n_quad), ("p", project.numel_in(1)), ("t", 1), ("span", 1)))
+    w, p, t, span = (
+        ca.MX.sym(n, k) for n, k in (("w", n_x + n_quad), ("p", project.numel_in(1)), ("t", 1), ("span", 1))
+    )
     x, _, quad = between(w[:n_x], ca.MX(0, 1), ca.vertcat(p, t - span, span))
     interval = ca.Function("interval", [w, p, t, span], [ca.vertcat(project(x, p, t), w[n_x:] + quad)])
     x0, z0 = ca.MX.sym("x0", n_x), ca.MX.sym("z0", 0)

@@ -52,7 +52,9 @@ class ImplicitMap:
             step = _solve_each(J, r)
             u[active] -= step
             # Quadratic convergence: a step below 1e-9 leaves an error at rounding level.
-            done = np.abs(step).max(axis=1, initial=0.0) <= 1e-9 * np.maximum(np.abs(u[active]).max(axis=1, initial=0.0), 1e-3)
+            done = np.abs(step).max(axis=1, initial=0.0) <= 1e-9 * np.maximum(
+                np.abs(u[active]).max(axis=1, initial=0.0), 1e-3
+            )
             ok[active[done]] = True
             active = active[~done]
             if not active.size:

@@ -40,7 +40,9 @@ class Solver(ABC):
                     faults.append(f"stabilization={value!r} is none: use Baumgarte(...), Projection() or None")
             elif isinstance(value, bool) or (value is None and f.default is None):
                 continue
-            elif not isinstance(value, int | float | np.number) or not (low < value < high or value in self.limits.get(f.name, ())):
+            elif not isinstance(value, int | float | np.number) or not (
+                low < value < high or value in self.limits.get(f.name, ())
+            ):
                 within = f"from {low:g} to {high:g}" if f.name in self.limits else "above 0"
                 faults.append(f"{f.name}={value!r} must be a number {within}")
         if faults:
@@ -79,7 +81,7 @@ class IDAS(_Multistep):
     plugin: ClassVar[str] = "idas"
     algebraic: ClassVar[bool] = True
 
-    rtol: float = 1e-10
+    rtol: float = 1e-11
     atol: float | None = None
     stabilization: Stabilization = None
 
@@ -104,7 +106,7 @@ class CVODES(_Multistep):
 
     plugin: ClassVar[str] = "cvodes"
 
-    rtol: float = 1e-10
+    rtol: float = 1e-11
     atol: float | None = None
     stiff: bool = False
     stabilization: Stabilization = None

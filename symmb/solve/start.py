@@ -1,8 +1,8 @@
 """Starting: coordinates and velocities that satisfy the constraints, for one sample or many, on one assembly branch.
 
-At the nominal parameters the coordinates that are not listed start from their guess and are moved least until Phi = 0.
-Which of them the constraints determine is decided there, once; the rest stay where they are. Every sample then solves for
-the same ones from the nominal solution. Velocities are linear: dependent ones follow by minimum norm.
+At the nominal parameters the coordinates that are not listed start from their guess and are moved least until Phi =
+0. Which of them the constraints determine is decided there, once; the rest stay where they are. Every sample then
+solves for the same ones from the nominal solution. Velocities are linear: dependent ones follow by minimum norm.
 """
 
 from collections.abc import Sequence

@@ -130,9 +130,7 @@ def _fitting(bounds: Bounds, simulator: Simulator) -> Bounds:
             f"The reference is of {', '.join(bounds.names)}, the outputs are {', '.join(simulator.outputs)}. "
             "Give a reference of the same outputs in the same order."
         )
-    if len(bounds.t) != len(simulator.times) or not np.allclose(
-        bounds.t, simulator.times, rtol=0.0, atol=1e-9
-    ):
+    if len(bounds.t) != len(simulator.times) or not np.allclose(bounds.t, simulator.times, rtol=0.0, atol=1e-9):
         raise PropagationError(
             f"The reference holds {len(bounds.t)} times from {bounds.t[0]:g} to {bounds.t[-1]:g} s, "
             f"the simulator {len(simulator.times)} from {simulator.times[0]:g} to {simulator.times[-1]:g} s. "

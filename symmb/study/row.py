@@ -66,9 +66,7 @@ class Row:
         """Rebuild a row; its score is measured again, since the bounds say all of it."""
         lower, upper = _array(plain["lower"]), _array(plain["upper"])
         estimate = _array(plain["estimate"]) if "estimate" in plain else None
-        inner = (
-            (_array(plain["inner_lower"]), _array(plain["inner_upper"])) if "inner_lower" in plain else None
-        )
+        inner = (_array(plain["inner_lower"]), _array(plain["inner_upper"])) if "inner_lower" in plain else None
         return Row(
             name=plain["name"],
             kind=plain["kind"],

@@ -82,9 +82,7 @@ def _convert(node: Any, symbols: Mapping[str, ca.SX], convert: Callable[[Any], c
     if node.is_Symbol:
         return symbols[node.name]
     if node is sympy.nan or node is sympy.zoo:
-        raise DeclarationError(
-            f"SymPy expression contains {node}: it divides by zero, or mixes in what is not SymPy."
-        )
+        raise DeclarationError(f"SymPy expression contains {node}: it divides by zero, or mixes in what is not SymPy.")
     if node.is_Number or node.is_NumberSymbol:
         return ca.SX(float(node))
     if isinstance(node, sympy.Piecewise):

@@ -66,8 +66,7 @@ def interpret(
     given, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
     if given != expected:
         raise DeclarationError(
-            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, "
-            f"but values for {given} are given."
+            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {given} are given."
         )
     # Every work slot is written before it is read, so the filling value of `work` is never seen.
     work = [constant(0.0)] * f.sz_w()

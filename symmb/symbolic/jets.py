@@ -8,8 +8,8 @@ import casadi as ca
 def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
     """Taylor coefficients in eps of f(x(eps)) from those of its arguments.
 
-    With x(eps) = x_0 + x_1 eps + x_2 eps^2 + ... the coefficients obey j f_j = D f_{j-1}, where D is the derivative in the
-    direction in which every x_i moves by (i + 1) x_{i+1}.
+    With x(eps) = x_0 + x_1 eps + x_2 eps^2 + ... the coefficients obey j f_j = D f_{j-1}, where D is the derivative in
+    the direction in which every x_i moves by (i + 1) x_{i+1}.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Which symbol is what: every coordinate, velocity, state and parameter is looked up by the symbol itself.
 
-A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters) keeps a `Symbol` record that adds what it
-is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
+A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters) keeps a `Symbol` record that adds
+what it is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
 """
 
 from collections.abc import Iterable

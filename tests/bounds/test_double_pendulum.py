@@ -1,4 +1,4 @@
-"""The paper's double pendulum: its bounds by each method and the true ones, against independent computations of both."""
+"""The paper's double pendulum: its bounds by each method and the true ones, against independent computations."""
 
 import json
 from pathlib import Path

@@ -33,12 +33,7 @@ OUT_SMOOTH = {
     "polynomial": X**2 * Y - 3 * X / Y + 2 * X - 1 / X,
     "powers": X**1.5 + Y**X + ca.sqrt(X) + X**-3 + X**0.3,
     "exponential": ca.exp(-X) + ca.expm1(Y) + ca.log(X) + ca.log1p(Y),
-    "trigonometric": ca.sin(X) * ca.cos(Y)
-    + ca.tan(X)
-    + ca.asin(X)
-    + ca.acos(Y)
-    + ca.atan(X)
-    + ca.atan2(X, Y),
+    "trigonometric": ca.sin(X) * ca.cos(Y) + ca.tan(X) + ca.asin(X) + ca.acos(Y) + ca.atan(X) + ca.atan2(X, Y),
     "hyperbolic": ca.sinh(X) + ca.cosh(Y) + ca.tanh(X) + ca.asinh(X) + ca.acosh(1 + X) + ca.atanh(Y),
     "error function": ca.erf(X) + ca.erfinv(Y),
     "hypot": ca.hypot(X, Y),
@@ -57,13 +52,7 @@ OUT_CORNERS = {
 }
 IN_SMOOTH = {
     "powers": B ** sp.Rational(3, 2) / sp.sqrt(A) + A**-2 + sp.cbrt(B) + 2**A + B**A,
-    "trigonometric": sp.sec(A)
-    + sp.csc(B)
-    + sp.cot(A)
-    + sp.tan(B)
-    + sp.acos(A)
-    + sp.atan2(A, -B)
-    + sp.asin(A),
+    "trigonometric": sp.sec(A) + sp.csc(B) + sp.cot(A) + sp.tan(B) + sp.acos(A) + sp.atan2(A, -B) + sp.asin(A),
     "constants": sp.pi * A + sp.E * B + sp.Rational(1, 12) + sp.Float("0.1") + sp.GoldenRatio,
     "error functions": sp.erfc(A) + sp.erf(B),
     "exponential": sp.exp(A) * sp.log(B, 10) + sp.sinh(A) - sp.acosh(1 + B),
@@ -109,9 +98,7 @@ def test_out_and_back(expr, points):
 def test_in(expr, points):
     for point in points:
         expected = _sympy(expr, point)
-        assert _casadi(from_sympy(expr, SYMBOLS), point) == pytest.approx(expected, rel=1e-14, abs=1e-14), (
-            point
-        )
+        assert _casadi(from_sympy(expr, SYMBOLS), point) == pytest.approx(expected, rel=1e-14, abs=1e-14), point
 
 
 BINARY = (
@@ -199,9 +186,7 @@ def test_unknown_names_are_told_at_once_with_near_misses():
         from_sympy(expr, SYMBOLS)
     assert "Unknown symbol 'rod1.thta'" in str(fault.value)
     assert "Did you mean 'rod1.theta'?" in str(fault.value)
-    assert "Unknown symbol 'mass_of_crane' in a SymPy expression. Known names: rod1.theta, l1." in str(
-        fault.value
-    )
+    assert "Unknown symbol 'mass_of_crane' in a SymPy expression. Known names: rod1.theta, l1." in str(fault.value)
 
 
 @pytest.mark.parametrize(
