@@ -43,9 +43,9 @@ def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
     n_p = len(box.names)
     budget = None if n_p <= 2 else _RUNS  # in one or two parameters no level takes as many
     methods: list[Method] = [PolynomialChaos(tolerance=share, budget=budget) for share in (1e-1, 1e-2, 1e-3)]
-    methods += [PolynomialChaos.paper(order) for order in (1, 2, 3, 4) if (order + 1) ** n_p <= _RUNS]
+    methods += [PolynomialChaos.paper(order) for order in (2, 3, 4) if (order + 1) ** n_p <= _RUNS]
     if isinstance(simulator, Jets):
-        methods += [Taylor(1), Taylor(2), Taylor(3)]
+        methods += [Taylor(2), Taylor(3)]
     if isinstance(simulator, Plain):
         methods += [IntervalArithmetic()]
     methods += [Scanning(k) for k in (3, 6, 11, 21) if k**n_p <= _RUNS]
