@@ -19,7 +19,8 @@ _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.pa
 def load_scene(given: str) -> Scene:
     """The scene of a Python file, or of a shipped model by its name.
 
-    The file runs with its own `__file__` and its folder importable; `scene()` is called without arguments.
+    The file runs with its own `__file__` and its folder importable; `scene()` is called without
+    arguments. A scene without a name of its own gets the file's.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def load_scene(given: str) -> Scene:
         scene = build()
     if not isinstance(scene, Scene):
         raise DeclarationError(f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene.")
-    return scene
+    return scene.with_name(path.stem) if scene.name == Scene.name else scene
 
 
 def shipped_names() -> list[str]:
