@@ -56,7 +56,7 @@ class Binding:
         """Raise if an expression contains NaN, infinity or unknown symbols; `also` are further known ones."""
         if _has_irregular_constant(expression):
             raise DeclarationError(
-                f"{what}: contains NaN or infinity. SX and SymPy do not mix in one expression; use either."
+                f"{what}: contains NaN or infinity, which is also what SX and SymPy mixed in one expression give."
             )
         known = {s.element_hash() for s in also}
         for symbol in symbols_in(expression):
@@ -65,6 +65,11 @@ class Binding:
             record = lookup(symbol)
             if record is not None and record.kind is Kind.STATE:
                 continue
+            if symbol.name() in self.by_name:
+                raise DeclarationError(
+                    f"{what}: symbol {symbol.name()!r} belongs to another body or Parameters object than "
+                    "the System's one of that name. Use one object for both."
+                )
             raise DeclarationError(
                 f"{what}: symbol {symbol.name()!r} belongs to no parameter and no body of the System."
                 f"{did_you_mean(symbol.name(), self.by_name)}"

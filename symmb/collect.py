@@ -1,6 +1,6 @@
 """Gathers what was declared into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -51,6 +51,7 @@ class Collected:
     rows: dict[str, slice]
     row_names: tuple[str, ...]
     upright: ca.SX
+    positive: tuple[tuple[str, ca.SX], ...]  # what must be above 0 at every parameter value, with its name
     drifting: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
     written: int  # rows written by the joints, those that vanish included
 
@@ -119,10 +120,24 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         rows=_row_slices(positions, velocities),
         row_names=_row_names(positions) + _row_names(velocities),
         upright=_vertcat([c.upright() for c in constraints]),
+        positive=tuple(_positive(inertial, constraints, bind)),
         drifting=(),
         written=sum(rows.numel() for rows in written.values()),
     )
     return _without_untouched(draft)
+
+
+def _positive(
+    inertial: Sequence[tuple[Body, tuple[ca.SX, ca.SX]]], constraints: Sequence[Constraint], bind: Binding
+) -> Iterator[tuple[str, ca.SX]]:
+    for body, (mass, J) in inertial:
+        for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3))):
+            if not is_zero(value) and all(bind.is_parameter(s) for s in ca.symvar(value)):
+                yield f"Body {body.name!r}: {what}", value
+    for constraint in constraints:
+        value = constraint.positive(bind)
+        if value.numel() and all(bind.is_parameter(s) for s in ca.symvar(value)):
+            yield f"{constraint.title}: length", value
 
 
 def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:

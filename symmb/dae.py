@@ -38,6 +38,7 @@ class DAE:
     retract                (q, delta) -> q moved by delta
     upright                (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
+    positive               p -> masses and lengths that must be above 0, named by `positive_names`
     """
 
     q_names: tuple[str, ...]
@@ -64,6 +65,8 @@ class DAE:
     retract: ca.Function
     upright: ca.Function | None
     s_start: ca.Function | None
+    positive: ca.Function
+    positive_names: tuple[str, ...]
 
     @property
     def n_q(self) -> int:
@@ -168,6 +171,7 @@ def compile_dae(system: System) -> DAE:
     delta, _ = system.solve(ca.SX(v.numel(), 1), right)
     rates = [system.qdot, vdot_free, *([system.s_rate] if c.states else [])]
     power = system.power
+    positive_names, positive = system.positive
     displacement = ca.SX.sym("delta", v.numel())
     return DAE(
         q_names=c.q_names,
@@ -196,6 +200,8 @@ def compile_dae(system: System) -> DAE:
         s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
         if c.states
         else None,
+        positive=positive,
+        positive_names=positive_names,
     )
 
 

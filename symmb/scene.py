@@ -29,7 +29,7 @@ class Held:
     drift: dict[str, ca.SX]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """A system together with what is asked of it.
 
@@ -38,7 +38,7 @@ class Scene:
     system : System
     start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> number or expression of parameters;
                            these hold exactly, the others follow from Phi = 0 and its rate, free velocities are 0
-    times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start
+    times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
                            coordinates and velocities
     box : Box              intervals of the uncertain parameters
@@ -79,12 +79,11 @@ class Scene:
             object.__setattr__(self, "system", self.system.with_states(extra))
 
     def _box_faults(self) -> list[str]:
-        names = self.box.names if self.box is not None else ()
-        return [
-            f"box: no parameter {n!r}.{did_you_mean(n, self.system.parameters)}"
-            for n in names
-            if n not in self.system.parameters
-        ]
+        if self.box is None:
+            return []
+        known = self.system.parameters
+        unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
+        return unknown or self.system.sign_faults(self.box)
 
     @cached_property
     def held(self) -> Held:
@@ -109,6 +108,8 @@ class Scene:
             c = self.system.collected
             pairs = zip((*c.q_names, *c.v_names), ca.vertsplit(ca.vertcat(c.q, c.v)), strict=True)
             return dict(pairs) if c.q_names else {}
+        if not isinstance(outputs, Mapping):
+            raise DeclarationError('outputs: expected a mapping from names to expressions, such as {"x": rod.x}.')
         bound, faults = {}, []
         for name, expression in outputs.items():
             try:
@@ -141,6 +142,10 @@ class Scene:
             bound = ca.substitute(bound, x, self.held.drift.get(x_name, ca.SX(0)) + v0 * elapsed)
         return bound
 
+    def __repr__(self) -> str:
+        span = f"{self.times[0]:g} to {self.times[-1]:g} s"
+        return f"Scene({self.name!r}, {len(self.output_names)} outputs at {len(self.times)} times, {span})"
+
     def with_box(self, box: Box) -> "Scene":
         """A copy with another box."""
         return replace(self, box=box)
@@ -159,7 +164,10 @@ class Scene:
 
 
 def _time_faults(times: Sequence[float] | Array) -> list[str]:
-    array = np.asarray(times, dtype=float)
+    try:
+        array = np.asarray(times, dtype=float)
+    except (TypeError, ValueError):
+        return [f"times: expected numbers, got {times!r}. Use numpy.linspace(0, 10, 1001)."]
     if array.ndim != 1 or array.size == 0:
         return [f"times: expected a list of at least one time, got shape {array.shape}."]
     if not np.all(np.isfinite(array)):

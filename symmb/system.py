@@ -10,11 +10,14 @@ multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; sp
 body axes. M is block-diagonal, a block for each body. What a scene does not have is not there: `print(system)` tells.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
+from symmb._box import Box
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb.binding import Binding
@@ -230,7 +233,9 @@ class System:
         """
         joints = {e.name: e for e in self.elements if isinstance(e, Joint)}
         if name not in joints:
-            raise DeclarationError(f"No joint {name!r} between two bodies.{did_you_mean(name, joints)}")
+            known = did_you_mean(name, joints)
+            hint = f" Its multipliers are system.lam({name!r})." if name in self.lam.rows else known
+            raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
         joint = joints[name]
         onto_b = not isinstance(joint.point_b.body, Ground)
         point = joint.point_b if onto_b else joint.point_a
@@ -247,6 +252,26 @@ class System:
             return Reaction(ca.densify(force), ca.densify(torque))
         torque = torque + ca.cross(point.r - joint.point_b.r, force)
         return Reaction(ca.densify(-force), ca.densify(-torque))
+
+    @cached_property
+    def positive(self) -> tuple[tuple[str, ...], ca.Function]:
+        """What must be above 0, masses and lengths: names (n,) and a Function p -> values (n,)."""
+        names, values = zip(*self.collected.positive, strict=True) if self.collected.positive else ((), ())
+        return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(*values) if values else ca.SX(0, 1)])
+
+    def sign_faults(self, box: Box) -> list[str]:
+        """Masses and lengths that are not positive at a corner of the box."""
+        names, positive = self.positive
+        order = list(self.parameters)
+        found = {}
+        for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
+            p = self.parameters.nominal
+            p[[order.index(name) for name in box.names]] = corner
+            for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
+                if not value > 0:
+                    at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
+                    found.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
+        return list(found.values())
 
     @cached_property
     def _symbols(self) -> tuple[list[ca.SX], list[str]]:
@@ -286,6 +311,7 @@ class System:
         return describe(self)
 
 
+_CORNERS = 10  # so many parameters have a thousand corners; beyond, samples with a wrong sign fail one by one
 _LATEX = {
     "M": "M",
     "N": "N",

@@ -42,6 +42,10 @@ class Constraint(Element):
         """Cosines that are 1 in the meant assembly and -1 at the flipped root of the rows, (n,)."""
         return ca.SX(0, 1)
 
+    def positive(self, bind: Bind) -> ca.SX:
+        """What must be above 0 for the rows to make sense, such as a length, (n,)."""
+        return ca.SX(0, 1)
+
 
 @dataclass(frozen=True, eq=False)
 class Joint(Constraint):
@@ -72,7 +76,7 @@ class Joint(Constraint):
 
 
 @dataclass(frozen=True, eq=False)
-class _AxisJoint(Joint):
+class AxisJoint(Joint):
     """A joint with an axis in each body; `turns` and `slides` say what it lets the bodies do about and along it."""
 
     turns: ClassVar[bool] = False
@@ -138,7 +142,7 @@ class _AxisJoint(Joint):
         return relative_angle(self.name, self.point_a.body, a, self.point_b.body, b)
 
 
-class _Hinged(_AxisJoint):
+class _Hinged(AxisJoint):
     """A joint that turns about its axis and can say how far."""
 
     turns: ClassVar[bool] = True
@@ -179,7 +183,7 @@ class Screw(_Hinged):
         return ca.vertcat(self._across(), self._parallel(), ca.dot(A[:, 2], self.d) - advance)
 
 
-class Prismatic(_AxisJoint):
+class Prismatic(AxisJoint):
     """Slider: the frames are locked parallel, point b stays on the axis through point a."""
 
     slides = True
@@ -192,7 +196,7 @@ class Prismatic(_AxisJoint):
         return ca.vertcat(ca.dot(A[:, 0], B[:, 0]), ca.dot(A[:, 2], B[:, 2]))
 
 
-class Weld(_AxisJoint):
+class Weld(AxisJoint):
     """The points coincide and the frames are locked parallel, `axis` onto `axis_b`."""
 
     def position_rows(self, bind: Bind) -> ca.SX:
@@ -203,8 +207,8 @@ class Weld(_AxisJoint):
         return ca.vertcat(ca.dot(A[:, 0], B[:, 0]), ca.dot(A[:, 2], B[:, 2]))
 
 
-class Universal(_AxisJoint):
-    """Hooke joint: the points coincide, `axis` of body a stays at right angles to `axis_b` of body b."""
+class Universal(AxisJoint):
+    """Hooke joint: the points coincide, `axis` of body a stays at right angles to `axis_b` of body b (needed)."""
 
     poses = (_SPATIAL, _SPATIAL)
 
@@ -221,7 +225,7 @@ class Universal(_AxisJoint):
         return ca.SX(0, 1)
 
 
-class PlanarJoint(_AxisJoint):
+class PlanarJoint(AxisJoint):
     """Point b stays in the plane through point a whose normal is `axis`; the normals stay parallel."""
 
     poses = (_SPATIAL, _SPATIAL)
@@ -231,7 +235,7 @@ class PlanarJoint(_AxisJoint):
         return ca.vertcat(self._parallel(), ca.dot(A[:, 2], self.d))
 
 
-class PointOnLine(_AxisJoint):
+class PointOnLine(AxisJoint):
     """Point b stays on the line through point a along `axis`; orientations are free."""
 
     poses = (_ORIENTED, _ANY)
@@ -275,11 +279,14 @@ class Distance(Joint):
             yield f"{self.title}: length {self.length!r} is not positive. For coinciding points use Spherical."
 
     def position_rows(self, bind: Bind) -> ca.SX:
-        return ca.norm_2(self.d) - bind(self.length, f"{self.title}: length")
+        return ca.norm_2(self.d) - self.positive(bind)
+
+    def positive(self, bind: Bind) -> ca.SX:
+        return bind(self.length, f"{self.title}: length")
 
 
 @dataclass(frozen=True, eq=False)
-class Gear(_AxisJoint):
+class Gear(AxisJoint):
     """Gear pair: the angle of body b is `ratio` times that of body a, each about its axis against the ground.
 
     The angles are 0 where the frames are parallel to the world's; a negative ratio turns them against each other.
@@ -307,7 +314,10 @@ class Gear(_AxisJoint):
 
 @dataclass(frozen=True, eq=False)
 class Motion(Constraint):
-    """Drive: a position expression follows a law of time, expression - law = 0."""
+    """Drive: a position expression follows a law of time, expression - law = 0.
+
+    Its multiplier is minus the driving force on the expression [N, N m], as M v' + Phi_v' lam = Q has it.
+    """
 
     name: str
     expression: Expr

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
 from symmb._types import Array
 from symmb.symbolic.symbols import Kind, declare
 
@@ -29,7 +30,8 @@ class Parameters(Mapping[str, float]):
     """
 
     def __init__(self, **nominal: float) -> None:
-        faults = [f"parameter {n!r}: the name is taken; choose another." for n in nominal if hasattr(type(self), n)]
+        taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
+        faults = [f"parameter {n!r}: the name is taken; choose another." for n in taken]
         for name, value in nominal.items():
             if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
                 faults.append(f"parameter {name!r}: nominal value {value!r} is not a finite number.")
@@ -56,6 +58,8 @@ class Parameters(Mapping[str, float]):
         return np.array(list(self._nominal.values()))
 
     def __getitem__(self, name: str) -> float:
+        if name not in self._nominal:
+            raise KeyError(f"no parameter {name!r}.{did_you_mean(name, self._nominal)}")
         return self._nominal[name]
 
     def __iter__(self) -> Iterator[str]:

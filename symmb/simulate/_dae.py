@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from threading import RLock
 from typing import Any, TypeVar
 
@@ -90,8 +91,9 @@ class DAESimulator:
         """Run samples P (N, d); a sample that breaks down is nan from there on."""
         with _LOCK:
             P = np.ascontiguousarray(P, dtype=float)
-            x0, _ = self.start.states(P)
+            x0, reasons = self.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
+            runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
             return _ensemble(self, self._evaluate(self.y, runs, P), runs, P)
 
     def stream(

@@ -68,11 +68,13 @@ def simulate(
     setup = time.perf_counter() - begin
     begin = time.perf_counter()
     p = np.array(list(values.values()))
-    x0, _ = simulator.start.states(p[None])
+    x0, (reason,) = simulator.start.states(p[None])
     run = integration.run(x0, p[None])[0]
     seconds = time.perf_counter() - begin
+    told = ", ".join(f"{n} = {v:g}" for n, v in values.items())
+    if reason:
+        raise SimulationError(f"{scene.name} does not start at t = {simulator.times[0]:g} s ({told}): {reason}.")
     if run.message:
-        told = ", ".join(f"{n} = {v:g}" for n, v in values.items())
         raise SimulationError(f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}.")
     start = simulator.start
     return Trajectory(
@@ -84,7 +86,7 @@ def simulate(
         x=run.X,
         work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
         statistics={
-            "start": {"held": list(start.held), "solved": list(start.solved), "defaults": list(start.defaults)},
+            "start": {"held": list(start.held), "solved": list(start.solved), "free": list(start.free)},
             "integrator": integration.statistics(),
         },
         setup_seconds=setup,

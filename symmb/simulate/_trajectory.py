@@ -26,6 +26,9 @@ class Drift(NamedTuple):
     position: Array
     velocity: Array
 
+    def __repr__(self) -> str:
+        return f"Drift(position at most {self.position.max():.1e}, velocity at most {self.velocity.max():.1e})"
+
 
 class Energy(NamedTuple):
     """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
@@ -33,6 +36,10 @@ class Energy(NamedTuple):
     kinetic: Array
     potential: Array
     work: Array
+
+    def __repr__(self) -> str:
+        ranges = (f"{name} {values.min():.4g} ... {values.max():.4g} J" for name, values in self._asdict().items())
+        return f"Energy({', '.join(ranges)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +57,7 @@ class Trajectory:
     t : (n_t,)                 times [s]
     x : (n_t, n_x)             states (q, v, s)
     work : (n_t,)              work of forces without potential and of drives since the start [J]
-    statistics : dict          what the integrator counted, and what the start held, solved for and left at defaults
+    statistics : dict          what the integrator counted, and what the start held, solved for and left free
     setup_seconds, run_seconds : float
     """
 
@@ -181,11 +188,16 @@ class Trajectory:
                 f"{self.scene.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
-                f"  drift       position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, "
-                f"energy {self.energy_drift:.1e}",
+                *self._drift_line(),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
+
+    def _drift_line(self) -> list[str]:
+        if not self.x.shape[1]:
+            return []
+        drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}"
+        return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
 
     def to_json(self) -> dict[str, Any]:
         """The run as plain numbers and texts; what is not finite is None."""
@@ -226,7 +238,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-_START = {"held": "held", "solved": "solved for", "defaults": "at default"}
+_START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
 def _listed(names: list[str]) -> str:

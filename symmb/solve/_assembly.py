@@ -6,9 +6,11 @@ import numpy as np
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.dae import DAE
-from symmb.mechanics.constraint import Constraint
+from symmb.mechanics.constraint import AxisJoint, Constraint
+from symmb.mechanics.pose import Planar, Spatial
 from symmb.scene import Scene
 from symmb.solve._rank import redundant_names
+from symmb.symbolic.geometry import product
 
 _TOLERANCE = 1e-9
 
@@ -31,6 +33,12 @@ def coordinate_of(dae: DAE, displacement: int) -> str:
     return f"{body}.{part.removeprefix('v') if part in ('vx', 'vy', 'vz') else part}"
 
 
+def placed(dae: DAE, displacement: int, q: Array) -> str:
+    """Name and value of the coordinate that a displacement moves; the name alone for a rotation in space."""
+    name = coordinate_of(dae, displacement)
+    return f"{name} = {q[dae.q_names.index(name)]:.6g}" if name in dae.q_names else name
+
+
 def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free: Indices, t0: float) -> Array:
     """Coordinates with Phi = 0 at the nominal parameters, moved least from the guess; damped Gauss-Newton.
 
@@ -44,7 +52,7 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
     ------
     AssemblyError               if Newton ends off the constraints, with the joint that is worst
     """
-    q = np.asarray(reference(dae.p_nominal, guess)).ravel()
+    q = aligned(scene, dae, np.asarray(reference(dae.p_nominal, guess)).ravel(), free)
     Phi, G = dae.Phi, dae.G
     if Phi is None or G is None:
         return q
@@ -75,14 +83,65 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
     worst = float(np.abs(r).max())
     if not worst <= _TOLERANCE * scale:
         name = owner(dae, int(np.abs(r).argmax()))
-        joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
-        bodies = {body.name for joint in joints for body in joint.bodies()}
-        listed = [key for key in scene.start if key.split(".")[0] in bodies] or list(scene.start)
-        remedy = f"Leave one of {', '.join(listed)} free, or" if listed else "Please"
         raise AssemblyError(
-            f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}. {remedy} give a better guess."
+            f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}. {_remedy(scene, dae, name, free)}"
         )
     return q
+
+
+def _remedy(scene: Scene, dae: DAE, name: str, free: Indices) -> str:
+    """Which listed coordinates of a joint's bodies to leave free, and which free ones to guess."""
+    joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
+    bodies = {body.name for joint in joints for body in joint.bodies()}
+    known = [coordinate_of(dae, i) for i in range(dae.n_v)] + [f"{body}.rotation" for body in bodies]
+    listed = [key for key in scene.start if key in known]
+    listed = [key for key in listed if key.split(".")[0] in bodies] or listed
+    movable = [coordinate_of(dae, int(i)) for i in free]
+    movable = [key.split("_")[0] if ".rotation_" in key else key for key in movable if key.split(".")[0] in bodies]
+    parts = []
+    if listed:
+        parts.append(f"Leave {listed[0] if len(listed) == 1 else 'one of ' + ', '.join(listed)} free")
+    if movable:
+        value = "rotation(axis, angle)" if movable[-1].endswith("rotation") else "..."
+        parts.append(f"give a better guess={{{movable[-1]!r}: {value}}}")
+    text = ", or ".join(parts) or "Check the joint's points"
+    return text[0].upper() + text[1:] + "."
+
+
+def aligned(scene: Scene, dae: DAE, q: Array, free: Indices) -> Array:
+    """Coordinates q with bodies turned, least, to joints whose axes are 60 degrees apart or more at the guess.
+
+    Newton cannot find its way from axes at right angles, and ends at the flipped root beyond. Only rotations that
+    are neither listed nor guessed are turned, and only to joints with an `axis_b` of their own.
+    """
+    system = scene.system
+    for joint in system.elements:
+        if not isinstance(joint, AxisJoint) or joint.axis_b is None or not joint.upright().numel():
+            continue
+        A, B = joint.frames
+        axes = ca.Function("axes", [system.q, system.p], [A[:, 2], B[:, 2]])
+        a, b = (np.asarray(axis).ravel() for axis in axes(q, dae.p_nominal))
+        movable = [body for body in reversed(joint.bodies()) if _turns_freely(scene, dae, body.name, free)]
+        if a @ b > 0.5 or not movable:
+            continue
+        start, end = (b, a) if movable[0] is joint.point_b.body else (a, b)
+        axis = np.cross(start, end)
+        if np.linalg.norm(axis) < 1e-9:  # opposite: about any axis at right angles
+            axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
+        half = np.arccos(np.clip(start @ end, -1, 1)) / 2
+        turn = np.concatenate([[np.cos(half)], np.sin(half) * axis / np.linalg.norm(axis)])
+        at = dae.q_names.index(f"{movable[0].name}.e0")
+        q = q.copy()
+        q[at : at + 4] = np.asarray(ca.DM(product(ca.SX(turn), ca.SX(q[at : at + 4])))).ravel()
+    return q
+
+
+def _turns_freely(scene: Scene, dae: DAE, body: str, free: Indices) -> bool:
+    """Whether a body's rotation in space is neither listed nor guessed."""
+    if f"{body}.e0" not in dae.q_names:
+        return False
+    guessed = dae.q_names.index(f"{body}.e0") in scene.guesses
+    return not guessed and dae.v_names.index(f"{body}.omega_x") in free
 
 
 def check_upright(scene: Scene, dae: DAE, q: Array) -> None:
@@ -96,7 +155,7 @@ def check_upright(scene: Scene, dae: DAE, q: Array) -> None:
         owners = [e.name for e in constraints for _ in range(e.upright().numel())]
         raise AssemblyError(
             f"Joint {owners[at]!r} is assembled the wrong way round: frames that it locks parallel end antiparallel. "
-            "Give a guess nearer to the meant position."
+            f"Give a guess nearer to the meant position, such as guess={{'{_turned(scene, owners[at])}': ...}}."
         )
 
 
@@ -114,3 +173,10 @@ def check_rank(dae: DAE, G: Array) -> None:
             f"{', '.join(map(repr, names))} depend on each other. Use joints that lock less (Spherical or Cylindrical "
             "in place of a Revolute), pose=Planar() for planar loops, or a start away from the singular position."
         )
+
+
+def _turned(scene: Scene, joint: str) -> str:
+    """The key that turns the second body of a joint."""
+    bodies = [b for e in scene.system.elements if isinstance(e, Constraint) and e.name == joint for b in e.bodies()]
+    body = bodies[-1] if isinstance(bodies[-1].pose, Planar | Spatial) else bodies[0]
+    return f"{body.name}.{'theta' if isinstance(body.pose, Planar) else 'rotation'}"

@@ -15,7 +15,7 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Mask
 from symmb.dae import DAE
 from symmb.scene import Scene
-from symmb.solve._assembly import assemble, at_rest, check_rank, check_upright, coordinate_of, owner, rest
+from symmb.solve._assembly import assemble, at_rest, check_rank, check_upright, coordinate_of, owner, placed, rest
 from symmb.solve._implicit import ImplicitMap
 from symmb.solve._rank import independent
 from symmb.symbolic.batch import batch
@@ -26,7 +26,7 @@ from symmb.symbolic.jets import jets
 class Start:
     """The start of a scene as a map from parameters to states; pickles.
 
-    `held`, `solved` and `defaults` name the coordinates that were listed, solved for, and left at a default.
+    `held`, `solved` and `free` name the coordinates that were listed, solved for, and left where assembly put them.
     """
 
     dae: DAE
@@ -39,10 +39,11 @@ class Start:
     velocity: ImplicitMap | None
     spread: ca.Function | None  # mu, q, p -> v
     held: tuple[str, ...]
+    listed_velocities: tuple[str, ...]
     solved: tuple[str, ...]
-    defaults: tuple[str, ...]
+    free: tuple[str, ...]
 
-    def states(self, P: Array) -> tuple[Array, Mask]:
+    def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
         """Starting states of N samples.
 
         Parameters
@@ -52,7 +53,7 @@ class Start:
         Returns
         -------
         (N, n_x) array         x = (q, v, s), nan where the start could not be solved
-        (N,) bool array        whether it could
+        tuple of N str         why it could not, empty where it could
         """
         ok: Mask = np.ones(len(P), dtype=bool)
         u = np.zeros((len(P), self.place.numel_in(0)))
@@ -71,7 +72,13 @@ class Start:
             parts.append(_rows_of(batch(self.dae.s_start, q, P)[0], len(P)))
         x = np.hstack(parts)
         ok = ok & ~self._contradiction(x, P)
-        return np.where(ok[:, None], x, np.nan), ok
+        reasons = ["" if good else "the start could not be solved for" for good in ok]
+        for k, values in enumerate(_rows_of(batch(self.dae.positive, P)[0], len(P))):
+            wrong = np.flatnonzero(~(values > 0))
+            if wrong.size:
+                reasons[k] = f"{self.dae.positive_names[wrong[0]]} is {values[wrong[0]]:g}, not positive"
+        started = np.array([not reason for reason in reasons], dtype=bool)
+        return np.where(started[:, None], x, np.nan), tuple(reasons)
 
     def nominal(self) -> dict[str, Array]:
         """The start at the nominal parameters: q (n_q,), v (n_v,), s (n_s,) and p (n_p,)."""
@@ -158,9 +165,10 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     velocity, spread = _velocities(dae, listed_v, p, [i for i in range(dae.n_v) if i not in held.v], q0, t0)
     start = Start(
         dae, t0, q0, reference, ca.Function("listed_v", [p], [listed_v]), place, position, velocity, spread,
-        held=tuple((*scene.start,)),
+        held=tuple(scene.start),
+        listed_velocities=tuple(dae.v_names[i] for i in held.v),
         solved=tuple(coordinate_of(dae, i) for i in solved),
-        defaults=tuple(coordinate_of(dae, i) for i in np.setdiff1d(free, solved)),
+        free=tuple(placed(dae, i, q0) for i in np.setdiff1d(free, solved)),
     )  # fmt: skip
     _check_velocities(start, p0)
     return start
@@ -190,9 +198,11 @@ def _velocities(
 
 def _check_velocities(start: Start, p0: Array) -> None:
     dae = start.dae
-    _, ok = start.states(p0[None])
-    if ok[0]:
+    reason = start.states(p0[None])[1][0]
+    if not reason:
         return
+    if "positive" in reason:
+        raise AssemblyError(f"Start at the nominal parameters: {reason}.")
     q = start.q_nominal
     v = np.asarray(start.listed_v(p0)).ravel()
     if dae.Phi_dot is None:
@@ -204,5 +214,5 @@ def _check_velocities(start: Start, p0: Array) -> None:
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
     raise AssemblyError(
         f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {owner(dae, int(r.argmax()))!r}. "
-        "Leave one of the listed velocities free."
+        f"Leave one of {', '.join(start.listed_velocities)} free."
     )

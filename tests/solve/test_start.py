@@ -16,8 +16,8 @@ def started(scene, P=None):
     """Start of a scene, with coordinates and velocities by name for every sample."""
     simulator = mb.DAESimulator(scene)
     P = simulator.start.dae.p_nominal[None] if P is None else np.asarray(P, dtype=float)
-    x, ok = simulator.start.states(P)
-    assert ok.all()
+    x, reasons = simulator.start.states(P)
+    assert not any(reasons), reasons
     dae = simulator.dae
     residuals = [numbers(dae.Phi, *dae.arguments(row, p, simulator.times[0])) for row, p in zip(x, P, strict=True)]
     assert_allclose(residuals, 0, atol=1e-13)
@@ -45,7 +45,7 @@ def test_listed_values_hold_exactly_and_the_others_follow():
     assert_array_equal(x["rod.omega"], 2 * lengths)
     assert_allclose(x["rod.x"], lengths / 2 * np.sin(tilts), atol=1e-14)
     assert_allclose(x["rod.vx"], lengths**2 * np.cos(tilts), atol=1e-14)
-    assert (start.held, start.solved, start.defaults) == (("rod.theta", "rod.omega"), ("rod.x", "rod.y"), ())
+    assert (start.held, start.solved, start.free) == (("rod.theta", "rod.omega"), ("rod.x", "rod.y"), ())
 
 
 @pytest.mark.parametrize(("guess", "sign"), [(0.4, 1), (-0.4, -1), (np.pi - 0.4, 1), (0.0, None)])
@@ -69,7 +69,7 @@ def test_what_the_constraints_leave_open_stays_at_its_guess():
     system = mb.System(ball, mb.Distance("rope", GROUND.point(0, 0), ball.point(0, 0), 2.0), mb.Gravity(0, 0, -1))
     start, x = started(mb.Scene(system, guess={"ball.x": 3.0, "ball.y": 4.0}))
     assert_allclose([x["ball.x"][0], x["ball.y"][0], x["ball.z"][0]], [1.2, 1.6, 0], atol=1e-12)
-    assert len(start.solved) == 1 and len(start.defaults) == 2 and start.held == ()
+    assert len(start.solved) == 1 and len(start.free) == 2 and start.held == ()
 
 
 def test_defaults_are_zero_and_the_identity_rotation():
@@ -77,9 +77,40 @@ def test_defaults_are_zero_and_the_identity_rotation():
     scene = mb.Scene(mb.System(top, mb.Gravity(0, 0, -1)))
     simulator = mb.DAESimulator(scene)
     assert_array_equal(simulator.start.states(np.zeros((1, 0)))[0], [[0, 0, 0, 1, *[0] * 9]])
-    names = ("top.x", "top.y", "top.z", "top.rotation_x", "top.rotation_y", "top.rotation_z")
-    assert simulator.start.defaults == names
-    assert "at default top.x, top.y" in str(mb.simulate(scene))
+    names = ("top.x = 0", "top.y = 0", "top.z = 0", "top.rotation_x", "top.rotation_y", "top.rotation_z")
+    assert simulator.start.free == names
+    assert "left free top.x = 0, top.y = 0" in str(mb.simulate(scene))
+
+
+@pytest.mark.parametrize("axis_b", [(0, 0, 1), (0, -1, 0), (1, -1, 0), (0, 1, 0.5)])
+def test_axes_far_apart_at_the_guess_are_aligned(axis_b):
+    body = mb.Body("body", 1.0, (0.1, 0.1, 0.2), mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0), axis=(0, 1, 0), axis_b=axis_b)
+    run = mb.simulate(mb.Scene(mb.System(body, hinge)))
+    axis = run(body.rotation @ ca.DM(axis_b))[0] / np.linalg.norm(axis_b)
+    assert_allclose(axis, [0, 1, 0], atol=1e-12)
+
+
+def test_what_is_left_free_is_told_where_assembly_put_it():
+    rod = mb.Body("rod", 1.0, 0.1)
+    system = mb.System(rod, mb.Revolute("hinge", GROUND.point(0, 0), rod.point(-0.5, 0)))
+    run = mb.simulate(mb.Scene(system, guess={"rod.theta": 1.0, "rod.x": 0.5}))
+    assert f"left free rod.theta = {run['rod.theta'][0]:.6g}" in str(run)
+
+
+def test_masses_and_lengths_must_be_positive_for_every_sample():
+    p = mb.Parameters(m=2.0, L=1.0)
+    ball = mb.Body("ball", p.m, pose=mb.Particle())
+    rope = mb.Distance("rope", GROUND.point(0, 0), ball.point(0, 0), p.L)
+    system = mb.System(ball, rope, mb.Gravity(0, -9.81), parameters=p)
+    scene = mb.Scene(system, guess={"ball.y": -1.0}, times=[0.0, 0.5])
+    with pytest.raises(mb.SimulationError, match=r"Body 'ball': mass is -2, not positive"):
+        mb.simulate(scene, parameters={"m": -2.0})
+    ensemble = mb.DAESimulator(scene).run(np.array([[2.0, 1.0], [2.0, -1.0], [-1.0, 1.0]]))
+    assert_array_equal(ensemble.ok, [True, False, False])
+    assert "Distance 'rope': length is -1, not positive" in ensemble.messages[0]
+    with pytest.raises(mb.DeclarationError, match=r"box: Body 'ball': mass is -1, not positive, at m = -1"):
+        scene.with_box(mb.Box(m=(-1, 3)))
 
 
 def test_velocities_left_free_are_zero_and_dependent_ones_of_least_norm():
@@ -166,7 +197,7 @@ CONTRADICTIONS = {
     "out of reach": ({"rod.x": 0.7}, r"residual 0\.1 in joint 'hinge'"),
     "velocity": (
         {"rod.theta": 0.3, "rod.omega": 1.0, "rod.vx": 0.0},
-        r"Start velocities contradict the constraints: rate .* in joint 'hinge'\. Leave one of the listed",
+        r"Start velocities contradict the constraints: rate .* in joint 'hinge'\. Leave one of rod\.omega, rod\.vx free",
     ),
     "all velocities": ({"rod.omega": 1.0, "rod.vx": 1.0, "rod.vy": 1.0}, r"velocities contradict .* in joint 'hinge'"),
 }
