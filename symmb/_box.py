@@ -67,16 +67,19 @@ class Box:
         Raises
         ------
         DeclarationError
-            If a name is unknown, a nominal value is 0 (a share of it is no interval) or the spread is
-            not a positive finite number.
+            If a name is unknown, a nominal value is 0 (a share of it is no interval) or the spread does not
+            lie between 0 and 1, ends excluded: the interval must not reach 0.
 
         Examples
         --------
         >>> Box.around({"l1": 1.0, "m": -2.0}, 0.05)
         Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
         """
-        if not (math.isfinite(spread) and spread > 0):
-            raise DeclarationError(f"Box.around: spread must be positive and finite, got {spread!r}.")
+        if not 0 < spread < 1:
+            raise DeclarationError(
+                f"Box.around: spread must be a share between 0 and 1, such as 0.05 for ± 5 %, got {spread!r}. "
+                "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
+            )
         nominal = {name: float(value) for name, value in parameters.items()}
         intervals = {}
         for name in nominal if names is None else names:

@@ -39,7 +39,7 @@ _CLEAR = 16.0
 
 @dataclass(frozen=True)
 class Band:
-    """The reference: lower, upper (n_t, n_y)."""
+    """What is filled, the reference of a comparison for one: lower, upper (n_t, n_y)."""
 
     label: str
     lower: Array
@@ -128,6 +128,42 @@ def plot_trajectory(
     return _saved(figure, path)
 
 
+def plot_bounds(
+    t: Array,
+    names: Sequence[str],
+    band: Band,
+    *,
+    outer: tuple[Array, Array] | None = None,
+    inner: tuple[Array, Array] | None = None,
+    path: str | Path | None = None,
+) -> "Figure":
+    """Bounds over time, the first outputs one panel each; see `plot_comparison` for t, names and path.
+
+    Parameters
+    ----------
+    outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and what
+                                                               runs attained
+    """
+    shown = names[:_PANELS]
+    figure = _figure(_HEAD + 0.2 + _ROW * _rows(len(shown)))
+    pairs = (
+        ((band.lower, band.upper), None, {"linewidth": 1.1, "color": _COLOURS[0]}),
+        (outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": _DASHES[1], "color": _COLOURS[1]}),
+        (inner, "attained by runs", {"linewidth": 1.0, "linestyle": _DASHES[2], "color": _COLOURS[5]}),
+    )
+    panels = _panels(figure, t, shown)
+    for i, axes in enumerate(panels):
+        filled = _along(t, band.lower[:, i]), _along(t, band.upper[:, i])
+        axes.fill_between(_abscissa(t), *filled, color=_BAND, linewidth=0, label=band.label)
+        for pair, label, style in pairs:
+            for k, values in enumerate(pair or ()):
+                axes.plot(_abscissa(t), _along(t, values[:, i]), label=label if k == 0 else None, **style)
+    _legend(figure, panels)
+    if len(shown) < len(names):
+        figure.suptitle(f"the first {len(shown)} of {len(names)} outputs", fontsize=10)
+    return _saved(figure, path)
+
+
 def _draw_bounds(
     figure: "FigureBase",
     t: Array,
@@ -151,10 +187,15 @@ def _draw_bounds(
             axes.plot(_abscissa(t), _along(t, curve.lower[:, i]), label=label, **style)
             axes.plot(_abscissa(t), _along(t, curve.upper[:, i]), **style)
         axes.set_ylim(*_window(reference, curves, i))
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    _legend(figure, panels)
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if len(shown) < len(names) else ""
     figure.suptitle(": ".join(filter(None, [title, part])), fontsize=10)
+
+
+def _legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
+    """One legend of all panels, which is that of the first."""
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
 
 
 def _draw_errors(
@@ -185,6 +226,9 @@ def _draw_errors(
     axes.set_ylabel("mean error, share of the width", fontsize=8.5)
     axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
     axes.margins(0.06, 0.1)
+    if all(y == floor for _, y, _, _ in numbers):  # margins are a share of the height, of which there is none
+        axes.set_autoscaley_on(False)
+        axes.set_ylim(0.1 * floor, 10.0 * floor)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
     _write_numbers(axes, numbers)

@@ -15,6 +15,7 @@ FLOORS = {
     "_errors": 0,
     "_types": 0,
     "_names": 0,
+    "_table": 0,
     "_box": 0,
     "plot": 0,
     "symbolic": 1,

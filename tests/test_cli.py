@@ -162,11 +162,49 @@ def test_simulate_tells_the_extremes_of_every_output(scene, capsys):
     assert lines[-1].split() == ["f", "-0.5", "1.5", "-0.5", "1.5"]
 
 
+def test_rounding_is_told_as_zero(scene, capsys):
+    outputs = (
+        '{"large": 1e9 * (1 + mb.t), "from_zero": mb.t + 1e-16, "small": 1e-9 * mb.t, "nothing": 1e-49 + 0 * mb.t}'
+    )
+    assert main(["simulate", scene(CUBIC.replace('{"f": p.x * mb.t + p.y}', outputs))]) == 0
+    told = {name: numbers for name, *numbers in map(str.split, capsys.readouterr().out.splitlines()[-4:])}
+    assert told["from_zero"] == ["0", "2", "0", "2"]
+    assert told["small"] == ["0", "2e-09", "0", "2e-09"]
+    assert told["nothing"] == ["0"] * 4
+
+
 def test_equations(scene, capsys):
     assert main(["equations", scene(PENDULUM)]) == 0
-    assert "1 Revolute" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "1 Revolute" in told
+    for line in (
+        "M[rod.vx, rod.vx] = 2",
+        "M[rod.omega, rod.omega] = (sq(l)/6)",
+        "Q[rod.vy] = 19.62",
+        "Q[rod.omega] = (-(damping*rod.omega))",
+        "Phi[hinge.lam[0]] = (rod.x+(sin(rod.theta)*(l/2)))",
+    ):
+        assert line in told.splitlines()
+    assert "vx, rod.vy]" not in told
     assert main(["equations", scene(PENDULUM), "--latex"]) == 0
     assert r"\Phi_q = " in capsys.readouterr().out
+
+
+def test_equations_too_long_to_read_are_left_to_latex(capsys):
+    assert main(["equations", "andrews"]) == 0
+    assert capsys.readouterr().out.endswith("The equations of 21 coordinates are not printed here: use --latex.\n")
+    assert main(["equations", "heavy_top"]) == 0
+    told = capsys.readouterr().out
+    assert re.search(r"^gamma\[tip\.lam\[0\]\] = \.\.\. \(\d+ characters: use --latex\)$", told, re.MULTILINE)
+    assert main(["equations", "cubic"]) == 0
+    assert "M[" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["compare", "simulate", "equations", "codegen"])
+def test_usage_has_the_scene_first(capsys, command):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert capsys.readouterr().out.startswith(f"usage: symmb {command} SCENE ")
 
 
 def test_codegen_lists_the_files_it_wrote(scene, tmp_path, capsys):
@@ -219,7 +257,7 @@ EMPTY = "import symmb as mb\ndef scene():\n    "
     [
         ("x = 1\n", r"defines no function scene\(\)"),
         ("scene = 3\n", r"defines no function scene\(\)"),
-        ("def scene(:\n", r"SyntaxError: .* \(line 1\)\."),
+        ("def scene(:\n", r"SyntaxError: [^(]*\(scene_file\.py, line 1\)\.$"),
         ("import no_such_module_at_all\n", r"ModuleNotFoundError: .*no_such_module_at_all.* \(line 1\)\."),
         ("def scene():\n    x = 0\n    return 1 / x\n", r"ZeroDivisionError: division by zero \(line 3\)\."),
         ("def scene(length):\n    pass\n", r"TypeError: .*length"),
@@ -244,6 +282,12 @@ def test_scenes_that_are_wrong(scene, capsys, command, text, words):
     assert path in error and error.startswith(f"symmb {command}: ")
 
 
+def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monkeypatch, tmp_path):
+    scene("def scene():\n    x = 0\n    return 1 / x\n")
+    monkeypatch.chdir(tmp_path)
+    assert "division by zero (line 3)." in refused(capsys, "simulate", "scene_file.py")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -261,8 +305,12 @@ def test_scenes_that_are_wrong(scene, capsys, command, text, words):
         (["compare", "PENDULUM", "--spread", "0"], "--spread takes a positive share"),
         (["compare", "PENDULUM", "--spread=-5%"], "--spread takes a positive share"),
         (["compare", "PENDULUM", "--spread", "nan"], "--spread takes a positive share"),
+        (["compare", "PENDULUM", "--spread", "5"], "--spread 5 is 500 %.*Did you mean 5%"),
+        (["compare", "PENDULUM", "--spread", "150%"], "--spread 150% is 150 %.*Box by their ends"),
         (["compare", "CUBIC", "--spread", "5%"], "'y' has nominal value 0"),
-        (["compare", "NO_BOX", "--spread", "5%"], "no box"),
+        (["compare", "NO_BOX", "--spread", "5%"], r"no box.*box=mb\.Box\.around\(p, 0\.05\)"),
+        (["compare", "--methods", "vertex", "PENDULUM"], "required: SCENE .*comes first: --methods"),
+        (["simulate", "--set", "l=1.0", "PENDULUM"], "required: SCENE .*comes first: --methods and --set"),
         (["compare", "NO_BOX"], "[Nn]o box"),
         (["compare", "CUBIC", "--methods", "vertex", "--plot", "picture.doc"], r"must end in \.png"),
         (["compare", "CUBIC", "--methods", "vertex", "--json", "no/such/folder/c.json"], "does not exist"),

@@ -95,6 +95,7 @@ def test_an_error_below_the_uncertainty_is_a_hollow_marker_on_it():
     marker = next(line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata()))
     assert marker.get_ydata() == [1e-3]
     assert marker.get_markerfacecolor() == "white"
+    assert axes.get_ylim() == pytest.approx((1e-4, 1e-2))
 
 
 def test_no_error_at_all_is_drawn_at_rounding():
@@ -129,6 +130,14 @@ def test_a_trajectory_has_one_panel_an_output(tmp_path):
     np.testing.assert_array_equal(shown[2].lines[0].get_ydata(), T**3)
     assert {axes.get_xlabel() for axes in shown[2:]} == {"time [s]"}  # those with nothing below them
     assert (tmp_path / "t.png").stat().st_size > 1000
+
+
+def test_bounds_of_the_first_six_outputs():
+    lower = np.zeros((5, 8))
+    figure = plot.plot_bounds(T, [f"y{i}" for i in range(8)], plot.Band("Vertex(), sampled", lower, lower + 1.0))
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [f"y{i}" for i in range(6)]
+    assert figure.get_suptitle() == "the first 6 of 8 outputs"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["Vertex(), sampled"]
 
 
 def test_a_single_time_is_a_stretch():

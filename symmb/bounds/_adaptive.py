@@ -9,11 +9,12 @@ from symmb._box import Box
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor
 from symmb.bounds._basis import TensorDegree, TotalDegree
+from symmb.bounds._describe import failure_text
 from symmb.bounds._fit import Fit
 from symmb.bounds._inclusion import Range
 from symmb.bounds._method import parameter_samples
 from symmb.bounds._nodes import ClenshawCurtis, SparseGrid, node_keys
-from symmb.bounds._reductions import failure_records, failure_text
+from symmb.bounds._reductions import failure_records
 from symmb.bounds._result import Bounds
 from symmb.simulate import Indices, Progress, Simulator, run_blocks
 

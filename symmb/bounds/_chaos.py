@@ -10,12 +10,13 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor
 from symmb.bounds._adaptive import adaptive_bounds
 from symmb.bounds._basis import Basis, TensorDegree, TotalDegree
+from symmb.bounds._describe import failure_text
 from symmb.bounds._exact import Exact
 from symmb.bounds._fit import Fit
 from symmb.bounds._inclusion import LegendreInclusion, Range
 from symmb.bounds._method import Method, constructor_text, parameter_samples, require_whole
 from symmb.bounds._nodes import ClenshawCurtis, Gauss, Nodes
-from symmb.bounds._reductions import extremes, failure_records, failure_text, failures, projection, together
+from symmb.bounds._reductions import extremes, failure_records, failures, projection, together
 from symmb.bounds._result import Bounds, Failure, Kind
 from symmb.simulate import March, Mask, Progress, Simulator
 
@@ -112,7 +113,7 @@ class PolynomialChaos(Method):
     def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> Bounds:
         if not isinstance(simulator, March):
             raise PropagationError(
-                f"{self!r} advances all nodes together, but {simulator!r} runs each sample by itself. "
+                f"{self!r}: it advances all nodes together, but {simulator!r} runs each sample by itself. "
                 "Leave lockstep out."
             )
         n_t, n_y = len(simulator.times), len(simulator.outputs)

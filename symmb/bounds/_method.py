@@ -64,6 +64,14 @@ class Method(ABC):
     ) -> Bounds: ...
 
 
+def require_method(owner: str, method: object) -> None:
+    """DeclarationError unless it is a Method."""
+    if isinstance(method, type):
+        raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
+    if not isinstance(method, Method):
+        raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {method!r}.")
+
+
 def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
     """Points (N, len(box)) of the unit box as samples (N, d) of all parameters, in the simulator's order."""
     P = np.tile(np.array(list(simulator.parameters.values()), dtype=float), (len(unit), 1))

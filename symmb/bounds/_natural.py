@@ -48,7 +48,7 @@ class IntervalArithmetic(Method):
         f: ca.Function | None = getattr(simulator, "expression", None)
         if f is None:
             raise PropagationError(
-                f"{self!r} needs outputs that are plain expressions of parameters and time, "
+                f"{self!r}: it needs outputs that are plain expressions of parameters and time, "
                 f"but {simulator!r} integrates or calls a function. Use MonteCarlo or PolynomialChaos."
             )
         ends = dict(zip(box.names, box.bounds, strict=True))

@@ -1,9 +1,8 @@
 """Bounds of a simulator by a method."""
 
 from symmb._box import Box
-from symmb._errors import DeclarationError
 from symmb._types import Executor
-from symmb.bounds._method import Method
+from symmb.bounds._method import Method, require_method
 from symmb.bounds._result import Bounds
 from symmb.scene import Scene
 from symmb.simulate import Progress, Simulator
@@ -54,7 +53,6 @@ def propagate(
     >>> result.upper[:, 0].round(3)
     array([1.   , 0.607])
     """
-    if not isinstance(method, Method):
-        raise DeclarationError(f"propagate: expected a method such as PolynomialChaos(order=4), got {method!r}.")
+    require_method("propagate", method)
     simulator, box = simulator_of(scene_or_simulator, box, solver)
     return method.bounds(simulator, box, executor=executor, progress=progress)

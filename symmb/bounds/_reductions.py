@@ -8,6 +8,7 @@ import numpy as np
 from symmb._box import Box
 from symmb._errors import PropagationError
 from symmb._types import Array
+from symmb.bounds._describe import failure_text
 from symmb.bounds._result import Failure
 from symmb.simulate import Ensemble, Indices, Reduction, Simulator
 
@@ -49,14 +50,6 @@ def failure_records(simulator: Simulator, box: Box, P: Array, runs: FailedRuns) 
         Failure({name: float(P[index, order.index(name)]) for name in box.names}, time, message)
         for index, time, message in runs
     )
-
-
-def failure_text(failed: tuple[Failure, ...], most: int = 5) -> str:
-    """The first failed runs, a line each, for an error text."""
-    lines = [f"  {run}" for run in failed[:most]]
-    if len(failed) > most:
-        lines.append(f"  and {len(failed) - most} more")
-    return "\n".join(lines)
 
 
 def require_some(method: object, failed: tuple[Failure, ...], runs: int) -> None:

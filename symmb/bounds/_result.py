@@ -1,15 +1,23 @@
 """What every bounding method returns."""
 
 import json
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+from zipfile import BadZipFile
 
 import numpy as np
 
+from symmb import plot
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._types import Array
+from symmb.bounds._describe import describe
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Kind = Literal["enclosure", "estimate", "sampled"]
 
@@ -23,6 +31,8 @@ class Failure:
     message: str
 
     def __str__(self) -> str:
+        if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):
+            return self.message  # it tells them itself, as those of scenes and functions do
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         return f"{values}: t = {self.time:.6g}: {self.message}"
 
@@ -30,6 +40,8 @@ class Failure:
 @dataclass(frozen=True, eq=False, repr=False)
 class Bounds:
     """Lower and upper bounds of every output at every time.
+
+    `print` tells what they are and where they are widest, `plot` draws them, `save` writes what `load` reads.
 
     Attributes
     ----------
@@ -79,7 +91,15 @@ class Bounds:
         return self.lower[:, column], self.upper[:, column]
 
     def save(self, path: str | Path) -> None:
-        """Write an .npz file of exactly this name."""
+        """Write an .npz file.
+
+        Raises
+        ------
+        DeclarationError
+            If the name does not end in .npz.
+        """
+        if Path(path).suffix != ".npz":
+            raise DeclarationError(f"Bounds are saved as .npz only; {path} must end in it.")
         about = {
             "names": self.names,
             "kind": self.kind,
@@ -104,22 +124,53 @@ class Bounds:
 
     @classmethod
     def load(cls, path: str | Path) -> "Bounds":
-        """Read what ``save`` wrote."""
-        with np.load(path) as file:
-            about = json.loads(str(file["about"]))
-            return cls(
-                t=file["t"],
-                names=tuple(about["names"]),
-                lower=file["lower"],
-                upper=file["upper"],
-                kind=about["kind"],
-                method=about["method"],
-                evaluations=about["evaluations"],
-                estimate=file["estimate"] if file["estimate"].size else None,
-                inner=(file["inner_lower"], file["inner_upper"]) if file["inner_lower"].size else None,
-                failed=tuple(Failure(*run) for run in about["failed"]),
-                seconds=about["seconds"],
-            )
+        """Read what ``save`` wrote.
+
+        Raises
+        ------
+        DeclarationError
+            If the file holds something else.
+        """
+        try:
+            with open(path, "rb") as file, np.load(file) as arrays:  # NumPy leaves what it cannot read open
+                return cls._of_arrays(arrays)
+        except (KeyError, TypeError, ValueError, EOFError, BadZipFile) as error:
+            raise DeclarationError(f"{path} does not hold saved Bounds, which are what Bounds.save writes.") from error
+
+    @classmethod
+    def _of_arrays(cls, arrays: Mapping[str, Array]) -> "Bounds":
+        about = json.loads(str(arrays["about"]))
+        return cls(
+            t=arrays["t"],
+            names=tuple(about["names"]),
+            lower=arrays["lower"],
+            upper=arrays["upper"],
+            kind=about["kind"],
+            method=about["method"],
+            evaluations=about["evaluations"],
+            estimate=arrays["estimate"] if arrays["estimate"].size else None,
+            inner=(arrays["inner_lower"], arrays["inner_upper"]) if arrays["inner_lower"].size else None,
+            failed=tuple(Failure(*run) for run in about["failed"]),
+            seconds=about["seconds"],
+        )
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw the bounds over time, the first six outputs; write the picture to ``path`` if given.
+
+        The filled band lies between lower and upper; dashed lines are ``outer``, dotted ones ``inner`` of bounds
+        that are not sampled.
+        """
+        return plot.plot_bounds(
+            self.t,
+            self.names,
+            plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
+            outer=None if self.estimate is None else self.outer,
+            inner=None if self.kind == "sampled" else self.inner,
+            path=path,
+        )
+
+    def __str__(self) -> str:
+        return describe(self)
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""

@@ -61,7 +61,7 @@ class Taylor(Method):
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if not isinstance(simulator, Jets):
             raise PropagationError(
-                f"{self!r} needs derivatives of the trajectory, but {simulator!r} gives values only. "
+                f"{self!r}: it needs derivatives of the trajectory, but {simulator!r} gives values only. "
                 "Use MonteCarlo or PolynomialChaos."
             )
         d = len(box)

@@ -10,13 +10,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+
 import symmb as mb
 from symmb._errors import DeclarationError, SimulationError, SymmbError
+from symmb._table import aligned
 from symmb.cli import specs
+from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
 
 _PICTURES = (".png", ".pdf", ".svg")
+_ROUNDING = 1e-12, 1e-30
+"""Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,7 +89,7 @@ def _simulate(options: argparse.Namespace) -> None:
 
 def _equations(options: argparse.Namespace) -> None:
     system = load_scene(options.scene).system
-    print(system.latex() if options.latex else system)
+    print(system.latex() if options.latex else f"{system}\n\n{equations_text(system)}".rstrip())
 
 
 def _codegen(options: argparse.Namespace) -> None:
@@ -97,20 +103,23 @@ def _codegen(options: argparse.Namespace) -> None:
 
 
 def _extremes(trajectory: mb.Trajectory) -> str:
-    """First, last, least and largest value of every output, as an aligned table."""
+    """First, last, least and largest value of every output, as an aligned table; what is rounding only is 0."""
     t, values = trajectory.t, trajectory.values
+    size = np.abs(values)
+    rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
+    values = np.where(size < rounding, 0.0, values)
     head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
     columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
     lines = [[name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(trajectory.names)]
-    widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
-    return "\n".join(
-        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]) for line in [head, *lines]
-    )
+    return "\n".join(aligned([head, *lines]))
 
 
 def _with_spread(scene: mb.Scene, spread: float) -> mb.Scene:
     if scene.box is None:
-        raise DeclarationError(f"--spread: {scene.name} has no box whose parameters could be spread.")
+        raise DeclarationError(
+            f"--spread: {scene.name} has no box that says which parameters are uncertain. "
+            "Give its Scene box=mb.Box.around(p, 0.05), or box=mb.Box(name=(lower, upper))."
+        )
     return scene.with_box(mb.Box.around(scene.system.parameters, spread, scene.box.names))
 
 
@@ -121,6 +130,11 @@ def _share(text: str) -> float:
         share = math.nan
     if not 0.0 < share < math.inf:
         raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {text!r}.")
+    if share >= 1.0:
+        hint = (
+            "Wider intervals go into the scene's Box by their ends." if text.endswith("%") else f"Did you mean {text}%?"
+        )
+        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
     return share
 
 
@@ -151,6 +165,8 @@ class _Parser(argparse.ArgumentParser):
     """Tells what is wrong in one line; the usage is for `--help`."""
 
     def error(self, message: str) -> NoReturn:
+        if "required: SCENE" in message:
+            message += " (it comes first: --methods and --set take all that follows)"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help.\n")
 
 
@@ -164,9 +180,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def command(name: str, text: str, run, epilog: str = "") -> argparse.ArgumentParser:
+    def command(name: str, text: str, run, epilog: str = "", usage: str = "[options]") -> argparse.ArgumentParser:
         made = commands.add_parser(
-            name, help=text, description=text, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
+            name,
+            usage=f"%(prog)s SCENE {usage}",  # argparse would put SCENE last, where --methods would take it
+            help=text,
+            description=text,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         made.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
         made.set_defaults(run=run)
@@ -178,7 +199,12 @@ def _parser() -> argparse.ArgumentParser:
         _compare,
         f"{methods}\n\n{solvers}",
     )
-    compare.add_argument("--spread", metavar="5%", help="box of this share around the nominal values, as 5%% or 0.05")
+    compare.add_argument(
+        "--spread",
+        metavar="5%",
+        help="intervals of this share around the nominal values, as 5%% or 0.05, of those parameters that the "
+        "scene's own box names; the others stay nominal",
+    )
     compare.add_argument(
         "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
     )
@@ -198,6 +224,6 @@ def _parser() -> argparse.ArgumentParser:
     equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
     equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
 
-    codegen = command("codegen", "export the equations as C that builds without symmb", _codegen)
+    codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
     return parser

@@ -75,9 +75,8 @@ def _foreign(path: Path) -> Iterator[None]:
 
 
 def _sentence(error: BaseException, path: Path) -> str:
-    """Kind and text of an error, and the last line of the file that took part in it."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-    if isinstance(error, SyntaxError):
-        lines = [error.lineno]
+    """Kind and text of an error, and the last line of the file that took part in it; a SyntaxError tells its own."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
     where = f" (line {lines[-1]})" if lines else ""
     return f"{type(error).__name__}: {' '.join(str(error).split())}{where}."

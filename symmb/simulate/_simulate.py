@@ -10,6 +10,7 @@ from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator
+from symmb.simulate._subject import require_scene, require_solver
 from symmb.simulate._trajectory import Trajectory
 from symmb.solve.solvers import CVODES, Solver
 
@@ -50,6 +51,8 @@ def simulate(
     >>> float(traj["ball.y"][-1].round(6)), float(traj(ball.x)[-1])
     (-4.905, 2.0)
     """
+    require_scene(scene)
+    require_solver(solver)
     if times is not None:
         scene = scene.with_times(times)
     if outputs is not None:

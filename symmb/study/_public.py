@@ -6,6 +6,7 @@ from dataclasses import replace
 from symmb._box import Box
 from symmb._types import Array, Executor, Expr
 from symmb.bounds import Bounds, Method
+from symmb.bounds._method import require_method
 from symmb.scene import Scene
 from symmb.simulate import Simulator
 from symmb.simulate._dae import DAESimulator
@@ -17,7 +18,7 @@ from symmb.study.comparison import Comparison
 
 def compare(
     scene_or_simulator: Scene | Simulator,
-    methods: Sequence[Method] | None = None,
+    methods: Sequence[Method] | Method | None = None,
     box: Box | None = None,
     reference: Method | Bounds | None = None,
     solver: Solver | None = None,
@@ -32,7 +33,7 @@ def compare(
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
-    methods : sequence of Method     default: several settings of each method that suits
+    methods : Method or several      default: several settings of each method that suits
     box : Box                        default: the scene's
     reference : Method or Bounds     what errors are measured against; default: scanning at two resolutions, by a solver
                                      ten times more accurate
@@ -47,7 +48,7 @@ def compare(
 
     Raises
     ------
-    DeclarationError                 if there is no box
+    DeclarationError                 if there is no box, or something is given that is no method, box or solver
     PropagationError                 if no method can run
 
     Examples
@@ -59,6 +60,12 @@ def compare(
     >>> [row.evaluations for row in comparison.rows]
     [2, 3]
     """
+    if methods is not None:
+        methods = (methods,) if isinstance(methods, Method | type | str) else tuple(methods)
+        for method in methods:
+            require_method("compare", method)
+    if reference is not None and not isinstance(reference, Bounds):
+        require_method("compare: reference", reference)
     simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
     if not isinstance(simulator, DAESimulator):
         return compare_simulator(

@@ -99,7 +99,7 @@ def compare_simulator(
         try:
             bounds, seconds = _timed(partial(propagate, simulator, method, box, executor=executor, progress=label))
         except (PropagationError, SimulationError) as error:
-            not_run.append(NotRun(repr(method), str(error)))
+            not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
         else:
             rows.append(_row(bounds, yardstick, setup_seconds, seconds))
     if not rows:

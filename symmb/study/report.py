@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from symmb._table import aligned
 from symmb._types import Array
 from symmb.study.metrics import Yardstick
 from symmb.study.row import NotRun, Row
@@ -20,21 +21,22 @@ def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> 
         [*header, "worst output"],
         *([*_cells(row, yardstick), _worst(row, yardstick, outputs)] for row in rows),
     ]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    left = [name in _LEFT for name in lines[0]]
-    text = [
-        "  ".join(
-            cell.ljust(width) if is_left else cell.rjust(width)
-            for cell, width, is_left in zip(line, widths, left, strict=True)
-        ).rstrip()
-        for line in lines
-    ]
+    text = aligned(lines, left=[i for i, name in enumerate(lines[0]) if name in _LEFT])
     return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])
 
 
 def not_run(methods: Iterable[NotRun]) -> list[str]:
     """One line for each method that could not run."""
     return [wrapped(f"{method.name} did not run: {method.reason}") for method in methods]
+
+
+def failed(rows: Iterable[Row]) -> list[str]:
+    """A line that says what failed runs mean for the bounds; none if all ran."""
+    if not any(row.failed for row in rows):
+        return []
+    return [
+        wrapped("failed: runs that broke down; the bounds are those of the others. print(propagate(...)) tells which.")
+    ]
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:

@@ -99,7 +99,9 @@ def test_unknown_parameter_is_named_with_the_nearest():
 
 def test_not_a_method():
     with pytest.raises(errors.DeclarationError, match="expected a method"):
-        propagate(Wave(), Vertex, BOX)  # the class, not an object of it
+        propagate(Wave(), "vertex", BOX)
+    with pytest.raises(errors.DeclarationError, match="propagate: got the class Vertex; call it"):
+        propagate(Wave(), Vertex, BOX)
 
 
 @pytest.mark.parametrize(

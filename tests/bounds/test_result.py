@@ -8,6 +8,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb.bounds import (
     Bounds,
     Box,
+    Failure,
     LatinHypercube,
     MonteCarlo,
     PolynomialChaos,
@@ -60,6 +61,65 @@ def test_output_by_name():
 
 def test_text_says_the_kind():
     assert repr(propagate(Wave(), Vertex(), BOX)) == "Bounds(sampled, Vertex(), 1 outputs x 61 times, 4 evaluations)"
+
+
+def test_another_suffix_is_refused(tmp_path):
+    with pytest.raises(DeclarationError, match=r"\.npz only; .*wave\.csv"):
+        propagate(Wave(), Vertex(), BOX).save(tmp_path / "wave.csv")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("content", ["text", "nothing", "array", "arrays", "archive"])
+def test_another_file_is_refused(tmp_path, content):
+    path = tmp_path / "other.npz"
+    if content == "array":
+        with path.open("wb") as file:
+            np.save(file, TIMES)
+    elif content == "arrays":
+        np.savez(path, t=TIMES, about="{}")
+    else:
+        path.write_bytes({"text": b"lower, upper", "nothing": b"", "archive": b"PK\x03\x04 no more"}[content])
+    with pytest.raises(DeclarationError, match=r"other\.npz does not hold saved Bounds"):
+        Bounds.load(path)
+
+
+def test_print_tells_kind_cost_and_where_each_output_is_widest():
+    bounds = propagate(Wave(), PolynomialChaos(), BOX)
+    lines = str(bounds).splitlines()
+    assert lines[0] == "Bounds by PolynomialChaos(), 61 times from 0 to 6 s"
+    assert lines[1].split()[:2] == ["kind", "estimate"]
+    assert lines[2].split() == ["evaluations", f"{bounds.evaluations},", "none", "failed"]
+    i = int(np.argmax((bounds.upper - bounds.lower)[:, 0]))
+    name, *numbers = lines[-1].replace("≤", "").split()
+    assert name == "x"
+    expected = [TIMES[i], bounds.lower[i, 0], bounds.upper[i, 0], (bounds.upper - bounds.lower).max()]
+    np.testing.assert_allclose([float(n) for n in numbers[:4]], expected, rtol=1e-5)
+    assert float(numbers[4]) == pytest.approx(bounds.estimate.max(), rel=0.05)
+    assert str(propagate(Wave(), Vertex(), BOX)).endswith("–")
+
+
+def test_print_tells_the_first_failed_runs():
+    lines = str(propagate(FAILING, Scanning(5), BOX)).splitlines()
+    assert lines[2] == "  evaluations  25, 5 failed; the bounds are those of the other runs:"
+    assert lines[3] == "    RuntimeError: blew up (amplitude=0.9, w=1.05)"
+    assert lines[6] == "    and 2 more"
+
+
+def test_a_failed_run_tells_its_parameters_and_time_once():
+    told = Failure({"w": 2.0}, 0.5, "t = 0.5 s, w = 2, k = 1: it broke")
+    assert str(told) == "t = 0.5 s, w = 2, k = 1: it broke"
+    assert str(Failure({"w": 2.0}, 0.5, "not finite, however")) == "w=2: t = 0.5: not finite, however"
+
+
+def test_the_picture(tmp_path):
+    bounds = propagate(Wave(), PolynomialChaos(), BOX)
+    (axes,) = bounds.plot(tmp_path / "b.png").axes
+    assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
+    curves = [*(bounds.lower, bounds.upper), *bounds.outer, *bounds.inner]
+    for line, curve in zip(axes.lines, curves, strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), curve[:, 0])
+    (sampled,) = propagate(Wave(), Vertex(), BOX).plot().axes
+    assert len(sampled.lines) == 2
 
 
 def test_failed_samples_are_recorded_and_the_others_count():

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from symmb import PropagationError
+import symmb as mb
+from symmb import DeclarationError, PropagationError
 from symmb.bounds import Box, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
 from symmb.simulate import FunctionSimulator
 from symmb.study import compare, compare_simulator, default_methods
@@ -61,6 +62,36 @@ def test_a_method_that_cannot_run_gives_its_reason_and_the_others_go_on():
     assert result.not_run[0].name == "Taylor(order=2)"
     assert "derivatives" in result.not_run[0].reason
     assert result.not_run[0].reason in " ".join(str(result).split())
+
+
+def test_reasons_name_their_method_once():
+    result = compare_simulator(simulator(lambda k: k * T), [PolynomialChaos(budget=1), Vertex()], BOX)
+    assert result.not_run[0].reason.startswith("the first level takes")
+    with pytest.raises(PropagationError, match=r"run\. PolynomialChaos\(budget=1\): the first level takes"):
+        compare_simulator(simulator(lambda k: k * T), [PolynomialChaos(budget=1)], BOX)
+
+
+def test_a_single_method_need_not_be_in_a_list():
+    assert [row.name for row in mb.compare(simulator(lambda k: k * T), Vertex(), BOX).rows] == ["Vertex()"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([Vertex], BOX), r"compare: got the class Vertex; call it"),
+        ((Vertex, BOX), r"compare: got the class Vertex; call it"),
+        (("vertex", BOX), r"compare: expected a method .* got 'vertex'"),
+        (([Vertex()], {"k": (0.5, 1.5)}), r"box: \{'k': .* is no Box.*Box\(\*\*intervals\)"),
+        (([Vertex()], BOX, Scanning), r"reference: got the class Scanning"),
+        (([Vertex()], BOX, None, "cvodes"), r"solver: 'cvodes' is none; give an object such as CVODES"),
+        (([Vertex()], BOX, None, mb.CVODES), r"solver: got the class CVODES; call it"),
+    ],
+)
+def test_slips_are_told_before_anything_runs(arguments, message):
+    f = Counted()
+    with pytest.raises(DeclarationError, match=message):
+        mb.compare(simulator(f), *arguments)
+    assert f.runs == 0
 
 
 def test_no_method_that_can_run_is_an_error():

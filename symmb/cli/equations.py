@@ -1,0 +1,46 @@
+"""The equations of a small system as lines of text."""
+
+from collections.abc import Iterator
+
+import casadi as ca
+
+import symmb as mb
+
+_MOST = 12
+"""Coordinates up to which the equations are printed; beyond, the summary has to do."""
+_LONGEST = 500
+"""Characters of an entry that can still be read."""
+
+
+def equations_text(system: mb.System) -> str:
+    """M, Q, Phi, Psi and gamma entry by entry, by the names of velocities and rows; empty without a body."""
+    n_q = system.q.numel()
+    if n_q > _MOST:
+        return f"The equations of {n_q} coordinates are not printed here: use --latex."
+    velocities, rows = system.collected.v_names, system.collected.row_names
+    n_c = system.Phi.numel()
+    vectors = (
+        ("Q", system.Q, velocities),
+        ("Phi", system.Phi, rows[:n_c]),
+        ("Psi", system.Psi, rows[n_c:]),
+        ("gamma", system.gamma, rows),
+    )
+    groups = [list(_matrix("M", system.M, velocities)), *(list(_vector(*vector)) for vector in vectors)]
+    return "\n\n".join("\n".join(group) for group in groups if group)
+
+
+def _matrix(name: str, A: ca.SX, names: tuple[str, ...]) -> Iterator[str]:
+    """The upper triangle of a symmetric matrix, zeros left out."""
+    A = ca.sparsify(ca.triu(A))
+    for i, j in sorted(zip(*A.sparsity().get_triplet(), strict=True)):
+        yield f"{name}[{names[i]}, {names[j]}] = {_entry(A[i, j])}"
+
+
+def _vector(name: str, a: ca.SX, names: tuple[str, ...]) -> Iterator[str]:
+    for row, entry in zip(names, ca.vertsplit(a), strict=True):
+        yield f"{name}[{row}] = {_entry(entry)}"
+
+
+def _entry(expression: ca.SX) -> str:
+    text = str(expression)
+    return text if len(text) <= _LONGEST else f"... ({len(text)} characters: use --latex)"

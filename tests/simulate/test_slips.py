@@ -1,0 +1,44 @@
+"""What is given in the place of a scene, a box or a solver, and told with the remedy."""
+
+import pytest
+from mechanisms import explosion
+
+import symmb as mb
+
+SCENE = explosion()
+BOX = mb.Box(a=(0.1, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("solver", "message"),
+    [
+        ("cvodes", r"solver: 'cvodes' is none; give an object such as CVODES\(rtol=1e-9\)"),
+        (mb.IDAS, "solver: got the class IDAS; call it"),
+        (mb.Projection(), r"solver: Projection\(\) is none"),
+    ],
+)
+def test_solvers(solver, message):
+    with pytest.raises(mb.DeclarationError, match=message):
+        mb.simulate(SCENE, solver)
+    with pytest.raises(mb.DeclarationError, match=message):
+        mb.propagate(SCENE, mb.Vertex(), BOX, solver=solver)
+
+
+def test_systems_are_no_scenes():
+    with pytest.raises(mb.DeclarationError, match=r"Expected a Scene, got System. Scene\(system, times=...\)"):
+        mb.simulate(SCENE.system)
+    with pytest.raises(mb.DeclarationError, match=r"Expected a Scene or a simulator, got System. Scene\("):
+        mb.propagate(SCENE.system, mb.Vertex(), BOX)
+
+
+def test_boxes():
+    with pytest.raises(mb.DeclarationError, match=r"box: \{'a': \(0.1, 0.2\)\} is no Box"):
+        mb.propagate(SCENE, mb.Vertex(), {"a": (0.1, 0.2)})
+    with pytest.raises(mb.DeclarationError, match="No box"):
+        mb.propagate(SCENE.with_box(None), mb.Vertex())
+
+
+def test_a_failed_run_of_a_scene_tells_its_parameters_and_time_once():
+    bounds = mb.propagate(SCENE, mb.Vertex(), mb.Box(a=(0.2, 1.0)), mb.CVODES(rtol=1e-9))
+    assert str(bounds.failed[0]).startswith("t = 0.9 s, a = 1: ")
+    assert str(bounds.failed[0]).count("0.9") == 1
