@@ -58,6 +58,7 @@ from symmb.simulate._dae import DAESimulator as DAESimulator
 from symmb.simulate._function import FunctionSimulator as FunctionSimulator
 from symmb.simulate._simulate import simulate as simulate
 from symmb.simulate._trajectory import Trajectory as Trajectory
+from symmb.solve.compiled import DormandPrince as DormandPrince
 from symmb.solve.implicit_solvers import HHT as HHT
 from symmb.solve.implicit_solvers import NSTIFFSI2 as NSTIFFSI2
 from symmb.solve.implicit_solvers import GeneralizedAlpha as GeneralizedAlpha

@@ -17,7 +17,7 @@ from models import (
     slider_crank_spatial,
     spherical_pendulum,
 )
-from symmb import CVODES, HHT, IDAS, NSTIFFSI2, Collocation, GeneralizedAlpha, RungeKutta
+from symmb import CVODES, HHT, IDAS, NSTIFFSI2, Collocation, DormandPrince, GeneralizedAlpha, RungeKutta
 from symmb.bounds import (
     Gauss,
     IntervalArithmetic,
@@ -33,6 +33,7 @@ from symmb.bounds import (
 )
 
 ALL_SOLVERS = (
+    DormandPrince(rtol=1e-11),
     CVODES(rtol=1e-11),
     CVODES(rtol=1e-11, stiff=True),
     IDAS(rtol=1e-11),

@@ -10,7 +10,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.bounds._describe import failure_text
 from symmb.bounds._result import Failure
-from symmb.simulate import Ensemble, Indices, Reduction, Simulator
+from symmb.simulate import Indices, Reduction, Samples, Simulator
 
 FailedRuns = tuple[tuple[int, float, str], ...]
 """(sample number, time, message) of each failed run."""
@@ -62,18 +62,15 @@ def _no_extremes(shape: tuple[int, int]) -> tuple[Array, Array]:
     return np.full(shape, np.inf), np.full(shape, -np.inf)
 
 
-def _update_extremes(state: tuple[Array, Array], block: Ensemble, indices: Indices) -> tuple[Array, Array]:
-    Y = block.Y if block.ok.all() else block.Y[block.ok]
-    if not len(Y):
-        return state
-    return _merge_extremes(state, (Y.min(axis=0), Y.max(axis=0)))
+def _update_extremes(state: tuple[Array, Array], block: Samples, indices: Indices) -> tuple[Array, Array]:
+    return _merge_extremes(state, block.extremes())
 
 
 def _merge_extremes(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
     return np.minimum(first[0], second[0]), np.maximum(first[1], second[1])
 
 
-def _update_failures(state: FailedRuns, block: Ensemble, indices: Indices) -> FailedRuns:
+def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> FailedRuns:
     bad = ~block.ok
     return state + tuple(zip(indices[bad].tolist(), block.t_failed[bad].tolist(), block.messages, strict=True))
 
@@ -82,7 +79,7 @@ def _merge_failures(first: FailedRuns, second: FailedRuns) -> FailedRuns:
     return first + second
 
 
-def _update_projection(functionals: Array, state: Array, block: Ensemble, indices: Indices) -> Array:
+def _update_projection(functionals: Array, state: Array, block: Samples, indices: Indices) -> Array:
     Y = block.Y.reshape(len(block.Y), -1)
     return state + functionals[:, indices[block.ok]] @ (Y if block.ok.all() else Y[block.ok])
 
@@ -92,7 +89,7 @@ def _init_together(reductions: tuple[Reduction[Any], ...]) -> tuple[Any, ...]:
 
 
 def _update_together(
-    reductions: tuple[Reduction[Any], ...], state: tuple[Any, ...], block: Ensemble, indices: Indices
+    reductions: tuple[Reduction[Any], ...], state: tuple[Any, ...], block: Samples, indices: Indices
 ) -> tuple[Any, ...]:
     return tuple(r.update(part, block, indices) for r, part in zip(reductions, state, strict=True))
 

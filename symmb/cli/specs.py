@@ -8,6 +8,7 @@ from typing import Any
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
+from symmb.solve.compiled import DormandPrince
 from symmb.solve.implicit_solvers import HHT, NSTIFFSI2, GeneralizedAlpha
 from symmb.solve.solvers import CVODES, IDAS, Collocation, RungeKutta
 
@@ -64,6 +65,7 @@ METHODS = (
     Spec("interval", "IntervalArithmetic()", IntervalArithmetic),
 )
 SOLVERS = (
+    Spec("dopri[:RTOL]", "DormandPrince(rtol=RTOL)", DormandPrince),
     Spec("idas", "IDAS()", IDAS),
     Spec("idas:RTOL", "IDAS(rtol=RTOL)", lambda rtol: IDAS(rtol=rtol)),
     Spec("cvodes", "CVODES()", CVODES),

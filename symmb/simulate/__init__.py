@@ -9,6 +9,7 @@ from symmb.simulate._ensemble import Mask as Mask
 from symmb.simulate._ensemble import Plain as Plain
 from symmb.simulate._ensemble import Progress as Progress
 from symmb.simulate._ensemble import Reduction as Reduction
+from symmb.simulate._ensemble import Samples as Samples
 from symmb.simulate._ensemble import Simulator as Simulator
 from symmb.simulate._ensemble import blocks as blocks
 from symmb.simulate._ensemble import run_blocks as run_blocks

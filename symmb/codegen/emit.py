@@ -1,0 +1,152 @@
+"""Vectorised C of a graph of values: one statement a value, every value a vector of lanes, one lane a sample."""
+
+import math
+from collections.abc import Iterable
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb.codegen.graph import CONSTANT, INPUT, Graph
+from symmb.symbolic.instructions import operation_name
+
+_CHUNK = 400
+"""Statements in one C function: compilers take more than linear time for long ones."""
+
+_FORMS = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_LT: "truth({0} < {1})",
+    ca.OP_LE: "truth({0} <= {1})",
+    ca.OP_EQ: "truth({0} == {1})",
+    ca.OP_NE: "truth({0} != {1})",
+    ca.OP_NOT: "truth({0} == 0.0)",
+    ca.OP_AND: "truth(({0} != 0.0) & ({1} != 0.0))",
+    ca.OP_OR: "truth(({0} != 0.0) | ({1} != 0.0))",
+    ca.OP_IF_ELSE_ZERO: "choose({0} != 0.0, {1}, zero())",
+    ca.OP_FABS: "choose({0} < 0.0, -{0}, {0})",
+    ca.OP_SIGN: "truth({0} > 0.0) - truth({0} < 0.0)",
+    ca.OP_FMIN: "choose(({0} < {1}) | ({1} != {1}), {0}, {1})",
+    ca.OP_FMAX: "choose(({0} > {1}) | ({1} != {1}), {0}, {1})",
+}
+_CALLS = {
+    getattr(ca, f"OP_{name.upper()}"): f"v_{name}"
+    for name in (
+        "sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log log1p expm1 erf floor ceil pow atan2 "
+        "fmod remainder copysign hypot"
+    ).split()
+}
+_CALLS[ca.OP_CONSTPOW] = "v_pow"
+
+
+class Emitter:
+    """Writes the functions of one graph, whose inputs are x (0), p (1) and t (2).
+
+    What depends on parameters alone is computed once a run, by `prepare`, and found in c; all other functions start
+    from x, c and t.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._kept: dict[int, int] = {}  # node -> place in c
+        self._functions: list[str] = []
+
+    def function(self, name: str, outputs: Iterable[int]) -> None:
+        """A C function `name(x, c, t, out)` that writes the given nodes to out."""
+        self._functions.append(self._source(name, list(outputs), parameters_only=False))
+
+    def source(self) -> tuple[str, int]:
+        """All functions, `prepare(p, c)` among them, and the size of c."""
+        prepare = self._source("prepare", list(self._kept), parameters_only=True)
+        return "\n".join([*self._functions, prepare]), len(self._kept)
+
+    def _hoisted(self, k: int) -> bool:
+        node = self._graph.nodes[k]
+        return node.operation != CONSTANT and node.depends == frozenset([1])
+
+    def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
+        nodes = self._graph.nodes
+        needed: set[int] = set()
+        pending = list(outputs)
+        while pending:
+            k = pending.pop()
+            if k in needed or nodes[k].operation in (CONSTANT, INPUT) or (not parameters_only and self._hoisted(k)):
+                continue
+            needed.add(k)
+            pending.extend(nodes[k].arguments)
+        order = sorted(needed)
+        chunk = {k: i // _CHUNK for i, k in enumerate(order)}
+        last = {k: chunk[k] for k in order}
+        for k in order:
+            for a in nodes[k].arguments:
+                if a in last:
+                    last[a] = max(last[a], chunk[k])
+        carried = {k: i for i, k in enumerate(k for k in order if last[k] > chunk[k])}
+
+        def text(a: int, here: int) -> str:
+            node = nodes[a]
+            if node.operation == CONSTANT:
+                return _literal(node.constant)
+            if parameters_only and node.operation == INPUT:
+                return f"p[{node.index}]"
+            if self._hoisted(a) and not parameters_only:
+                return f"c[{self._kept.setdefault(a, len(self._kept))}]"
+            if node.operation == INPUT:
+                return f"x[{node.index}]" if node.source == 0 else "t"
+            return f"v{a}" if chunk[a] == here else f"w[{carried[a]}]"
+
+        written: dict[int, list[int]] = {}
+        for i, k in enumerate(outputs):
+            written.setdefault(k, []).append(i)
+        arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
+        out = "c" if parameters_only else "out"
+        pieces = []
+        n_chunks = max(chunk.values(), default=0) + 1
+        for here in range(n_chunks):
+            lines = []
+            for k in order:
+                if chunk[k] != here:
+                    continue
+                lines.append(f"  const V v{k} = {self._expression(k, [text(a, here) for a in nodes[k].arguments])};")
+                if k in carried:
+                    lines.append(f"  w[{carried[k]}] = v{k};")
+                lines += [f"  {out}[{i}] = v{k};" for i in written.get(k, ())]
+            if here == n_chunks - 1:
+                lines += [
+                    f"  {out}[{i}] = zero() + {text(k, here)};" for k in written if k not in chunk for i in written[k]
+                ]
+            pieces.append(
+                f"static NOINLINE void {name}_{here}({arguments}, V *restrict w, V *restrict {out}) {{\n"
+                + "\n".join(lines) + "\n}"
+            )  # fmt: skip
+        given = "p" if parameters_only else "x, c, t"
+        calls = "\n".join(f"  {name}_{here}({given}, w, {out});" for here in range(n_chunks))
+        whole = f"static void {name}({arguments}, V *restrict {out}) {{\n  V w[{max(len(carried), 1)}];\n{calls}\n}}"
+        return "\n".join([*pieces, whole])
+
+    def _expression(self, k: int, arguments: list[str]) -> str:
+        node = self._graph.nodes[k]
+        power = self._graph.nodes[node.arguments[1]] if node.operation == ca.OP_CONSTPOW else None
+        if power is not None and power.operation == CONSTANT and power.constant in (-2.0, -1.0, 3.0, 4.0):
+            base = arguments[0]
+            return {-2.0: f"1.0 / ({base} * {base})", -1.0: f"1.0 / {base}", 3.0: f"{base} * {base} * {base}",
+                    4.0: f"({base} * {base}) * ({base} * {base})"}[power.constant]  # fmt: skip
+        if all(self._graph.nodes[a].operation == CONSTANT for a in node.arguments):
+            arguments = [f"(zero() + {a})" for a in arguments]
+        if node.operation in _FORMS:
+            return _FORMS[node.operation].format(*arguments)
+        if node.operation in _CALLS:
+            return f"{_CALLS[node.operation]}({', '.join(f'zero() + {a}' for a in arguments)})"
+        raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+
+
+def _literal(value: float) -> str:
+    if math.isnan(value):
+        return "(0.0 / 0.0)"
+    return f"({value!r})" if math.isfinite(value) else f"({math.copysign(1.0, value)} / 0.0)"

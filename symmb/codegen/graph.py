@@ -1,0 +1,60 @@
+"""The instruction list of a CasADi Function as a graph: equal values once, each with what it depends on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from symmb.symbolic.instructions import interpret
+
+CONSTANT = -1
+INPUT = -2
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value: CasADi's operation on earlier nodes, a constant, or nonzero `index` of input number `source`."""
+
+    operation: int
+    arguments: tuple[int, ...] = ()
+    constant: float = 0.0
+    source: int = 0
+    index: int = 0
+    depends: frozenset[int] = frozenset()  # the inputs it depends on, by number
+
+
+@dataclass
+class Graph:
+    """Values of one or several Functions of the same inputs, in an order in which they can be computed."""
+
+    nodes: list[Node] = field(default_factory=list)
+    outputs: list[list[int]] = field(default_factory=list)
+    _known: dict[object, int] = field(default_factory=dict)
+
+    def constant(self, value: float) -> int:
+        """The node of a constant."""
+        # repr tells 0.0 and -0.0 apart, which compare equal
+        return self._add(("constant", repr(value)), Node(CONSTANT, constant=value))
+
+    def source(self, number: int, index: int) -> int:
+        """The node of a nonzero of an input."""
+        return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
+
+    def operation(self, code: int, arguments: tuple[int, ...]) -> int:
+        """The node of an operation on nodes; one that was there already if it is the same."""
+        depends = frozenset().union(*(self.nodes[a].depends for a in arguments))
+        return self._add((code, *arguments), Node(code, arguments, depends=depends))
+
+    def _add(self, key: object, node: Node) -> int:
+        if key not in self._known:
+            self._known[key] = len(self.nodes)
+            self.nodes.append(node)
+        return self._known[key]
+
+
+def graph_of(f: ca.Function) -> Graph:
+    """The graph of an SX Function; `outputs` lists the nodes of each output's nonzeros in column-major order."""
+    graph = Graph()
+    inputs: Sequence[Sequence[int]] = [[graph.source(k, i) for i in range(f.nnz_in(k))] for k in range(f.n_in())]
+    graph.outputs = interpret(f, inputs, graph.operation, graph.constant)
+    return graph

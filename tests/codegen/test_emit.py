@@ -1,0 +1,67 @@
+"""Emitted C against CasADi's own evaluation, operation by operation, and through long functions."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from symmb.codegen.engine import Engine
+
+RNG = np.random.default_rng(3)
+X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 2), ca.SX.sym("t")
+
+
+def values(outputs, x0, p, times=(0.5,)):
+    """Outputs at rest: an engine whose state does not move."""
+    engine = Engine(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), 1e-8, 1e-8)
+    Y, losses = engine.values(np.asarray(x0), np.asarray(p))
+    assert np.isnan(losses.t_failed).all()
+    return Y
+
+
+UNARY = {
+    "neg": lambda a: -a, "sq": lambda a: a**2, "twice": lambda a: 2 * a, "inv": lambda a: 1 / a, "sqrt": ca.sqrt,
+    "sin": ca.sin, "cos": ca.cos, "tan": ca.tan, "asin": lambda a: ca.asin(a / 4), "acos": lambda a: ca.acos(a / 4),
+    "atan": ca.atan, "sinh": ca.sinh, "cosh": ca.cosh, "tanh": ca.tanh, "asinh": ca.asinh, "erf": ca.erf,
+    "acosh": lambda a: ca.acosh(1 + a), "atanh": lambda a: ca.atanh(a / 4), "exp": ca.exp, "log": ca.log,
+    "log1p": ca.log1p, "expm1": ca.expm1,
+    "floor": ca.floor, "ceil": ca.ceil, "fabs": lambda a: ca.fabs(a - 1), "sign": lambda a: ca.sign(a - 1),
+    "cube": lambda a: a**3, "fourth": lambda a: a**4, "minus_two": lambda a: a**-2, "power": lambda a: a**1.7,
+    "not": lambda a: ca.logic_not(a > 1),
+}  # fmt: skip
+BINARY = {
+    "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "div": lambda a, b: a / b,
+    "pow": lambda a, b: a**b, "atan2": ca.atan2, "fmod": ca.fmod, "copysign": lambda a, b: ca.copysign(a, b - 1),
+    "fmin": ca.fmin, "fmax": ca.fmax, "lt": lambda a, b: a < b, "le": lambda a, b: a <= b, "eq": lambda a, b: a == b,
+    "ne": lambda a, b: a != b, "and": lambda a, b: ca.logic_and(a > 1, b > 1),
+    "or": lambda a, b: ca.logic_or(a > 1, b > 1),
+    "if_else": lambda a, b: ca.if_else(a > b, a, -b), "hypot": ca.hypot, "remainder": ca.remainder,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*UNARY, *BINARY])
+def test_an_operation_is_casadi_s(name):
+    build = (lambda: UNARY[name](X[0])) if name in UNARY else (lambda: BINARY[name](X[0], X[1]))
+    outputs = ca.vertcat(build(), build() + P[0])
+    x0, p = RNG.uniform(0.1, 2.5, (13, 2)), RNG.uniform(0.5, 2, (13, 2))
+    x0[3] = [1.0, 1.0]
+    expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.5).full().T
+    assert_allclose(values(outputs, x0, p)[:, 0], expected, rtol=4e-15, atol=4e-15)
+
+
+def test_a_branch_not_taken_cannot_spoil_the_value():
+    outputs = ca.if_else(X[0] > 0, ca.sqrt(ca.fmax(X[0], 0)), 7.0)
+    assert_allclose(values(outputs, [[-1.0, 0], [4.0, 0]], np.ones((2, 2)))[:, 0, 0], [7.0, 2.0])
+    comparison = ca.vertcat(ca.fmin(X[0], X[1]), ca.fmax(X[0], X[1]))
+    assert_allclose(values(comparison, [[np.nextafter(1, 0), 1.0]], np.ones((1, 2)))[0, 0], [np.nextafter(1, 0), 1.0])
+
+
+def test_long_functions_are_cut_and_carry_their_values():
+    terms, a = [], X[0]
+    for k in range(1500):
+        a = ca.sin(a + P[k % 2] / (k + 1)) * X[1]
+        terms.append(a)
+    outputs = ca.vertcat(sum(terms), terms[0] * terms[-1], T, 3.0, P[1], P[0] * P[1], X[1])
+    x0, p = RNG.uniform(0.9, 1.1, (3, 2)), RNG.uniform(0.5, 2, (3, 2))
+    expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.25).full().T
+    assert_allclose(values(outputs, x0, p, [0.25])[:, 0], expected, rtol=1e-12)

@@ -1,0 +1,158 @@
+"""The compiled engine against SciPy's DOP853 and closed forms; lanes that are lost; the cache."""
+
+import os
+import pickle
+import subprocess
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+from conftest import ALL_MODELS
+from mechanisms import explosion
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+from symmb.codegen import build
+from symmb.codegen.engine import Engine
+from symmb.simulate import Reduction
+
+TIMES = np.linspace(0, 5, 41)
+X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
+DUFFING = ca.vertcat(X[1], -X[0] - P * X[0] ** 3 + ca.cos(T) / 3)
+
+
+def spring(k):
+    return lambda t, x: (x[1], -x[0] - k * x[0] ** 3 + np.cos(t) / 3)
+
+
+def duffing(rtol=1e-9, times=TIMES):
+    return Engine(X, P, T, DUFFING, X, None, times, rtol, rtol / 100)
+
+
+def test_runs_are_those_of_scipy_s_dop853():
+    x0, p = np.array([[1.0, 0.0], [0.5, -1.0], [2.0, 1.0]]), np.array([[0.5], [1.0], [2.0]])
+    Y, losses = duffing().values(x0, p)
+    assert np.isnan(losses.t_failed).all()
+    for start, k, y in zip(x0, p[:, 0], Y, strict=True):
+        run = solve_ivp(spring(k), (0, 5), start, "DOP853", TIMES, rtol=1e-12, atol=1e-13)
+        assert_allclose(y, run.y.T, atol=2e-8)
+
+
+def test_the_error_follows_the_tolerance():
+    x0, p = np.array([[1.0, 0.0]]), np.array([[1.0]])
+    exact = duffing(1e-13).values(x0, p)[0]
+    errors = [np.abs(duffing(rtol).values(x0, p)[0] - exact).max() for rtol in (1e-5, 1e-7, 1e-9)]
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+
+
+def test_extremes_are_those_of_the_values_whatever_the_threads():
+    rng = np.random.default_rng(0)
+    x0, p = rng.uniform(-1, 1, (203, 2)), rng.uniform(0.5, 1.5, (203, 1))
+    engine = duffing()
+    Y, _ = engine.values(x0, p)
+    for threads in (1, 2, 3):
+        assert_array_equal(engine.values(x0, p, threads)[0], Y)
+        lower, upper, losses = engine.extremes(x0, p, threads)
+        assert_array_equal(lower, Y.min(axis=0))
+        assert_array_equal(upper, Y.max(axis=0))
+        assert np.isnan(losses.t_failed).all()
+
+
+def test_a_lost_sample_leaves_its_neighbours_as_if_it_had_not_been_there():
+    simulator = mb.DAESimulator(explosion(), mb.DormandPrince())
+    P = np.array([[0.3], [1.0], [0.25], [2.0], [0.0]])
+    ensemble = simulator.run(P)
+    assert_array_equal(ensemble.ok, [True, False, True, False, True])
+    assert_allclose(ensemble.t_failed[[1, 3]], [1.0, 0.5], atol=1e-3)
+    assert "a = 1: the step became too short" in ensemble.messages[0]
+    alone = simulator.run(P[[0, 2, 4]])
+    assert_array_equal(ensemble.Y[[0, 2, 4]], alone.Y)
+    lower, upper = simulator.run(P).extremes()
+    assert_array_equal(lower, alone.Y.min(axis=0))
+    assert_array_equal(upper, alone.Y.max(axis=0))
+    with pytest.raises(mb.SimulationError, match=r"breaks down at t = (1|0\.99)"):
+        mb.simulate(explosion(), mb.DormandPrince())
+
+
+def test_an_output_that_is_not_finite_fails_its_sample_alone():
+    scene = explosion()
+    v = scene.system.v[0]  # 1 / (1 - a t)
+    simulator = mb.DAESimulator(scene.with_outputs({"root": ca.sqrt(1.55 - v)}), mb.DormandPrince())
+    P = np.array([[0.0], [0.3], [0.1]])
+    good = simulator.run(P[[0, 2]])
+    both = simulator.run(P)
+    assert_array_equal(both.ok, [True, False, True])
+    assert_allclose(both.t_failed[1], 1.2)
+    assert both.messages == ("t = 1.2 s, a = 0.3: an output is not finite",)
+    for ensemble in (both, simulator.run(P)):  # from values, and directly
+        lower, upper = ensemble.extremes()
+        assert_array_equal(ensemble.ok, [True, False, True])
+        assert_allclose([lower, upper], [good.Y.min(axis=0), good.Y.max(axis=0)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", ALL_MODELS, ids=lambda m: getattr(m, "__name__", str(m)))
+def test_every_model_runs_as_with_cvodes(model):
+    scene = model.scene() if hasattr(model, "scene") else model()
+    compiled = mb.simulate(scene, mb.DormandPrince(rtol=1e-10))
+    reference = mb.simulate(scene, mb.CVODES(rtol=1e-12))
+    scale = np.maximum(1.0, np.abs(reference.values).max(axis=0))
+    assert (np.abs(compiled.values - reference.values) / scale).max() < 2e-6
+    assert compiled.position_drift < 1e-8
+
+
+def test_work_is_integrated_along():
+    p = mb.Parameters(c=0.4)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Force("drag", ball.point(0, 0), (-p.c * ball.vx, 0)), parameters=p)
+    run = mb.simulate(mb.Scene(system, {"ball.vx": 1.0}, TIMES), mb.DormandPrince())
+    assert_allclose(run["ball.vx"], np.exp(-0.4 * TIMES), atol=1e-8)
+    assert run.energy_drift < 1e-8 and run.energy.work[-1] < -0.3
+
+
+def test_it_pickles_and_streams():
+    simulator = mb.DAESimulator(explosion(), mb.DormandPrince())
+    copy = pickle.loads(pickle.dumps(simulator))
+    P = np.linspace(0, 0.4, 11)[:, None]
+    assert_array_equal(copy.run(P).Y, simulator.run(P).Y)
+    gathered = simulator.stream(P, Reduction(list, lambda s, block, i: [*s, (i, block.extremes())], lambda a, b: a + b))
+    assert len(gathered) == 1 and len(gathered[0][0]) == 11
+
+
+def test_a_corrupted_library_is_built_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    first = duffing().values(np.ones((1, 2)), np.ones((1, 1)))[0]
+    folder = tmp_path / "symmb"
+    (library,) = folder.glob("*.so")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    library.write_bytes(b"no library")
+    code = (  # another process: a library that is loaded stays loaded in this one
+        "import numpy as np, sys; sys.path.insert(0, sys.argv[1]); from codegen.test_engine import duffing\n"
+        "print(repr(duffing().values(np.ones((1, 2)), np.ones((1, 1)))[0][0, -1].tolist()))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, os.path.dirname(os.path.dirname(__file__))],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert eval(run.stdout) == first[0, -1].tolist()
+
+
+def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "symmb").mkdir(mode=0o777)
+    (tmp_path / "symmb").chmod(0o777)
+    assert build.cache_folder() != tmp_path / "symmb"
+    assert build.cache_folder().stat().st_mode & 0o077 == 0
+
+
+def test_without_a_compiler_studies_fall_back_and_say_what_is_missing(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    build._compiler.cache_clear()
+    try:
+        assert repr(mb.DAESimulator(explosion()).solver) == "CVODES(rtol=1e-09)"
+        with pytest.raises(mb.SymmbError, match=r"No C compiler found\. Install gcc or clang, or set CC"):
+            mb.DAESimulator(explosion(), mb.DormandPrince())
+    finally:
+        build._compiler.cache_clear()
