@@ -6,6 +6,7 @@ import os
 import platform
 import shutil
 import subprocess
+import sys
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -22,6 +23,7 @@ _FLAGS = (
     "-ffp-contract=fast",
     "-w",
 )
+_DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
 
 
@@ -87,22 +89,29 @@ def _build(source: str, library: Path, compiler: str, flags: tuple[str, ...]) ->
 
 @cache
 def _compiler() -> tuple[str, tuple[str, ...]]:
+    """The compiler and its flags, with the vector functions of the C library where it has them.
+
+    Raises
+    ------
+    NoCompilerError        if none is found that builds what the engine needs
+    """
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         found = shutil.which(name)
-        if found:
-            return found, (*_FLAGS, *(_LIBMVEC if _has_libmvec(found) else ()))
+        if found and os.name == "posix":
+            for extra in (_LIBMVEC, ()):
+                if _builds(found, (*_FLAGS, *extra)):
+                    return found, (*_FLAGS, *extra)
     raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
 
 
-def _has_libmvec(compiler: str) -> bool:
-    """Whether the C library has vector functions of the width that the processor's lanes have."""
-    probe = '#include "lanes.h"\nV probe(V a) { return v_sin(a) + v_pow(a, a); }\n'
+def _builds(compiler: str, flags: tuple[str, ...]) -> bool:
+    """Whether a library that uses the lanes can be built, with nothing left undefined."""
+    probe = '#include "lanes.h"\nV probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }\n'
     with tempfile.TemporaryDirectory() as folder:
         text = Path(folder) / "probe.c"
         text.write_text(probe, encoding="utf-8")
         command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{Path(__file__).parent}"]
-        run = subprocess.run([*command, *_FLAGS, *_LIBMVEC, "-lm", "-Wl,-z,defs"], capture_output=True)
-    return run.returncode == 0
+        return subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode == 0
 
 
 def _processor() -> str:
