@@ -41,7 +41,13 @@ class Graph:
         return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
 
     def operation(self, code: int, arguments: tuple[int, ...]) -> int:
-        """The node of an operation on nodes; one that was there already if it is the same."""
+        """The node of an operation on nodes; one that was there already if it is the same.
+
+        Divisions become products with reciprocals: denominators repeat, those of parameters alone are known before the
+        run, and a vector division takes as long as twenty products.
+        """
+        if code == ca.OP_DIV:
+            code, arguments = ca.OP_MUL, (arguments[0], self.operation(ca.OP_INV, arguments[1:]))
         depends = frozenset().union(*(self.nodes[a].depends for a in arguments))
         return self._add((code, *arguments), Node(code, arguments, depends=depends))
 

@@ -255,6 +255,8 @@ class CompiledEnsemble:
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        if "_values" in self.__dict__:
+            return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
         lower, upper, self._losses = self._engine.extremes(self._x0, self._P, self._simulator.threads)
         return lower, upper
 
