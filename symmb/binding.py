@@ -1,6 +1,6 @@
 """Laws as declared (numbers, SX, SymPy) become SX whose symbols are all known."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
@@ -32,7 +32,7 @@ class Binding:
         """All known symbols by their dotted names."""
         return {name: symbol for name, _, symbol in self._known.values()}
 
-    def __call__(self, law: Expr, what: str, also: Sequence[ca.SX] = ()) -> ca.SX:
+    def __call__(self, law: Expr, what: str, also: Collection[int] = ()) -> ca.SX:
         """The law as SX.
 
         Raises
@@ -52,15 +52,14 @@ class Binding:
         self.check(expression, what, also)
         return ca.sparsify(expression) if expression.numel() != 1 else ca.densify(expression)
 
-    def check(self, expression: ca.SX, what: str, also: Sequence[ca.SX] = ()) -> None:
-        """Raise if an expression contains NaN, infinity or unknown symbols; `also` are further known ones."""
+    def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
+        """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
         if _has_irregular_constant(expression):
             raise DeclarationError(
                 f"{what}: contains NaN or infinity, which is also what SX and SymPy mixed in one expression give."
             )
-        known = {s.element_hash() for s in also}
         for symbol in symbols_in(expression):
-            if symbol.element_hash() in self._known or symbol.element_hash() in known:
+            if symbol.element_hash() in self._known or symbol.element_hash() in also:
                 continue
             record = lookup(symbol)
             if record is not None and record.kind is Kind.STATE:

@@ -134,7 +134,7 @@ class Scene:
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
         """Any expression of the scene as SX of q, v, s, lam, p and t; untouched coordinates move uniformly."""
-        bound = self.system.bind(expression, what, also=ca.vertsplit(ca.SX(self.system.lam)))
+        bound = self.system.bind(expression, what, also=self.system.multiplier_hashes)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.drifting:
             v0 = self.held.drift.get(v_name, ca.SX(0))

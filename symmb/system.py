@@ -134,6 +134,11 @@ class System:
         lam.rows = self.collected.rows
         return lam
 
+    @cached_property
+    def multiplier_hashes(self) -> frozenset[int]:
+        """Hashes of the multipliers, by which outputs that contain some are known."""
+        return frozenset(s.element_hash() for s in ca.vertsplit(ca.SX(self.lam)))
+
     @property
     def M(self) -> ca.SX:
         """Mass matrix, (n_v, n_v), block-diagonal by body [kg, kg m^2]."""
