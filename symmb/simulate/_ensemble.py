@@ -209,12 +209,13 @@ def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indic
     return reduction.update(reduction.init(), simulator.run(P), indices)
 
 
-def _append(state: tuple[Samples, ...], block: Samples, indices: Indices) -> tuple[Samples, ...]:
-    return (*state, block)
+def _append(state: tuple[Ensemble, ...], block: Samples, indices: Indices) -> tuple[Ensemble, ...]:
+    # What another process computed on request must be computed there.
+    return (*state, Ensemble(block.Y, block.ok, block.t_failed, block.messages))
 
 
-def _chain(first: tuple[Samples, ...], second: tuple[Samples, ...]) -> tuple[Samples, ...]:
+def _chain(first: tuple[Ensemble, ...], second: tuple[Ensemble, ...]) -> tuple[Ensemble, ...]:
     return first + second
 
 
-_GATHER: Reduction[tuple[Samples, ...]] = Reduction(init=tuple, update=_append, merge=_chain)
+_GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=_chain)
