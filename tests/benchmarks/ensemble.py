@@ -49,6 +49,11 @@ def loosest(ends_at: Callable[[float], np.ndarray], choices: list[float]) -> tup
     raise SystemExit("No tolerance is accurate enough.")
 
 
+def compiled_ends(simulator: DAESimulator) -> np.ndarray:
+    """Angles (n, 2) at the end, the nominal run alone: beside others it would take the shortest step of all."""
+    return np.vstack([simulator.run(some[:1]).Y[:, -1, columns], simulator.run(some[1:]).Y[:, -1, columns]])
+
+
 def show(name: str, setting: str, seconds_a_run: float, found: tuple[float, float]) -> float:
     print(f"{name:34s}{setting:>18s}{found[0]:11.1e}{found[1]:11.1e}{1 / seconds_a_run:11.0f}{seconds_a_run / first[0]:11.1f}")
     return seconds_a_run
@@ -57,7 +62,7 @@ def show(name: str, setting: str, seconds_a_run: float, found: tuple[float, floa
 print(f"{'':34s}{'':18s}{'error':>11s}{'largest':>11s}{'runs/s':>11s}{'times as':>11s}")
 print(f"{'':34s}{'setting':>18s}{'[rad]':>11s}{'of 40':>11s}{'':11s}{'long':>11s}")
 
-rtol, *found = loosest(lambda r: DAESimulator(pendulum, mb.DormandPrince(rtol=r)).run(some).Y[:, -1, columns], TOLERANCES)
+rtol, *found = loosest(lambda r: compiled_ends(DAESimulator(pendulum, mb.DormandPrince(rtol=r))), TOLERANCES)
 simulator = DAESimulator(pendulum, mb.DormandPrince(rtol=rtol))
 method = mb.MonteCarlo(SAMPLES)
 simulator.threads = 1
@@ -72,7 +77,7 @@ show("symmb, bounds, 2 threads", f"rtol {rtol:.1e}", two, found)
 usual = DAESimulator(pendulum)
 usual.threads = 1
 show("symmb, bounds, default", f"rtol {usual.solver.rtol:.0e}", median(lambda: method.bounds(usual, pendulum.box)) / SAMPLES,
-     errors(usual.run(some).Y[:, -1, columns]))  # fmt: skip
+     errors(compiled_ends(usual)))  # fmt: skip
 
 dae, times = simulator.dae, simulator.times
 

@@ -1,0 +1,99 @@
+"""How instructions, compiler seconds and run time grow with a chain of n rods and n four-bar windows.
+
+    scaling.py picture.png [most rods, 200]
+
+A run is a block of as many samples as the processor has lanes, from rest to 0.2 s at the default tolerance; the peer is
+CasADi's cvodes at the same tolerance on the same equations, one sample, and gcc on the C that CasADi writes of the rates.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from _timing import median, pin
+
+pin()
+import casadi as ca
+import numpy as np
+from models import chain, n_four_bar
+
+import symmb as mb
+from symmb.codegen.build import has_compiler
+from symmb.simulate._dae import DAESimulator
+
+COLUMNS = ("statements a link", "derive, start [s]", "compiler [s]", "run [us a link]", "gcc of casadi [s]", "cvodes [us a link]")
+HORIZON = np.linspace(0.0, 0.2, 21)
+
+
+def measure(scene: mb.Scene, links: int) -> list[float]:
+    """One row of the table."""
+    scene = scene.with_times(HORIZON)
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CACHE_HOME"] = folder
+        begin = time.perf_counter()
+        simulator = DAESimulator(scene, mb.DormandPrince())
+        first = time.perf_counter()
+        DAESimulator(scene, mb.DormandPrince())
+        again = time.perf_counter()
+        generated = casadi_compiler(simulator.dae.rhs, Path(folder))
+    rates = re.findall(r"void rates_\d+\(.*?\n}", simulator.engine().source, re.DOTALL)
+    statements = sum(text.count("const V v") for text in rates)
+    simulator.threads = 1
+    N = simulator.engine().width
+    P = np.tile(list(simulator.parameters.values()), (N, 1))
+    run = median(lambda: simulator.run(P).Y) / N
+    peer = DAESimulator(scene, mb.CVODES(rtol=1e-8))
+    peer.threads = 1
+    cvodes = median(lambda: peer.run(P[:1]).Y)
+    derive = again - first
+    return [statements / links, derive, first - begin - derive, 1e6 * run / links, generated, 1e6 * cvodes / links]
+
+
+def casadi_compiler(f: ca.Function, folder: Path) -> float:
+    """Seconds that gcc takes for CasADi's C of a Function, at the engine's level of optimisation."""
+    generator = ca.CodeGenerator("f.c")
+    generator.add(f)
+    generator.generate(f"{folder}/")
+    begin = time.perf_counter()
+    subprocess.run(["gcc", "-O2", "-march=native", "-shared", "-fPIC", folder / "f.c", "-o", folder / "f.so"], check=True)
+    return time.perf_counter() - begin
+
+
+def table(name: str, make, sizes: list[int], links) -> np.ndarray:
+    """Rows (n, ...) printed as they come."""
+    print(f"\n{name}\n{'n':>5s}" + "".join(f"{column:>20s}" for column in COLUMNS))
+    rows = []
+    for n in sizes:
+        rows.append([n, *measure(make(n), links(n))])
+        print(f"{n:5d}" + "".join(f"{value:20.3f}" for value in rows[-1][1:]), flush=True)
+    return np.array(rows)
+
+
+def picture(tables: dict[str, np.ndarray], path: str) -> None:
+    """Every column over n, on logarithmic axes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 7), layout="constrained")
+    for k, (axes, column) in enumerate(zip(figure.subplots(2, 3).ravel(), COLUMNS, strict=True), 1):
+        for name, rows in tables.items():
+            axes.loglog(rows[:, 0], rows[:, k], "o-", label=name)
+        axes.set(xlabel="n", title=column)
+        axes.grid(which="both", alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+if __name__ == "__main__":
+    has_compiler()
+    most = int(sys.argv[2]) if len(sys.argv) > 2 else 200
+    tables = {
+        "chain(n)": table("chain of n rods", chain.scene, [n for n in (10, 20, 50, 100, 200) if n <= most], lambda n: n),
+        "n_four_bar(n)": table(
+            "n four-bar windows", n_four_bar.scene, [n for n in (2, 5, 10, 20, 40) if n <= most], lambda n: 2 * n + 1
+        ),
+    }
+    picture(tables, sys.argv[1])
