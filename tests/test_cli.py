@@ -353,3 +353,31 @@ def test_a_file_that_cannot_be_written_is_told_in_a_sentence(scene, capsys):
 def test_an_interrupt_leaves_quietly(scene, capsys):
     assert main(["simulate", scene("def scene():\n    raise KeyboardInterrupt\n")]) == 130
     assert capsys.readouterr().err == ""
+
+
+# --- compiled models ------------------------------------------------------------
+
+
+def test_cache_tells_and_clears(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = (tmp_path / "symmb").resolve()
+    assert main(["cache"]) == 0
+    assert capsys.readouterr().out == f"{folder}\n0 models, 0.0 MB\n"
+    for name, size in (("a-1.so", 700_000), ("b-2.so", 700_000), ("half.part", 100_000), ("notes.txt", 9)):
+        (folder / name).write_bytes(bytes(size))
+    assert main(["cache"]) == 0
+    assert capsys.readouterr().out == f"{folder}\n2 models, 1.5 MB\n"
+    assert main(["cache", "--clear"]) == 0
+    assert capsys.readouterr().out == f"{folder}\nremoved 2 models, 1.5 MB\n"
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]  # not ours
+
+
+def test_cache_says_why_a_folder_is_not_used(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "symmb").mkdir()
+    (tmp_path / "symmb").chmod(0o777)
+    assert re.search(r"^symmb cache: .*others can write to .*chmod go-w", refused(capsys, "cache", "--clear"))
+
+
+def test_cache_takes_no_scene(capsys):
+    assert "unrecognized arguments: SCENE" in refused(capsys, "cache", "SCENE")

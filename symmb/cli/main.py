@@ -19,6 +19,7 @@ from symmb.cli import specs
 from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
+from symmb.codegen import cache
 
 _PICTURES = (".png", ".pdf", ".svg")
 _ROUNDING = 1e-12, 1e-30
@@ -100,6 +101,16 @@ def _codegen(options: argparse.Namespace) -> None:
         simulator = mb.DAESimulator(load_scene(options.scene))
         files = simulator.dae.save_c(folder, {**simulator.start.nominal(), "times": simulator.times})
     print(*files, sep="\n")
+
+
+def _cache(options: argparse.Namespace) -> None:
+    folder, files = cache.folder(), cache.contents()
+    models, size = sum(path.suffix == ".so" for path in files), sum(path.lstat().st_size for path in files)
+    if options.clear:
+        for path in files:
+            path.unlink(missing_ok=True)
+    told = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
+    print(f"{folder}\n{'removed ' if options.clear else ''}{told}")
 
 
 def _extremes(trajectory: mb.Trajectory) -> str:
@@ -226,4 +237,9 @@ def _parser() -> argparse.ArgumentParser:
 
     codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
+
+    text = "show the folder of compiled models, how many there are and their size"
+    kept = commands.add_parser("cache", help=text, description=text + ". They are built again when they are needed.")
+    kept.add_argument("--clear", action="store_true", help="remove them")
+    kept.set_defaults(run=_cache)
     return parser

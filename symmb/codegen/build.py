@@ -1,6 +1,7 @@
-"""C sources built into shared libraries, kept in the user's cache folder, and loaded."""
+"""C sources built into shared libraries and loaded; built ones are kept in the cache."""
 
 import ctypes
+import functools
 import hashlib
 import os
 import platform
@@ -8,10 +9,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
 
 from symmb._errors import SymmbError
+from symmb.codegen import cache
 
 _FLAGS = (
     "-O2",
@@ -25,6 +27,14 @@ _FLAGS = (
 )
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
+
+_PROBE = """
+#include "lanes.h"
+#if defined(LIBMVEC) && !defined(__AVX2__)
+#error the vector functions are compiled for processors with AVX2
+#endif
+V probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }
+"""
 
 
 class NoCompilerError(SymmbError):
@@ -40,55 +50,62 @@ def has_compiler() -> bool:
     return True
 
 
+@functools.cache
 def load(source: str) -> ctypes.CDLL:
     """The library of a C source, from the cache or built now.
 
     Raises
     ------
     NoCompilerError        if there is no C compiler
+    UnsafeFolderError      if others can write to the folder for temporary files
+    SymmbError             if the source does not build
     """
-    compiler, flags = _compiler()
-    key = hashlib.sha256("\0".join([source, compiler, *flags, platform.machine(), _processor()]).encode()).hexdigest()
-    library = cache_folder() / f"{key}.so"
-    try:
-        return ctypes.CDLL(str(library))
-    except OSError:  # not there, or not whole
-        _build(source, library, compiler, flags)
-        return ctypes.CDLL(str(library))
+    built_by = _compiler()
+    described = [source, built_by.path, built_by.version, *built_by.flags, platform.machine(), _processor()]
+    key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
+    kept = _opened(cache.find(key))
+    if kept is not None:
+        return kept
+    with tempfile.TemporaryDirectory(prefix="symmb-") as name:
+        folder = Path(name).resolve()
+        cache.check_folder(folder, "TMPDIR")
+        made = _built(source, folder, built_by)
+        cache.keep(key, made)
+        # The cache first, then what lies in the temporary folder: either may forbid programs.
+        library = _opened(cache.find(key)) or _opened(made)
+    if library is None:
+        raise SymmbError(f"What {built_by.path} built cannot be loaded. Set TMPDIR to a folder that may hold programs.")
+    return library
 
 
-def cache_folder() -> Path:
-    """The folder of built libraries, readable and writable by its owner alone; a new temporary one if that fails."""
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = root / "symmb"
+def _opened(library: Path | None) -> ctypes.CDLL | None:
+    if library is None:
+        return None
     try:
-        folder.mkdir(parents=True, mode=0o700, exist_ok=True)
-        status = folder.stat()
-        if status.st_uid == os.getuid() and status.st_mode & 0o077 == 0 and os.access(folder, os.W_OK):
-            return folder
+        return ctypes.CDLL(str(library))
     except OSError:
-        pass
-    return _private_folder()
+        return None
 
 
-@cache
-def _private_folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="symmb-"))
+def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
+    text, made = folder / "model.c", folder / "model.so"
+    text.write_text(source, encoding="utf-8")
+    command = [compiler.path, str(text), "-o", str(made), *compiler.flags, "-lm"]
+    run = subprocess.run(command, capture_output=True, text=True, errors="replace")
+    if run.returncode:
+        raise SymmbError(f"{compiler.path} cannot build the model: {run.stderr.strip()[:2000]}")
+    return made
 
 
-def _build(source: str, library: Path, compiler: str, flags: tuple[str, ...]) -> None:
-    """Build aside and move into place, so that nobody ever loads half a library."""
-    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        text, made = Path(folder) / "model.c", Path(folder) / "model.so"
-        text.write_text(source, encoding="utf-8")
-        run = subprocess.run([compiler, str(text), "-o", str(made), *flags, "-lm"], capture_output=True, text=True)
-        if run.returncode:
-            raise SymmbError(f"{compiler} cannot build the model: {run.stderr.strip()[:2000]}")
-        os.replace(made, library)
+@dataclass(frozen=True)
+class _Compiler:
+    path: str
+    version: str
+    flags: tuple[str, ...]
 
 
-@cache
-def _compiler() -> tuple[str, tuple[str, ...]]:
+@functools.cache
+def _compiler() -> _Compiler:
     """The compiler and its flags, with the vector functions of the C library where it has them.
 
     Raises
@@ -100,18 +117,26 @@ def _compiler() -> tuple[str, tuple[str, ...]]:
         if found and os.name == "posix":
             for extra in (_LIBMVEC, ()):
                 if _builds(found, (*_FLAGS, *extra)):
-                    return found, (*_FLAGS, *extra)
+                    return _Compiler(found, _version(found), (*_FLAGS, *extra))
     raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
 
 
 def _builds(compiler: str, flags: tuple[str, ...]) -> bool:
     """Whether a library that uses the lanes can be built, with nothing left undefined."""
-    probe = '#include "lanes.h"\nV probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }\n'
-    with tempfile.TemporaryDirectory() as folder:
-        text = Path(folder) / "probe.c"
-        text.write_text(probe, encoding="utf-8")
-        command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{Path(__file__).parent}"]
-        return subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode == 0
+    try:
+        with tempfile.TemporaryDirectory(prefix="symmb-") as folder:
+            text = Path(folder) / "probe.c"
+            text.write_text(_PROBE, encoding="utf-8")
+            command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{Path(__file__).parent}"]
+            return subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode == 0
+    except OSError:  # no room for files, or no program after all
+        return False
+
+
+def _version(compiler: str) -> str:
+    """What the compiler says of itself, and where it really lies."""
+    said = subprocess.run([compiler, "--version"], capture_output=True, text=True, errors="replace").stdout
+    return f"{said}{os.path.realpath(compiler)}"
 
 
 def _processor() -> str:
@@ -120,4 +145,5 @@ def _processor() -> str:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
         return platform.processor()
-    return "".join(sorted({line for line in text.splitlines() if line.startswith(("model name", "flags", "Features"))}))
+    told = ("model", "cpu family", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
+    return "".join(sorted({line for line in text.splitlines() if line.startswith(told)}))

@@ -1,9 +1,6 @@
-"""The compiled engine against SciPy's DOP853 and closed forms; lanes that are lost; the cache."""
+"""The compiled engine against SciPy's DOP853 and closed forms; lanes that are lost."""
 
-import os
 import pickle
-import subprocess
-import sys
 
 import casadi as ca
 import numpy as np
@@ -62,13 +59,13 @@ def test_extremes_are_those_of_the_values_whatever_the_threads():
 
 def test_a_lost_sample_leaves_its_neighbours_as_if_it_had_not_been_there():
     simulator = mb.DAESimulator(explosion(), mb.DormandPrince())
-    P = np.array([[0.3], [1.0], [0.25], [2.0], [0.0]])
+    P = np.array([[0.3], [1.0], [0.25], [2.0]])  # one block, be it of 4 lanes or of 8
     ensemble = simulator.run(P)
-    assert_array_equal(ensemble.ok, [True, False, True, False, True])
+    assert_array_equal(ensemble.ok, [True, False, True, False])
     assert_allclose(ensemble.t_failed[[1, 3]], [1.0, 0.5], atol=1e-3)
     assert "a = 1: the step became too short" in ensemble.messages[0]
-    alone = simulator.run(P[[0, 2, 4]])
-    assert_array_equal(ensemble.Y[[0, 2, 4]], alone.Y)
+    alone = simulator.run(P[[0, 2]])
+    assert_array_equal(ensemble.Y[[0, 2]], alone.Y)
     lower, upper = simulator.run(P).extremes()
     assert_array_equal(lower, alone.Y.min(axis=0))
     assert_array_equal(upper, alone.Y.max(axis=0))
@@ -118,32 +115,6 @@ def test_it_pickles_and_streams():
     assert_array_equal(copy.run(P).Y, simulator.run(P).Y)
     gathered = simulator.stream(P, Reduction(list, lambda s, block, i: [*s, (i, block.extremes())], lambda a, b: a + b))
     assert len(gathered) == 1 and len(gathered[0][0]) == 11
-
-
-def test_a_corrupted_library_is_built_again(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    first = duffing().values(np.ones((1, 2)), np.ones((1, 1)))[0]
-    folder = tmp_path / "symmb"
-    (library,) = folder.glob("*.so")
-    assert folder.stat().st_mode & 0o777 == 0o700
-    library.write_bytes(b"no library")
-    code = (  # another process: a library that is loaded stays loaded in this one
-        "import numpy as np, sys; sys.path.insert(0, sys.argv[1]); from codegen.test_engine import duffing\n"
-        "print(repr(duffing().values(np.ones((1, 2)), np.ones((1, 1)))[0][0, -1].tolist()))"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code, os.path.dirname(os.path.dirname(__file__))],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert eval(run.stdout) == first[0, -1].tolist()
-
-
-def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    (tmp_path / "symmb").mkdir(mode=0o777)
-    (tmp_path / "symmb").chmod(0o777)
-    assert build.cache_folder() != tmp_path / "symmb"
-    assert build.cache_folder().stat().st_mode & 0o077 == 0
 
 
 def test_without_a_compiler_studies_fall_back_and_say_what_is_missing(monkeypatch):

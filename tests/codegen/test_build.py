@@ -1,0 +1,326 @@
+"""Built libraries and the cache: shared, killed, damaged, planted, unwritable and full; NaN and infinity in lanes."""
+
+import ctypes
+import errno
+import hashlib
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import symmb as mb
+from symmb.codegen import build, cache
+
+ANSWER, PLANTED = "int answer(void) { return 42; }\n", "int answer(void) { return 666; }\n"
+ROOT = Path(mb.__file__).parents[1]
+LOADS = f"from symmb.codegen.build import load; print(load({ANSWER!r}).answer())"
+
+pytestmark = pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
+
+
+def answer():
+    """What a library of ANSWER says, from the cache folder as it is now."""
+    return build.load.__wrapped__(ANSWER).answer()
+
+
+def process(folder, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-c", LOADS],
+        cwd=ROOT,
+        env={**os.environ, "XDG_CACHE_HOME": str(folder), **environment},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory):
+    """Name and bytes of the library of ANSWER, and the bytes of another with the same function."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        assert answer() == 42
+        (good,) = cache.contents()
+        assert build.load.__wrapped__(PLANTED).answer() == 666
+        (planted,) = set(cache.contents()) - {good}
+        return good.name, good.read_bytes(), planted.read_bytes()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty cache folder, where no library has been loaded from."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return cache.folder()
+
+
+@pytest.fixture
+def no_building(monkeypatch):
+    def refuse(*arguments):
+        raise AssertionError("built although it is in the cache")
+
+    monkeypatch.setattr(build, "_built", refuse)
+
+
+def planted_in(folder, made):
+    """A whole library under the key of ANSWER that is not the one of ANSWER: loaded where trust is misplaced."""
+    name, _, content = made
+    path = folder / f"{name.partition('-')[0]}-{hashlib.sha256(content).hexdigest()}.so"
+    path.write_bytes(content)
+    return path
+
+
+# --- keeping -------------------------------------------------------------------
+
+
+def test_what_is_kept_is_not_built_again(folder, made, no_building):
+    (folder / made[0]).write_bytes(made[1])
+    assert answer() == 42
+
+
+def test_the_folder_is_made_for_its_owner_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "deep" / "cache"))
+    before = os.umask(0o022)
+    try:
+        made = cache.folder()
+    finally:
+        os.umask(before)
+    assert made == (tmp_path / "deep" / "cache" / "symmb").resolve()
+    assert made.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_relative_cache_home_counts_as_none(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert cache.folder() == (tmp_path / ".cache" / "symmb").resolve()
+
+
+@pytest.mark.parametrize("changed", ["source", "path", "version", "flags", "processor"])
+def test_another_source_compiler_or_processor_is_another_library(folder, monkeypatch, changed):
+    assert answer() == 42
+    compiler = build._compiler()
+    other = {
+        "path": build._Compiler(f"{Path(compiler.path).parent}/./{Path(compiler.path).name}", *_rest(compiler)),
+        "version": build._Compiler(compiler.path, "another", compiler.flags),
+        "flags": build._Compiler(compiler.path, compiler.version, (*compiler.flags, "-DOTHER")),
+    }
+    if changed in other:
+        monkeypatch.setattr(build, "_compiler", lambda: other[changed])
+    if changed == "processor":
+        monkeypatch.setattr(build, "_processor", lambda: "another")
+    assert build.load.__wrapped__(ANSWER + "\n" * (changed == "source")).answer() == 42
+    assert len({path.name.partition("-")[0] for path in cache.contents()}) == 2
+
+
+def _rest(compiler):
+    return compiler.version, compiler.flags
+
+
+# --- many processes, and killed ones -------------------------------------------
+
+
+def test_processes_that_build_the_same_at_once_all_get_it(folder):
+    processes = [process(folder.parent) for _ in range(4)]
+    assert [run.communicate(timeout=60)[0] for run in processes] == ["42\n"] * 4
+    assert {path.suffix for path in folder.iterdir()} == {".so"}
+
+
+def test_a_killed_build_leaves_nothing_that_is_loaded(folder, tmp_path):
+    compiler, started = tmp_path / "slow-cc", tmp_path / "started"
+    compiler.write_text(
+        f'#!/bin/sh\ncase "$*" in *model.c*) echo half > "$3"; touch {started}; sleep 60;; esac\n'
+        f'exec {build._compiler().path} "$@"\n'
+    )
+    compiler.chmod(0o700)
+    temporary = tmp_path / "tmp"
+    temporary.mkdir(mode=0o700)
+    run = process(folder.parent, CC=str(compiler), TMPDIR=str(temporary))
+    deadline = time.monotonic() + 60
+    while not started.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.killpg(run.pid, signal.SIGKILL)
+    assert run.communicate() == ("", None) and run.returncode == -signal.SIGKILL and started.exists()
+    assert list(folder.iterdir()) == []
+    assert answer() == 42
+
+
+def test_what_a_process_killed_while_writing_leaves_is_not_loaded(folder, made):
+    (folder / "half.part").write_bytes(made[2][:1000])
+    assert answer() == 42
+    assert {path.name for path in cache.contents()} == {"half.part", made[0]}
+
+
+# --- damaged -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda b: b"",
+        lambda b: b"no library",
+        lambda b: b[: len(b) // 2],  # loading this ends the process with SIGBUS
+        lambda b: b[:-1],
+        lambda b: b[: len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1 :],
+        lambda b: bytes(len(b)),
+    ],
+    ids=["empty", "text", "half", "one byte less", "one bit", "zeros"],
+)
+def test_a_damaged_library_is_built_again(folder, made, damage):
+    name, content, _ = made
+    (folder / name).write_bytes(damage(content))
+    run = process(folder.parent)
+    assert (run.communicate(timeout=60)[0], run.returncode) == ("42\n", 0)
+    assert [hashlib.sha256(path.read_bytes()).hexdigest() in path.name for path in folder.iterdir()] == [True]
+
+
+# --- planted -------------------------------------------------------------------
+
+
+def test_a_planted_library_would_be_found(folder, made, no_building):
+    """What the tests below refuse is loaded where nothing speaks against it."""
+    planted_in(folder, made)
+    assert answer() == 666
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o1777, 0o720, 0o702])
+@pytest.mark.parametrize("place", ["folder", "parent", "grandparent"])
+def test_nothing_is_taken_from_where_others_can_write(tmp_path, monkeypatch, made, place, mode):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home" / "cache"))
+    folder = cache.folder()
+    planted = planted_in(folder, made)
+    opened = {"folder": folder, "parent": folder.parent, "grandparent": folder.parent.parent}[place]
+    opened.chmod(mode)
+    if mode == 0o1777 and place != "folder":  # like /tmp: others cannot rename what is in it
+        assert cache.folder() == folder
+        return
+    with pytest.raises(mb.SymmbError, match=rf"others can write to {opened}\. Delete .* or set XDG_CACHE_HOME"):
+        cache.folder()
+    assert answer() == 42
+    assert list(folder.iterdir()) == [planted]
+
+
+def test_nothing_is_taken_from_a_folder_of_another_user(folder, made, monkeypatch):
+    planted_in(folder, made)
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    with pytest.raises(mb.SymmbError, match="belongs to another user"):
+        cache.folder()
+    assert cache.find(made[0].partition("-")[0]) is None
+
+
+@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root gives files away")
+@pytest.mark.parametrize("place", ["file", "folder", "parent"])
+def test_nothing_given_away_is_loaded(folder, made, place):
+    path = planted_in(folder, made)
+    os.chown({"file": path, "folder": folder, "parent": folder.parent}[place], 65534, 65534)
+    assert answer() == 42
+
+
+@pytest.mark.parametrize("kind", ["writable by others", "writable by the group", "link", "pipe", "folder"])
+def test_no_such_file_is_loaded(folder, made, tmp_path, kind):
+    path = planted_in(folder, made)
+    if kind.startswith("writable"):
+        path.chmod(0o702 if "others" in kind else 0o720)
+    else:
+        elsewhere = tmp_path / "elsewhere.so"
+        path.replace(elsewhere)
+        if kind == "link":
+            path.symlink_to(elsewhere)
+        elif kind == "pipe":
+            os.mkfifo(path, 0o600)
+        else:
+            path.mkdir()
+    assert answer() == 42
+
+
+def test_links_are_followed_to_folders_that_are_the_user_s_own(tmp_path, monkeypatch, made):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    target = tmp_path / "elsewhere" / "target"
+    target.mkdir(parents=True, mode=0o700)
+    (tmp_path / "symmb").symlink_to(target)
+    assert cache.folder() == target.resolve()
+    planted_in(target, made)
+    target.parent.chmod(0o777)
+    with pytest.raises(mb.SymmbError, match=f"others can write to {target.parent}"):
+        cache.folder()
+    assert answer() == 42
+
+
+def test_nothing_is_built_where_others_can_write(folder, tmp_path, monkeypatch):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    monkeypatch.setattr("tempfile.tempdir", str(shared))
+    with pytest.raises(mb.SymmbError, match=f"others can write to {shared}.*set TMPDIR"):
+        answer()
+
+
+# --- no room -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("blocked", ["cache", "cache/symmb"])
+def test_without_a_folder_it_is_built_each_time(tmp_path, monkeypatch, blocked):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / blocked
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("a file where the folder should be")
+    assert answer() == 42
+
+
+@pytest.mark.skipif(os.name != "posix" or os.getuid() == 0, reason="root writes anywhere")
+def test_an_unwritable_folder_is_no_hindrance(folder):
+    folder.chmod(0o500)
+    assert answer() == 42
+    assert list(folder.iterdir()) == []
+
+
+def test_a_full_folder_is_no_hindrance(folder, monkeypatch):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    assert answer() == 42
+    assert list(folder.iterdir()) == []
+
+
+def test_a_source_that_does_not_build_is_told(folder):
+    with pytest.raises(mb.SymmbError, match=r"cannot build the model: .*error"):
+        build.load("this is no C\n")
+    assert list(folder.iterdir()) == []
+
+
+# --- what the flags leave alone ------------------------------------------------
+
+
+def test_nan_and_infinity_pass_through():
+    """Each expression as IEEE 754 has it, from Python's floats; flags that assume finite numbers would differ."""
+    nan, inf = math.nan, math.inf
+    expected = {
+        "v_sqrt(a)": [nan, inf, nan, nan],
+        "v_exp(a)": [math.exp(-1.0), inf, 0.0, nan],
+        "v_log(zero() + 0.0)": [-inf] * 4,
+        "a / 0.0": [-inf, inf, -inf, nan],
+        "a - a": [0.0, nan, nan, nan],
+        "a * 0.0": [-0.0, nan, nan, nan],
+        "truth(a != a)": [0.0, 0.0, 0.0, 1.0],
+        "truth(a == a)": [1.0, 1.0, 1.0, 0.0],
+        "truth(a < 0.0)": [1.0, 0.0, 1.0, 0.0],
+        "choose(a > 0.0, 1.0, a)": [-1.0, 1.0, -inf, nan],
+        "v_pow(a, zero() + 0.5)": [nan, inf, inf, nan],
+        "v_tan(a)": [math.tan(-1.0), nan, nan, nan],
+    }
+    header = (Path(build.__file__).parent / "lanes.h").read_text(encoding="utf-8")
+    lines = "".join(
+        f"{{ V b = {e}; for (int l = 0; l < 4; ++l) out[{4 * i} + l] = b[l]; }}\n" for i, e in enumerate(expected)
+    )
+    library = build.load(
+        f"{header}\nvoid all(const double *in, double *out) {{\nV a = zero();\n"
+        f"for (int l = 0; l < W; ++l) a[l] = in[l % 4];\n{lines}}}\n"
+    )
+    values, told = (ctypes.c_double * 4)(-1.0, inf, -inf, nan), (ctypes.c_double * (4 * len(expected)))()
+    library.all(values, told)
+    for i, (expression, wanted) in enumerate(expected.items()):
+        assert list(told[4 * i : 4 * i + 4]) == pytest.approx(wanted, rel=1e-14, nan_ok=True), expression
