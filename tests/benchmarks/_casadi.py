@@ -1,12 +1,12 @@
 """The double pendulum by CasADi alone: idas on the redundant DAE, and Runge-Kutta loops in C that CasADi writes."""
 
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from _timing import spent
 
 from symmb.dae import DAE
 from symmb.solve._problem import build_problem
@@ -33,21 +33,25 @@ def redundant(dae: DAE) -> tuple[ca.Function, ca.Function]:
 
 def minimal() -> tuple[ca.Function, ca.Function]:
     """The same in the two angles from the vertical, by Lagrange's equations: (x, p) -> x' (4,), y (12,)."""
-    x, l = ca.SX.sym("x", 4), ca.SX.sym("l", 2)
+    x, length = ca.SX.sym("x", 4), ca.SX.sym("length", 2)
     theta, omega = x[:2], x[2:]
-    x1, y1 = l[0] / 2 * ca.sin(theta[0]), l[0] / 2 * ca.cos(theta[0])
-    places = ca.vertcat(x1, y1, theta[0], 2 * x1 + l[1] / 2 * ca.sin(theta[1]), 2 * y1 + l[1] / 2 * ca.cos(theta[1]), theta[1])
+    x1, y1 = length[0] / 2 * ca.sin(theta[0]), length[0] / 2 * ca.cos(theta[0])
+    x2 = 2 * x1 + length[1] / 2 * ca.sin(theta[1])
+    y2 = 2 * y1 + length[1] / 2 * ca.cos(theta[1])
+    places = ca.vertcat(x1, y1, theta[0], x2, y2, theta[1])
     rates = ca.jtimes(places, theta, omega)
-    masses = ca.vertcat(l[0], l[0], l[0] ** 3 / 12, l[1], l[1], l[1] ** 3 / 12)
-    L = ca.dot(masses, rates**2) / 2 + 9.81 * (l[0] * places[1] + l[1] * places[4])
+    masses = ca.vertcat(length[0], length[0], length[0] ** 3 / 12, length[1], length[1], length[1] ** 3 / 12)
+    L = ca.dot(masses, rates**2) / 2 + 9.81 * (length[0] * places[1] + length[1] * places[4])
     momenta = ca.gradient(L, omega)
     acceleration = ca.solve(ca.jacobian(momenta, omega), ca.gradient(L, theta) - ca.jtimes(momenta, theta, omega))
     y = ca.vertcat(places, rates)
-    return (ca.Function("rates", [x, l], [ca.vertcat(omega, acceleration)], {"cse": True}),
-            ca.Function("y", [x, l], [y], {"cse": True}))  # fmt: skip
+    return (ca.Function("rates", [x, length], [ca.vertcat(omega, acceleration)], {"cse": True}),
+            ca.Function("y", [x, length], [y], {"cse": True}))  # fmt: skip
 
 
-def runge_kutta(rates: ca.Function, y: ca.Function, h: float, steps: int, samples: int, folder: Path) -> tuple[Run, float]:
+def runge_kutta(
+    rates: ca.Function, y: ca.Function, h: float, steps: int, samples: int, folder: Path
+) -> tuple[Run, float]:
     """(x0 (n_x, N), p (n_p, N)) -> y (N, steps + 1, n_y) by the classical method in generated C; and seconds of gcc."""
     x, p = ca.SX.sym("x", rates.numel_in(0)), ca.SX.sym("p", rates.numel_in(1))
     k1 = rates(x, p)
@@ -65,9 +69,9 @@ def runge_kutta(rates: ca.Function, y: ca.Function, h: float, steps: int, sample
     generator = ca.CodeGenerator(source.name)
     generator.add(whole)
     generator.generate(f"{folder}/")
-    begin = time.perf_counter()
+    begin = spent()
     subprocess.run(["gcc", "-O3", "-march=native", "-shared", "-fPIC", source, "-o", library, "-lm"], check=True)
-    seconds = time.perf_counter() - begin
+    seconds = spent() - begin
     f = ca.external(name, str(library.resolve()))
     given, made = np.zeros((samples, z.numel())), np.zeros((samples, steps + 1, y.numel_out(0)))
     buffer, trigger = f.buffer()

@@ -3,6 +3,7 @@
 The peer keeps trajectories: the memory of as many is told by that of a few, and so is the time of NumPy's extremes.
 """
 
+# ruff: noqa: E402, I001  (pinned before NumPy starts its threads)
 import resource
 import time
 
@@ -30,14 +31,14 @@ simulator.threads = 1
 print(f"{'samples':>24s}{'seconds':>12s}{'runs/s':>12s}{'peak [GB]':>12s}")
 print(f"{'before':>24s}{'':12s}{'':12s}{peak():12.3f}")
 for samples in (10_000, 100_000, SAMPLES):
-    begin = time.perf_counter()
+    begin = time.process_time()
     mb.MonteCarlo(samples).bounds(simulator, pendulum.box)
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     print(f"{samples:24d}{seconds:12.2f}{samples / seconds:12.0f}{peak():12.3f}", flush=True)
 P = pendulum.box.from_unit(np.random.default_rng(0).uniform(-1.0, 1.0, (FEW, 2)))
-begin = time.perf_counter()
+begin = time.process_time()
 Y = simulator.run(P).Y
 lower, upper = Y.min(axis=0), Y.max(axis=0)
-seconds = time.perf_counter() - begin
+seconds = time.process_time() - begin
 print(f"{f'{FEW}, trajectories kept':>24s}{seconds:12.2f}{FEW / seconds:12.0f}{Y.nbytes / 1e9:12.3f}"
       f"   ({Y.nbytes / FEW * SAMPLES / 1e9:.0f} GB for {SAMPLES})")  # fmt: skip

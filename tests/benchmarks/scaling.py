@@ -2,19 +2,21 @@
 
     scaling.py picture.png [most rods, 200]
 
-A run is a block of as many samples as the processor has lanes, from rest to 0.2 s at the default tolerance; the peer is
-CasADi's cvodes at the same tolerance on the same equations, one sample, and gcc on the C that CasADi writes of the rates.
+A run is a block of as many samples as the processor has lanes, from rest at the default tolerance over 2 / n s for
+chains, whose fastest motion is as fast as n, and 0.2 s for windows. The peer is CasADi's cvodes at the same tolerance
+on the same equations, one sample, and gcc on the C that CasADi writes of the rates. All seconds are the processor's.
 """
 
+# ruff: noqa: E402, I001  (pinned before NumPy starts its threads)
 import os
 import re
 import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Callable
 from pathlib import Path
 
-from _timing import median, pin
+from _timing import median, pin, spent
 
 pin()
 import casadi as ca
@@ -25,27 +27,34 @@ import symmb as mb
 from symmb.codegen.build import has_compiler
 from symmb.simulate._dae import DAESimulator
 
-COLUMNS = ("statements a link", "derive, start [s]", "compiler [s]", "run [us a link]", "gcc of casadi [s]", "cvodes [us a link]")
-HORIZON = np.linspace(0.0, 0.2, 21)
+COLUMNS = (
+    "statements a link",
+    "derive, start [s]",
+    "compiler [s]",
+    "run [us a link]",
+    "gcc of casadi [s]",
+    "cvodes [us a link]",
+)
 
 
-def measure(scene: mb.Scene, links: int) -> list[float]:
+def measure(scene: mb.Scene, links: int, horizon: float) -> list[float]:
     """One row of the table."""
-    scene = scene.with_times(HORIZON)
+    scene = scene.with_times(np.linspace(0.0, horizon, 21))
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
-        begin = time.perf_counter()
+        begin = spent()
         simulator = DAESimulator(scene, mb.DormandPrince())
-        first = time.perf_counter()
+        first = spent()
         DAESimulator(scene, mb.DormandPrince())
-        again = time.perf_counter()
+        again = spent()
         generated = casadi_compiler(simulator.dae.rhs, Path(folder))
     rates = re.findall(r"void rates_\d+\(.*?\n}", simulator.engine().source, re.DOTALL)
     statements = sum(text.count("const V v") for text in rates)
     simulator.threads = 1
     N = simulator.engine().width
     P = np.tile(list(simulator.parameters.values()), (N, 1))
-    run = median(lambda: simulator.run(P).Y) / N
+    x0, _ = simulator.start.states(P)
+    run = median(lambda: simulator.engine().values(x0, P)) / N
     peer = DAESimulator(scene, mb.CVODES(rtol=1e-8))
     peer.threads = 1
     cvodes = median(lambda: peer.run(P[:1]).Y)
@@ -58,17 +67,25 @@ def casadi_compiler(f: ca.Function, folder: Path) -> float:
     generator = ca.CodeGenerator("f.c")
     generator.add(f)
     generator.generate(f"{folder}/")
-    begin = time.perf_counter()
-    subprocess.run(["gcc", "-O2", "-march=native", "-shared", "-fPIC", folder / "f.c", "-o", folder / "f.so"], check=True)
-    return time.perf_counter() - begin
+    begin = spent()
+    subprocess.run(
+        ["gcc", "-O2", "-march=native", "-shared", "-fPIC", folder / "f.c", "-o", folder / "f.so"], check=True
+    )
+    return spent() - begin
 
 
-def table(name: str, make, sizes: list[int], links) -> np.ndarray:
+def table(
+    name: str,
+    make: Callable[[int], mb.Scene],
+    sizes: list[int],
+    links: Callable[[int], int],
+    horizon: Callable[[int], float],
+) -> np.ndarray:
     """Rows (n, ...) printed as they come."""
     print(f"\n{name}\n{'n':>5s}" + "".join(f"{column:>20s}" for column in COLUMNS))
     rows = []
     for n in sizes:
-        rows.append([n, *measure(make(n), links(n))])
+        rows.append([n, *measure(make(n), links(n), horizon(n))])
         print(f"{n:5d}" + "".join(f"{value:20.3f}" for value in rows[-1][1:]), flush=True)
     return np.array(rows)
 
@@ -90,10 +107,10 @@ def picture(tables: dict[str, np.ndarray], path: str) -> None:
 if __name__ == "__main__":
     has_compiler()
     most = int(sys.argv[2]) if len(sys.argv) > 2 else 200
+    chains = [n for n in (10, 20, 50, 100, 200) if n <= most]
+    windows = [n for n in (2, 5, 10, 20, 40) if n <= most]
     tables = {
-        "chain(n)": table("chain of n rods", chain.scene, [n for n in (10, 20, 50, 100, 200) if n <= most], lambda n: n),
-        "n_four_bar(n)": table(
-            "n four-bar windows", n_four_bar.scene, [n for n in (2, 5, 10, 20, 40) if n <= most], lambda n: 2 * n + 1
-        ),
+        "chain(n)": table("chain of n rods", chain.scene, chains, lambda n: n, lambda n: 2 / n),
+        "n_four_bar(n)": table("n four-bar windows", n_four_bar.scene, windows, lambda n: 2 * n + 1, lambda n: 0.2),
     }
     picture(tables, sys.argv[1])
