@@ -3,6 +3,7 @@
 import ctypes
 import functools
 import hashlib
+import itertools
 import os
 import platform
 import shutil
@@ -17,7 +18,6 @@ from symmb.codegen import cache
 
 _FLAGS = (
     "-O2",
-    "-march=native",
     "-shared",
     "-fPIC",
     "-fno-math-errno",
@@ -25,6 +25,7 @@ _FLAGS = (
     "-ffp-contract=fast",
     "-w",
 )
+_NATIVE = "-march=native", "-mcpu=native"  # the second for what builds for ARM and does not know the first
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
 
@@ -50,7 +51,6 @@ def has_compiler() -> bool:
     return True
 
 
-@functools.cache
 def load(source: str) -> ctypes.CDLL:
     """The library of a C source, from the cache or built now.
 
@@ -60,8 +60,12 @@ def load(source: str) -> ctypes.CDLL:
     UnsafeFolderError      if others can write to the folder for temporary files
     SymmbError             if the source does not build
     """
-    built_by = _compiler()
-    described = [source, built_by.path, built_by.version, *built_by.flags, platform.machine(), _processor()]
+    return _loaded(source, _compiler())
+
+
+@functools.cache
+def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
+    described = [source, compiler.path, compiler.version, *compiler.flags, platform.machine(), _processor()]
     key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     kept = _opened(cache.find(key))
     if kept is not None:
@@ -69,12 +73,12 @@ def load(source: str) -> ctypes.CDLL:
     with tempfile.TemporaryDirectory(prefix="symmb-") as name:
         folder = Path(name).resolve()
         cache.check_folder(folder, "TMPDIR")
-        made = _built(source, folder, built_by)
+        made = _built(source, folder, compiler)
         cache.keep(key, made)
         # The cache first, then what lies in the temporary folder: either may forbid programs.
         library = _opened(cache.find(key)) or _opened(made)
     if library is None:
-        raise SymmbError(f"What {built_by.path} built cannot be loaded. Set TMPDIR to a folder that may hold programs.")
+        raise SymmbError(f"What {compiler.path} built cannot be loaded. Set TMPDIR to a folder that may hold programs.")
     return library
 
 
@@ -115,9 +119,10 @@ def _compiler() -> _Compiler:
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         found = shutil.which(name)
         if found and os.name == "posix":
-            for extra in (_LIBMVEC, ()):
-                if _builds(found, (*_FLAGS, *extra)):
-                    return _Compiler(found, _version(found), (*_FLAGS, *extra))
+            for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
+                flags = (*_FLAGS, native, *extra)
+                if _builds(found, flags):
+                    return _Compiler(found, _version(found), flags)
     raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
 
 
@@ -140,7 +145,7 @@ def _version(compiler: str) -> str:
 
 
 def _processor() -> str:
-    """What -march=native looks at."""
+    """What the compiler looks at when it builds for the processor at hand."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:

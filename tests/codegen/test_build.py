@@ -5,6 +5,7 @@ import errno
 import hashlib
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,9 +24,9 @@ LOADS = f"from symmb.codegen.build import load; print(load({ANSWER!r}).answer())
 pytestmark = pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
 
 
-def answer():
-    """What a library of ANSWER says, from the cache folder as it is now."""
-    return build.load.__wrapped__(ANSWER).answer()
+def answer(source=ANSWER):
+    """What a library says, from the cache folder as it is now: loaded anew, unlike by `load`."""
+    return build._loaded.__wrapped__(source, build._compiler()).answer()
 
 
 def process(folder, **environment):
@@ -46,7 +47,7 @@ def made(tmp_path_factory):
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         assert answer() == 42
         (good,) = cache.contents()
-        assert build.load.__wrapped__(PLANTED).answer() == 666
+        assert answer(PLANTED) == 666
         (planted,) = set(cache.contents()) - {good}
         return good.name, good.read_bytes(), planted.read_bytes()
 
@@ -112,7 +113,7 @@ def test_another_source_compiler_or_processor_is_another_library(folder, monkeyp
         monkeypatch.setattr(build, "_compiler", lambda: other[changed])
     if changed == "processor":
         monkeypatch.setattr(build, "_processor", lambda: "another")
-    assert build.load.__wrapped__(ANSWER + "\n" * (changed == "source")).answer() == 42
+    assert answer(ANSWER + "\n" * (changed == "source")) == 42
     assert len({path.name.partition("-")[0] for path in cache.contents()}) == 2
 
 
@@ -290,6 +291,30 @@ def test_a_source_that_does_not_build_is_told(folder):
     with pytest.raises(mb.SymmbError, match=r"cannot build the model: .*error"):
         build.load("this is no C\n")
     assert list(folder.iterdir()) == []
+
+
+# --- compilers -----------------------------------------------------------------
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="wraps cc")
+@pytest.mark.parametrize("unknown", ["-march=native", "-lmvec"])
+def test_a_compiler_that_does_not_know_an_option_does_without(folder, tmp_path, monkeypatch, unknown):
+    compiler = tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\nfor a; do [ "$a" = {unknown} ] && exit 1; done\nexec {shutil.which("cc")} "$@"\n')
+    compiler.chmod(0o700)
+    monkeypatch.setenv("CC", str(compiler))
+    found = build._compiler.__wrapped__()
+    assert found.path == str(compiler) and unknown not in found.flags
+    monkeypatch.setattr(build, "_compiler", lambda: found)
+    assert answer() == 42
+
+
+def test_a_compiler_that_cannot_build_is_passed_over(tmp_path, monkeypatch):
+    compiler = tmp_path / "cc"
+    compiler.write_text("no program\n")
+    compiler.chmod(0o700)
+    monkeypatch.setenv("CC", str(compiler))
+    assert build._compiler.__wrapped__().path != str(compiler)
 
 
 # --- what the flags leave alone ------------------------------------------------
