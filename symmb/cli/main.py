@@ -20,8 +20,10 @@ from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.codegen import cache
+from symmb.codegen.build import has_compiler
 
 _PICTURES = (".png", ".pdf", ".svg")
+_SLOW = "No C compiler found: runs take about 30 times as long. Install gcc or clang, or set CC."
 _ROUNDING = 1e-12, 1e-30
 """Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
 
@@ -59,6 +61,8 @@ def _compare(options: argparse.Namespace) -> None:
     scene = load_scene(options.scene)
     if options.spread is not None:
         scene = _with_spread(scene, _share(options.spread))
+    if (solver is None or isinstance(solver, mb.DormandPrince)) and not has_compiler():
+        print(_SLOW, file=sys.stderr)
     with Progress(f"comparing {scene.name}") as progress:
         comparison = mb.compare(scene, methods, solver=solver, progress=progress)
     print(comparison)

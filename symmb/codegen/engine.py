@@ -18,7 +18,7 @@ from symmb.codegen.graph import graph_of
 from symmb.schemes import dop853
 
 _HEADERS = Path(__file__).parent
-_MOST_STEPS = 1_000_000
+MOST_STEPS = 1_000_000
 
 
 class _Options(ctypes.Structure):
@@ -56,9 +56,7 @@ class Engine:
         rtol: float,
         atol: float,
     ) -> None:
-        f = ca.Function(
-            "f", [x, p, t], [ca.densify(e) for e in (rates, outputs, *([projected] if projected is not None else []))]
-        )
+        f = model_function(x, p, t, rates, outputs, projected)
         self.n_x, self.n_p, self.n_y = x.numel(), p.numel(), outputs.numel()
         self.times, self.rtol, self.atol = times, rtol, atol
         self.source = _source(f, self.n_x, self.n_p, self.n_y, projected is not None)
@@ -167,7 +165,7 @@ class _Buffer:
         W, n = engine.width, len(engine.times) * engine.n_y
         self.x0, self.p, self.Y = _aligned(engine.n_x, W), _aligned(engine.n_p, W), _aligned(n, W)
         self.lost, self.counts, self.at = np.zeros(W, dtype=np.int64), np.zeros(2, dtype=np.int64), ctypes.c_double()
-        self._options = _Options(engine.rtol, engine.atol, _MOST_STEPS)
+        self._options = _Options(engine.rtol, engine.atol, MOST_STEPS)
         self._times = np.ascontiguousarray(engine.times)
         self.arguments = (
             _pointer(self.x0), _pointer(self.p), _pointer(self._times), ctypes.c_long(len(engine.times)),
@@ -179,6 +177,12 @@ class _Buffer:
             self.lower, self.upper = _aligned(n, W), _aligned(n, W)
             self.lower[...], self.upper[...] = np.inf, -np.inf
             self.extremes = (_pointer(self.Y), ctypes.c_long(n), _pointer(self.lower), _pointer(self.upper))
+
+
+def model_function(x: ca.SX, p: ca.SX, t: ca.SX, rates: ca.SX, outputs: ca.SX, projected: ca.SX | None) -> ca.Function:
+    """(x, p, t) -> rates, outputs and, where there are constraints, x on them."""
+    wanted = (rates, outputs) if projected is None else (rates, outputs, projected)
+    return ca.Function("f", [x, p, t], [ca.densify(e) for e in wanted])
 
 
 def _pointer(a: npt.NDArray[Any]) -> ctypes.c_void_p:

@@ -14,14 +14,13 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array, Executor, Mask
-from symmb.codegen.build import has_compiler
-from symmb.codegen.engine import Engine, Losses
+from symmb.codegen.engine import Losses
 from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
-from symmb.solve.compiled import STOPPED, DormandPrince
-from symmb.solve.solvers import CVODES, Solver
+from symmb.solve.compiled import STOPPED, AnyEngine, DormandPrince
+from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jets
@@ -29,12 +28,6 @@ from symmb.symbolic.symbols import t as time_symbol
 from symmb.units import unit_of
 
 S = TypeVar("S")
-
-
-def study_solver() -> Solver:
-    """Default solver of studies: compiled lanes where there is a C compiler, else CasADi's at a light tolerance."""
-    return DormandPrince() if has_compiler() else CVODES(rtol=1e-9)
-
 
 IRREGULAR = "an output is not finite"
 COMPILED_BLOCK = 1024
@@ -49,7 +42,7 @@ class DAESimulator:
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default DormandPrince(), or CVODES(rtol=1e-9) without a C compiler
+    solver : Solver, optional      default DormandPrince()
 
     Attributes
     ----------
@@ -65,7 +58,7 @@ class DAESimulator:
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         begin = time.perf_counter()
         self.name = scene.name
-        self.solver = study_solver() if solver is None else solver
+        self.solver = DormandPrince() if solver is None else solver
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
@@ -74,7 +67,7 @@ class DAESimulator:
         self.start: Start = prepare_start(scene, self.dae)
         self.y = output_function(self.dae, scene, scene.y)
         self._integrations: dict[tuple[int, bool], Integration] = {}
-        self._engines: dict[int, Engine] = {}
+        self._engines: dict[int, AnyEngine] = {}
         self.threads = os.cpu_count() or 1
         if self.compiled:
             self.engine()
@@ -125,7 +118,7 @@ class DAESimulator:
         block = COMPILED_BLOCK if self.compiled else BLOCK
         return stream(self, P, reduction, executor, progress, block)
 
-    def engine(self, order: int = 0) -> Engine:
+    def engine(self, order: int = 0) -> AnyEngine:
         """The outputs, or their Taylor coefficients up to `order`, in compiled lanes; made when first asked for."""
         if order not in self._engines and isinstance(self.solver, DormandPrince):
             y = _jet_outputs(self.y, self.y.numel_in(0), len(self.parameters), order) if order else self.y
@@ -239,7 +232,7 @@ def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Seque
 class CompiledEnsemble:
     """An Ensemble from the engine: only what is asked for, trajectories or extremes, is computed."""
 
-    def __init__(self, simulator: DAESimulator, engine: Engine, x0: Array, P: Array, reasons: Sequence[str]) -> None:
+    def __init__(self, simulator: DAESimulator, engine: AnyEngine, x0: Array, P: Array, reasons: Sequence[str]) -> None:
         self._simulator, self._engine, self._x0, self._P, self._reasons = simulator, engine, x0, P, reasons
         self._losses: Losses | None = None
 

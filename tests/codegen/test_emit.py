@@ -1,4 +1,4 @@
-"""Emitted C against CasADi's own evaluation, operation by operation, and through long functions."""
+"""Emitted C and arrays against CasADi's own evaluation, operation by operation, and through long functions."""
 
 import casadi as ca
 import numpy as np
@@ -6,14 +6,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from symmb.codegen.engine import Engine
+from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(3)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 2), ca.SX.sym("t")
+both = pytest.mark.parametrize("kind", [Engine, ArrayEngine])
 
 
-def values(outputs, x0, p, times=(0.5,)):
+def values(kind, outputs, x0, p, times=(0.5,)):
     """Outputs at rest: an engine whose state does not move."""
-    engine = Engine(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), 1e-8, 1e-8)
+    engine = kind(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), 1e-8, 1e-8)
     Y, losses = engine.values(np.asarray(x0), np.asarray(p))
     assert np.isnan(losses.t_failed).all()
     return Y
@@ -39,24 +41,28 @@ BINARY = {
 }  # fmt: skip
 
 
+@both
 @pytest.mark.parametrize("name", [*UNARY, *BINARY])
-def test_an_operation_is_casadi_s(name):
+def test_an_operation_is_casadi_s(name, kind):
     build = (lambda: UNARY[name](X[0])) if name in UNARY else (lambda: BINARY[name](X[0], X[1]))
     outputs = ca.vertcat(build(), build() + P[0])
     x0, p = RNG.uniform(0.1, 2.5, (13, 2)), RNG.uniform(0.5, 2, (13, 2))
     x0[3] = [1.0, 1.0]
     expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.5).full().T
-    assert_allclose(values(outputs, x0, p)[:, 0], expected, rtol=4e-15, atol=4e-15)
+    assert_allclose(values(kind, outputs, x0, p)[:, 0], expected, rtol=4e-15, atol=4e-15)
 
 
-def test_a_branch_not_taken_cannot_spoil_the_value():
+@both
+def test_a_branch_not_taken_cannot_spoil_the_value(kind):
     outputs = ca.if_else(X[0] > 0, ca.sqrt(ca.fmax(X[0], 0)), 7.0)
-    assert_allclose(values(outputs, [[-1.0, 0], [4.0, 0]], np.ones((2, 2)))[:, 0, 0], [7.0, 2.0])
+    assert_allclose(values(kind, outputs, [[-1.0, 0], [4.0, 0]], np.ones((2, 2)))[:, 0, 0], [7.0, 2.0])
     comparison = ca.vertcat(ca.fmin(X[0], X[1]), ca.fmax(X[0], X[1]))
-    assert_allclose(values(comparison, [[np.nextafter(1, 0), 1.0]], np.ones((1, 2)))[0, 0], [np.nextafter(1, 0), 1.0])
+    below = np.nextafter(1, 0)
+    assert_allclose(values(kind, comparison, [[below, 1.0]], np.ones((1, 2)))[0, 0], [below, 1.0])
 
 
-def test_long_functions_are_cut_and_carry_their_values():
+@both
+def test_long_functions_are_cut_and_carry_their_values(kind):
     terms, a = [], X[0]
     for k in range(1500):
         a = ca.sin(a + P[k % 2] / (k + 1)) * X[1]
@@ -64,4 +70,4 @@ def test_long_functions_are_cut_and_carry_their_values():
     outputs = ca.vertcat(sum(terms), terms[0] * terms[-1], T, 3.0, P[1], P[0] * P[1], X[1])
     x0, p = RNG.uniform(0.9, 1.1, (3, 2)), RNG.uniform(0.5, 2, (3, 2))
     expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.25).full().T
-    assert_allclose(values(outputs, x0, p, [0.25])[:, 0], expected, rtol=1e-12)
+    assert_allclose(values(kind, outputs, x0, p, [0.25])[:, 0], expected, rtol=1e-12)

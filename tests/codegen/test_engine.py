@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 import symmb as mb
-from symmb.codegen import build
 from symmb.codegen.engine import Engine
 from symmb.simulate import Reduction
 
@@ -115,15 +114,3 @@ def test_it_pickles_and_streams():
     assert_array_equal(copy.run(P).Y, simulator.run(P).Y)
     gathered = simulator.stream(P, Reduction(list, lambda s, block, i: [*s, (i, block.extremes())], lambda a, b: a + b))
     assert len(gathered) == 1 and len(gathered[0][0]) == 11
-
-
-def test_without_a_compiler_studies_fall_back_and_say_what_is_missing(monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.delenv("CC", raising=False)
-    build._compiler.cache_clear()
-    try:
-        assert repr(mb.DAESimulator(explosion()).solver) == "CVODES(rtol=1e-09)"
-        with pytest.raises(mb.SymmbError, match=r"No C compiler found\. Install gcc or clang, or set CC"):
-            mb.DAESimulator(explosion(), mb.DormandPrince())
-    finally:
-        build._compiler.cache_clear()

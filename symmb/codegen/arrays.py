@@ -1,0 +1,229 @@
+"""A graph of values evaluated on NumPy arrays, one lane for each sample: what emitted C does, without a compiler."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.codegen.graph import CONSTANT, INPUT, Graph
+from symmb.symbolic.instructions import operation_name
+
+
+def _same(a: Array) -> Array:
+    return a
+
+
+def _twice(a: Array) -> Array:
+    return a + a
+
+
+def _lt(a: Array, b: Array) -> Array:
+    return np.less(a, b) * 1.0
+
+
+def _le(a: Array, b: Array) -> Array:
+    return np.less_equal(a, b) * 1.0
+
+
+def _eq(a: Array, b: Array) -> Array:
+    return np.equal(a, b) * 1.0
+
+
+def _ne(a: Array, b: Array) -> Array:
+    return np.not_equal(a, b) * 1.0
+
+
+def _not(a: Array) -> Array:
+    return np.logical_not(a) * 1.0
+
+
+def _and(a: Array, b: Array) -> Array:
+    return np.logical_and(a, b) * 1.0
+
+
+def _or(a: Array, b: Array) -> Array:
+    return np.logical_or(a, b) * 1.0
+
+
+def _if_else_zero(a: Array, b: Array) -> Array:
+    return np.where(np.not_equal(a, 0.0), b, 0.0)
+
+
+def _sign(a: Array) -> Array:
+    return np.greater(a, 0.0) * 1.0 - np.less(a, 0.0)
+
+
+def _erf(a: Array) -> Array:
+    from scipy.special import erf
+
+    return erf(a)
+
+
+def _remainder(a: Array, b: Array) -> Array:
+    """C's: a less the nearest multiple of b, the even one of two. NumPy's own rounds the quotient down."""
+    size = np.abs(b)
+    rest = np.fmod(np.abs(a), size + size)
+    less = rest - size
+    rest = np.where(rest + rest > size, np.where(less + less >= size, less - size, less), rest)
+    return np.where(np.signbit(a), -rest, rest)
+
+
+def _cube(a: Array) -> Array:
+    return a * a * a
+
+
+def _fourth(a: Array) -> Array:
+    return np.square(a * a)
+
+
+def _inverse_square(a: Array) -> Array:
+    return np.reciprocal(a * a)
+
+
+_OPERATIONS: dict[int, Callable[..., Array]] = {
+    ca.OP_ASSIGN: _same,
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_NEG: np.negative,
+    ca.OP_SQ: np.square,
+    ca.OP_TWICE: _twice,
+    ca.OP_INV: np.reciprocal,
+    ca.OP_LT: _lt,
+    ca.OP_LE: _le,
+    ca.OP_EQ: _eq,
+    ca.OP_NE: _ne,
+    ca.OP_NOT: _not,
+    ca.OP_AND: _and,
+    ca.OP_OR: _or,
+    ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_FABS: np.abs,
+    ca.OP_SIGN: _sign,
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_SIN: np.sin,
+    ca.OP_COS: np.cos,
+    ca.OP_TAN: np.tan,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_ASINH: np.arcsinh,
+    ca.OP_ACOSH: np.arccosh,
+    ca.OP_ATANH: np.arctanh,
+    ca.OP_EXP: np.exp,
+    ca.OP_LOG: np.log,
+    ca.OP_LOG1P: np.log1p,
+    ca.OP_EXPM1: np.expm1,
+    ca.OP_ERF: _erf,
+    ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil,
+    ca.OP_POW: np.power,
+    ca.OP_CONSTPOW: np.power,
+    ca.OP_ATAN2: np.arctan2,
+    ca.OP_FMOD: np.fmod,
+    ca.OP_REMAINDER: _remainder,
+    ca.OP_COPYSIGN: np.copysign,
+    ca.OP_HYPOT: np.hypot,
+}
+_POWERS: dict[float, Callable[..., Array]] = {
+    -2.0: _inverse_square,
+    -1.0: np.reciprocal,
+    3.0: _cube,
+    4.0: _fourth,
+}
+
+
+@dataclass(frozen=True)
+class Program:
+    """Operations on numbered slots, which are used again once their values are no longer needed."""
+
+    size: int
+    constants: tuple[tuple[int, float], ...]  # slot, value
+    inputs: tuple[tuple[int, int, int], ...]  # slot, input, row of it
+    operations: tuple[tuple[Callable[..., Array], tuple[int, ...], int], ...]  # function, slots of arguments, slot
+    outputs: tuple[int, ...]
+
+    def __call__(self, x: Array, p: Array, t: Array, out: Array | None = None) -> Array:
+        """Outputs (n, L) from x (n_x, L), p (n_p, L) and t (L,), written to `out` if given."""
+        slots: list = [None] * self.size
+        given = x, p, (t,)
+        for slot, value in self.constants:
+            slots[slot] = value
+        for slot, number, row in self.inputs:
+            slots[slot] = given[number][row]
+        for function, arguments, slot in self.operations:
+            slots[slot] = function(*[slots[a] for a in arguments])
+        out = np.empty((len(self.outputs), len(t))) if out is None else out
+        for row, slot in enumerate(self.outputs):
+            out[row] = slots[slot]
+        return out
+
+
+def programs(graph: Graph) -> tuple[Program, list[Program]]:
+    """What depends on parameters alone, to be computed once a run, and each output from x, those values and t."""
+    kept: dict[int, int] = {}  # node -> row of what depends on parameters alone
+
+    def given(k: int) -> tuple[int, int] | None:
+        node = graph.nodes[k]
+        if node.operation != CONSTANT and node.depends == frozenset([1]):
+            return 1, kept.setdefault(k, len(kept))
+        return (node.source, node.index) if node.operation == INPUT else None
+
+    def own(k: int) -> tuple[int, int] | None:
+        node = graph.nodes[k]
+        return (node.source, node.index) if node.operation == INPUT else None
+
+    made = [_program(graph, nodes, given) for nodes in graph.outputs]
+    return _program(graph, list(kept), own), made
+
+
+def _program(graph: Graph, outputs: list[int], given: Callable[[int], tuple[int, int] | None]) -> Program:
+    sources, needed, pending = {}, set(), list(outputs)
+    while pending:
+        k = pending.pop()
+        if k in needed:
+            continue
+        needed.add(k)
+        if graph.nodes[k].operation != CONSTANT:
+            source = given(k)
+            if source is not None:
+                sources[k] = source
+            else:
+                pending.extend(graph.nodes[k].arguments)
+    order = sorted(needed)
+    computed = [k for k in order if graph.nodes[k].operation != CONSTANT and k not in sources]
+    slot = {k: i for i, k in enumerate(k for k in order if k not in set(computed))}
+    constants = tuple((slot[k], graph.nodes[k].constant) for k in slot if k not in sources)
+    inputs = tuple((slot[k], *sources[k]) for k in sources)
+    last = {a: k for k in computed for a in graph.nodes[k].arguments}
+    last |= dict.fromkeys(outputs, -1)  # never free
+    free, size, operations = [], len(slot), []
+    for k in computed:
+        arguments = graph.nodes[k].arguments
+        at = tuple(slot[a] for a in arguments)
+        free += [slot[a] for a in set(arguments) if last[a] == k]
+        if not free:
+            free.append(size)
+            size += 1
+        slot[k] = free.pop()
+        operations.append((*_operation(graph, k, at), slot[k]))
+    return Program(size, constants, inputs, tuple(operations), tuple(slot[k] for k in outputs))
+
+
+def _operation(graph: Graph, k: int, at: tuple[int, ...]) -> tuple[Callable[..., Array], tuple[int, ...]]:
+    node = graph.nodes[k]
+    if node.operation == ca.OP_CONSTPOW:
+        power = graph.nodes[node.arguments[1]]
+        if power.operation == CONSTANT and power.constant in _POWERS:
+            return _POWERS[power.constant], at[:1]
+    if node.operation not in _OPERATIONS:
+        raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+    return _OPERATIONS[node.operation], at
