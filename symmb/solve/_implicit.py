@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.symbolic.batch import batch
-from symmb.symbolic.jets import jets
+from symmb.symbolic.jets import jet_function
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,7 @@ class ImplicitMap:
     def jets(self, u0: Array, w: Sequence[Array]) -> list[Array]:
         """Taylor coefficients u_0, ..., u_k along the curves with coefficients w_0, ..., w_k, each (N, n_w)."""
         order = len(w) - 1
-        names = [f"{c}{j}" for c in "uw" for j in range(order + 1)]
-        sizes = [self.residual.numel_in(0)] * (order + 1) + [self.residual.numel_in(1)] * (order + 1)
-        symbols = [ca.SX.sym(n, size) for n, size in zip(names, sizes, strict=True)]
-        U, W = symbols[: order + 1], symbols[order + 1 :]
-        coefficients = ca.Function("jets", symbols, jets(self.residual(U[0], W[0]), [U, W]), {"cse": True})
+        coefficients = jet_function(self.residual, order + 1)
         J = self._matrices(u0, w[0])
         u = [u0, *(np.zeros_like(u0) for _ in range(order))]
         for j in range(1, order + 1):  # coefficient j of R is linear in u_j, with the Jacobian at order 0

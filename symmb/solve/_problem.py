@@ -8,7 +8,7 @@ from symmb.dae import DAE
 from symmb.solve.stabilization import Baumgarte, Projection, Stabilization
 from symmb.symbolic.jets import jets
 
-_PROJECTION_STEPS = 3
+_PROJECTION_STEPS = 3  # Newton is quadratic: enough from the drift of a whole output interval
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ class Problem:
         )
 
 
-def build_problem(dae: DAE, stabilization: Stabilization, *, algebraic: bool, work: bool) -> Problem:
+def build_problem(
+    dae: DAE, stabilization: Stabilization, *, algebraic: bool, work: bool, projections: int = _PROJECTION_STEPS
+) -> Problem:
     """The index-reduced DAE.
 
     Parameters
@@ -62,6 +64,7 @@ def build_problem(dae: DAE, stabilization: Stabilization, *, algebraic: bool, wo
     stabilization : None, Baumgarte or Projection
     algebraic : bool         keep the multipliers as algebraic variables (index 1) in place of eliminating them
     work : bool              integrate the power of forces without potential along
+    projections : int        Newton steps of a projection
     """
     x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
     p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
@@ -96,11 +99,11 @@ def build_problem(dae: DAE, stabilization: Stabilization, *, algebraic: bool, wo
         alg=ca.densify(alg),
         quad=power,
         z_guess=guess,
-        projected=_project(dae, x, p, time) if isinstance(stabilization, Projection) and dae.n_r else None,
+        projected=_project(dae, x, p, time, projections) if isinstance(stabilization, Projection) and dae.n_r else None,
     )
 
 
-def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX | None:
+def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
     """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
     if dae.shift is None or dae.Phi_dot is None:
         return None
@@ -116,6 +119,6 @@ def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX | None:
     corrected = ca.vertcat(q, v + dae.shift(*at, -dae.Phi_dot(*at)), rest)
     velocities = ca.Function("velocities", [state, p, time], [corrected])
     if step is not None:
-        for _ in range(_PROJECTION_STEPS):
+        for _ in range(projections):
             x = step(x, p, time)
     return velocities(x, p, time)

@@ -13,18 +13,26 @@ def independent(A: Array) -> tuple[Indices, Indices]:
     """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix."""
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
-    import scipy.linalg  # not at import: most of a scene's life goes without it
-
     scale = np.linalg.norm(A, axis=1)
     scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
     rank = int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * max(A.shape)))
+    rows = _pivots(scaled.T, rank)
+    return rows, _pivots(scaled[rows], rank)
 
-    def pivots(B: Array) -> Indices:
-        *_, order = scipy.linalg.qr(B, pivoting=True, mode="r")
-        return np.sort(order[:rank]).astype(np.intp)
 
-    rows = pivots(scaled.T)
-    return rows, pivots(scaled[rows])
+def _pivots(B: Array, rank: int) -> Indices:
+    """Columns of B that are independent, in rising order: the largest one, then the rest made orthogonal to it.
+
+    The import of SciPy's pivoted QR takes longer than a whole study of a small scene.
+    """
+    rest, chosen = B.copy(), []
+    for _ in range(rank):
+        k = int(np.einsum("ij,ij->j", rest, rest).argmax())
+        chosen.append(k)
+        q = rest[:, k] / np.linalg.norm(rest[:, k])
+        rest -= np.outer(q, q @ rest)
+        rest[:, k] = 0.0
+    return np.sort(np.array(chosen, dtype=np.intp))
 
 
 def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[int, tuple[str, ...]]:

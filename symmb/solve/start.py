@@ -19,7 +19,7 @@ from symmb.solve._assembly import assemble, at_rest, check_rank, check_upright, 
 from symmb.solve._implicit import ImplicitMap
 from symmb.solve._rank import independent
 from symmb.symbolic.batch import batch
-from symmb.symbolic.jets import jets
+from symmb.symbolic.jets import jet_function
 
 
 @dataclass(frozen=True)
@@ -72,11 +72,10 @@ class Start:
             parts.append(_rows_of(batch(self.dae.s_start, q, P)[0], len(P)))
         x = np.hstack(parts)
         ok = ok & ~self._contradiction(x, P)
-        reasons = ["" if good else "the start could not be solved for" for good in ok]
-        for k, values in enumerate(_rows_of(batch(self.dae.positive, P)[0], len(P))):
-            wrong = np.flatnonzero(~(values > 0))
-            if wrong.size:
-                reasons[k] = f"{self.dae.positive_names[wrong[0]]} is {values[wrong[0]]:g}, not positive"
+        reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
+        values = _rows_of(batch(self.dae.positive, P)[0], len(P))
+        for k, which in np.argwhere(~(values > 0))[::-1].tolist():  # the first of each sample is told
+            reasons[k] = f"{self.dae.positive_names[which]} is {values[k, which]:g}, not positive"
         started = np.array([not reason for reason in reasons], dtype=bool)
         return np.where(started[:, None], x, np.nan), tuple(reasons)
 
@@ -122,10 +121,7 @@ def _rows_of(a: Array, N: int) -> Array:
 
 
 def _function_jets(f: ca.Function, curves: Sequence[Sequence[Array]]) -> list[Array]:
-    from_symbols = [[ca.SX.sym(f"a{i}_{j}", f.numel_in(i)) for j in range(len(c))] for i, c in enumerate(curves)]
-    flat = [s for c in from_symbols for s in c]
-    outputs = jets(f(*[c[0] for c in from_symbols]), from_symbols)
-    return list(batch(ca.Function("jets", flat, outputs, {"cse": True}), *[a for c in curves for a in c]))
+    return list(batch(jet_function(f, len(curves[0])), *[a for c in curves for a in c]))
 
 
 def prepare_start(scene: Scene, dae: DAE) -> Start:

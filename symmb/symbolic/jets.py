@@ -1,6 +1,7 @@
 """Univariate Taylor coefficients of SX expressions along a curve."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import casadi as ca
 
@@ -27,3 +28,11 @@ def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
         towards = ca.vertcat(*[(i + 1) * c[i + 1] for c in curve for i in range(j)])
         coefficients.append(ca.jtimes(coefficients[-1], at, towards) / j)
     return coefficients
+
+
+@lru_cache(maxsize=64)
+def jet_function(f: ca.Function, terms: int) -> ca.Function:
+    """The Taylor coefficients of f, one output each, from so many coefficients of each of its inputs in turn."""
+    curves = [[ca.SX.sym(f"a{i}_{j}", f.numel_in(i)) for j in range(terms)] for i in range(f.n_in())]
+    coefficients = jets(f(*[curve[0] for curve in curves]), curves)
+    return ca.Function("jets", [a for curve in curves for a in curve], coefficients, {"cse": True})
