@@ -93,8 +93,8 @@ class Engine:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail, and those that did."""
         buffers, losses = self._run(x0, p, threads, None)
         shape = len(self.times), self.n_y
-        lower = np.min([b.lower.min(axis=1) for b in buffers], axis=0).reshape(shape)
-        upper = np.max([b.upper.max(axis=1) for b in buffers], axis=0).reshape(shape)
+        lower = np.min([b.lower for b in buffers], axis=0).reshape(shape)
+        upper = np.max([b.upper for b in buffers], axis=0).reshape(shape)
         return lower, upper, losses
 
     def _run(
@@ -174,7 +174,7 @@ class _Buffer:
         )  # fmt: skip
         self.marks = (_pointer(self.Y), ctypes.c_long(n), _pointer(self.lost))
         if extremes:
-            self.lower, self.upper = _aligned(n, W), _aligned(n, W)
+            self.lower, self.upper = _aligned(n, 1)[:, 0], _aligned(n, 1)[:, 0]
             self.lower[...], self.upper[...] = np.inf, -np.inf
             self.extremes = (_pointer(self.Y), ctypes.c_long(n), _pointer(self.lower), _pointer(self.upper))
 

@@ -66,8 +66,9 @@ class ArrayEngine:
         lower, upper = [np.full(shape, np.inf)], [np.full(shape, -np.inf)]
 
         def keep(part: Array, samples: Indices, regular: Mask) -> None:
-            lower.append(part[:, :, regular].min(axis=2, initial=np.inf))
-            upper.append(part[:, :, regular].max(axis=2, initial=-np.inf))
+            part = part if regular.all() else part[:, :, regular]
+            lower.append(part.min(axis=2, initial=np.inf))
+            upper.append(part.max(axis=2, initial=-np.inf))
 
         losses = self._run(x0, p, keep)
         return np.min(lower, axis=0), np.max(upper, axis=0), losses

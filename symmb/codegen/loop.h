@@ -129,12 +129,47 @@ void irregular(const V *restrict Y, long n, long *restrict marks) {
   for (int l = 0; l < W; ++l) marks[l] = sum[l] != 0.0;
 }
 
-/* Running extremes over lanes: lower and upper (n,) grow by Y (n,). */
+static inline V smaller(V a, V b) { return choose(a < b, a, b); }
+static inline V larger(V a, V b) { return choose(a > b, a, b); }
+
+#if W == 8 && defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define TREE
+#define LOW_1(a, b) __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14)
+#define HIGH_1(a, b) __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15)
+#define LOW_2(a, b) __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13)
+#define HIGH_2(a, b) __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
+#define LOW_4(a, b) __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11)
+#define HIGH_4(a, b) __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15)
+#endif
+#endif
+
+/* Running extremes: lower and upper (n,) grow by the lanes of Y (n,). They hold numbers, not lanes, so that they stay in
+   a cache near the core: eight vectors become one of minima and one of maxima by a tree of shuffles. */
 void extend(const V *restrict Y, long n, V *restrict lower, V *restrict upper) {
-  for (long i = 0; i < n; ++i) {
-    lower[i] = choose(Y[i] < lower[i], Y[i], lower[i]);
-    upper[i] = choose(Y[i] > upper[i], Y[i], upper[i]);
+  double *low = (double *)lower, *high = (double *)upper;
+  long i = 0;
+#ifdef TREE
+  for (; i + 8 <= n; i += 8, ++lower, ++upper) {
+    V a[4], b[4];
+    for (int k = 0; k < 4; ++k) {
+      V l = LOW_1(Y[i + 2 * k], Y[i + 2 * k + 1]), h = HIGH_1(Y[i + 2 * k], Y[i + 2 * k + 1]);
+      a[k] = smaller(l, h);
+      b[k] = larger(l, h);
+    }
+    for (int k = 0; k < 2; ++k) {
+      a[k] = smaller(LOW_2(a[2 * k], a[2 * k + 1]), HIGH_2(a[2 * k], a[2 * k + 1]));
+      b[k] = larger(LOW_2(b[2 * k], b[2 * k + 1]), HIGH_2(b[2 * k], b[2 * k + 1]));
+    }
+    *lower = smaller(*lower, smaller(LOW_4(a[0], a[1]), HIGH_4(a[0], a[1])));
+    *upper = larger(*upper, larger(LOW_4(b[0], b[1]), HIGH_4(b[0], b[1])));
   }
+#endif
+  for (; i < n; ++i)
+    for (int l = 0; l < W; ++l) {
+      low[i] = Y[i][l] < low[i] ? Y[i][l] : low[i];
+      high[i] = Y[i][l] > high[i] ? Y[i][l] : high[i];
+    }
 }
 
 const int width = W;
