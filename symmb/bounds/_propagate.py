@@ -25,7 +25,7 @@ def propagate(
     scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
     method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ...
     box : intervals of some or all parameters, the others keep their nominal values; default: the scene's
-    solver : how a Scene is integrated; default CVODES(rtol=1e-9)
+    solver : how a Scene is integrated; default DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
     progress : called with runs done and runs in all

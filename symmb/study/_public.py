@@ -37,7 +37,7 @@ def compare(
     box : Box                        default: the scene's
     reference : Method or Bounds     what errors are measured against; default: scanning at two resolutions, by a solver
                                      ten times more accurate
-    solver : Solver                  of all methods, for a Scene; default CVODES(rtol=1e-9)
+    solver : Solver                  of all methods, for a Scene; default DormandPrince()
     times, outputs                   in the place of the scene's own
     executor : anything with `map`   runs blocks of samples
     progress : callable              told what runs, runs done, runs in all
