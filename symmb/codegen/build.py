@@ -65,8 +65,7 @@ def load(source: str) -> ctypes.CDLL:
 
 @functools.cache
 def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
-    described = [source, compiler.path, compiler.version, *compiler.flags, platform.machine(), _processor()]
-    key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
+    key = _key(source, compiler.path, compiler.version, *compiler.flags)
     kept = _opened(cache.find(key))
     if kept is not None:
         return kept
@@ -119,28 +118,45 @@ def _compiler() -> _Compiler:
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         found = shutil.which(name)
         if found and os.name == "posix":
+            version = _version(found)
             for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
                 flags = (*_FLAGS, native, *extra)
-                if _builds(found, flags):
-                    return _Compiler(found, _version(found), flags)
+                if _builds(found, version, flags):
+                    return _Compiler(found, version, flags)
     raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
 
 
-def _builds(compiler: str, flags: tuple[str, ...]) -> bool:
-    """Whether a library that uses the lanes can be built, with nothing left undefined."""
+def _builds(compiler: str, version: str, flags: tuple[str, ...]) -> bool:
+    """Whether a library that uses the lanes can be built, with nothing left undefined; a yes is noted in the cache."""
+    lanes = (Path(__file__).parent / "lanes.h").read_text(encoding="utf-8")
+    key = _key(_PROBE, lanes, compiler, version, *flags)
+    if cache.is_noted(key):
+        return True
     try:
         with tempfile.TemporaryDirectory(prefix="symmb-") as folder:
             text = Path(folder) / "probe.c"
             text.write_text(_PROBE, encoding="utf-8")
             command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{Path(__file__).parent}"]
-            return subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode == 0
+            if subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode:
+                return False
     except OSError:  # no room for files, or no program after all
         return False
+    cache.note(key)
+    return True
+
+
+def _key(*described: str) -> str:
+    """A name for what is built from this, for the processor at hand."""
+    text = "\0".join([*described, platform.machine(), _processor()])
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _version(compiler: str) -> str:
     """What the compiler says of itself, and where it really lies."""
-    said = subprocess.run([compiler, "--version"], capture_output=True, text=True, errors="replace").stdout
+    try:
+        said = subprocess.run([compiler, "--version"], capture_output=True, text=True, errors="replace").stdout
+    except OSError:  # no program after all
+        said = ""
     return f"{said}{os.path.realpath(compiler)}"
 
 

@@ -92,9 +92,24 @@ def keep(key: str, library: Path) -> None:
             raise
 
 
+def is_noted(key: str) -> bool:
+    """Whether the cache holds a note of this key, which says yes to a question that takes long to answer."""
+    with suppress(OSError, SymmbError):
+        return (folder() / f"{key}.note").is_file()
+    return False
+
+
+def note(key: str) -> None:
+    """Put a note into the cache, where that is possible."""
+    with suppress(OSError, SymmbError):
+        (folder() / f"{key}.note").touch(mode=0o600)
+
+
 def contents() -> tuple[Path, ...]:
-    """The libraries in the cache folder, and what killed processes left of some."""
-    return tuple(path for path in sorted(folder().iterdir()) if path.suffix in (".so", ".part") and not path.is_dir())
+    """The libraries in the cache folder, notes, and what killed processes left of some."""
+    return tuple(
+        path for path in sorted(folder().iterdir()) if path.suffix in (".so", ".part", ".note") and not path.is_dir()
+    )
 
 
 def _is_whole(path: Path) -> bool:

@@ -24,6 +24,11 @@ LOADS = f"from symmb.codegen.build import load; print(load({ANSWER!r}).answer())
 pytestmark = pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
 
 
+def libraries(folder):
+    """All files of a cache but the notes on compilers, which are empty and never loaded."""
+    return [path for path in folder.iterdir() if path.suffix != ".note"]
+
+
 def answer(source=ANSWER):
     """What a library says, from the cache folder as it is now: loaded anew, unlike by `load`."""
     return build._loaded.__wrapped__(source, build._compiler()).answer()
@@ -127,7 +132,7 @@ def _rest(compiler):
 def test_processes_that_build_the_same_at_once_all_get_it(folder):
     processes = [process(folder.parent) for _ in range(4)]
     assert [run.communicate(timeout=60)[0] for run in processes] == ["42\n"] * 4
-    assert {path.suffix for path in folder.iterdir()} == {".so"}
+    assert {path.suffix for path in libraries(folder)} == {".so"}
 
 
 def test_a_killed_build_leaves_nothing_that_is_loaded(folder, tmp_path):
@@ -145,7 +150,7 @@ def test_a_killed_build_leaves_nothing_that_is_loaded(folder, tmp_path):
         time.sleep(0.01)
     os.killpg(run.pid, signal.SIGKILL)
     assert run.communicate() == ("", None) and run.returncode == -signal.SIGKILL and started.exists()
-    assert list(folder.iterdir()) == []
+    assert list(libraries(folder)) == []
     assert answer() == 42
 
 
@@ -175,7 +180,7 @@ def test_a_damaged_library_is_built_again(folder, made, damage):
     (folder / name).write_bytes(damage(content))
     run = process(folder.parent)
     assert (run.communicate(timeout=60)[0], run.returncode) == ("42\n", 0)
-    assert [hashlib.sha256(path.read_bytes()).hexdigest() in path.name for path in folder.iterdir()] == [True]
+    assert [hashlib.sha256(path.read_bytes()).hexdigest() in path.name for path in libraries(folder)] == [True]
 
 
 # --- planted -------------------------------------------------------------------
@@ -349,3 +354,16 @@ def test_nan_and_infinity_pass_through():
     library.all(values, told)
     for i, (expression, wanted) in enumerate(expected.items()):
         assert list(told[4 * i : 4 * i + 4]) == pytest.approx(wanted, rel=1e-14, nan_ok=True), expression
+
+
+def test_what_a_compiler_can_do_is_asked_once_and_for_each_anew(folder, tmp_path):
+    asked = tmp_path / "asked"
+    wrapper = tmp_path / "wrapper"
+    wrapper.write_text(
+        f'#!/bin/sh\ncase "$*" in *probe.c*) echo x >> {asked};; esac\nexec {build._compiler().path} "$@"\n'
+    )
+    wrapper.chmod(0o700)
+    for _ in range(2):
+        run = process(folder.parent, CC=str(wrapper))
+        assert (run.communicate(timeout=60)[0], run.returncode) == ("42\n", 0)
+    assert asked.read_text().count("x") == 1
