@@ -24,7 +24,6 @@ class Kind(Enum):
     VELOCITY = "velocity"
     STATE = "first-order state"
     PARAMETER = "parameter"
-    MULTIPLIER = "multiplier"
 
 
 @dataclass(frozen=True, eq=False)
