@@ -30,7 +30,7 @@ _FORMS = {
     ca.OP_AND: "truth(({0} != 0.0) & ({1} != 0.0))",
     ca.OP_OR: "truth(({0} != 0.0) | ({1} != 0.0))",
     ca.OP_IF_ELSE_ZERO: "choose({0} != 0.0, {1}, zero())",
-    ca.OP_FABS: "choose({0} < 0.0, -{0}, {0})",
+    ca.OP_FABS: "v_fabs(zero() + {0})",
     ca.OP_SIGN: "truth({0} > 0.0) - truth({0} < 0.0)",
     ca.OP_FMIN: "choose(({0} < {1}) | ({1} != {1}), {0}, {1})",
     ca.OP_FMAX: "choose(({0} > {1}) | ({1} != {1}), {0}, {1})",
@@ -43,6 +43,8 @@ _CALLS = {
     ).split()
 }
 _CALLS[ca.OP_CONSTPOW] = "v_pow"
+_TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
+"""Sine and cosine of an angle cost little more together than one of them."""
 
 
 class Emitter:
@@ -61,10 +63,27 @@ class Emitter:
         """A C function `name(x, c, t, out)` that writes the given nodes to out."""
         self._functions.append(self._source(name, list(outputs), parameters_only=False))
 
+    def used(self, outputs: Iterable[int]) -> list[int]:
+        """Which of x the given nodes depend on."""
+        nodes = self._graph.nodes
+        inputs = [nodes[k] for k in self._needed(outputs) if nodes[k].operation == INPUT]
+        return sorted(node.index for node in inputs if node.source == 0)
+
     def source(self) -> tuple[str, int]:
         """All functions, `prepare(p, c)` among them, and the size of c."""
         prepare = self._source("prepare", list(self._kept), parameters_only=True)
         return "\n".join([*self._functions, prepare]), len(self._kept)
+
+    def _needed(self, outputs: Iterable[int]) -> set[int]:
+        """The given nodes and all that they come from."""
+        needed: set[int] = set()
+        pending = list(outputs)
+        while pending:
+            k = pending.pop()
+            if k not in needed:
+                needed.add(k)
+                pending.extend(self._graph.nodes[k].arguments)
+        return needed
 
     def _hoisted(self, k: int) -> bool:
         node = self._graph.nodes[k]
@@ -72,15 +91,13 @@ class Emitter:
 
     def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
         nodes = self._graph.nodes
-        needed: set[int] = set()
-        pending = list(outputs)
-        while pending:
-            k = pending.pop()
-            if k in needed or nodes[k].operation in (CONSTANT, INPUT) or (not parameters_only and self._hoisted(k)):
-                continue
-            needed.add(k)
-            pending.extend(nodes[k].arguments)
-        order = sorted(needed)
+        order = sorted(
+            k
+            for k in self._needed(outputs)
+            if nodes[k].operation not in (CONSTANT, INPUT) and (parameters_only or not self._hoisted(k))
+        )
+        turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
+        twins = {k: turns.get((_TURNED[code], a)) for (code, a), k in turns.items()}
         chunk = {k: i // _CHUNK for i, k in enumerate(order)}
         last = {k: chunk[k] for k in order}
         for k in order:
@@ -113,7 +130,14 @@ class Emitter:
             for k in order:
                 if chunk[k] != here:
                     continue
-                lines.append(f"  const V v{k} = {self._expression(k, [text(a, here) for a in nodes[k].arguments])};")
+                operands = [text(a, here) for a in nodes[k].arguments]
+                twin = twins.get(k)
+                if twin is None or chunk[twin] != here:
+                    lines.append(f"  const V v{k} = {self._expression(k, operands)};")
+                elif k < twin:
+                    sine, cosine = (k, twin) if nodes[k].operation == ca.OP_SIN else (twin, k)
+                    lines.append(f"  V v{sine}, v{cosine};")
+                    lines.append(f"  v_sincos(zero() + {operands[0]}, &v{sine}, &v{cosine});")
                 if k in carried:
                     lines.append(f"  w[{carried[k]}] = v{k};")
                 lines += [f"  {out}[{i}] = v{k};" for i in written.get(k, ())]

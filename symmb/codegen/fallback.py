@@ -1,6 +1,6 @@
 """The engine without a compiler: the step loop of loop.h on NumPy arrays, all blocks of samples advanced together."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -50,7 +50,7 @@ class ArrayEngine:
 
         Returns
         -------
-        (N, n_t, n_y) array        nan where a sample stopped
+        (N, n_t, n_y) array        nan from the time on at which a sample stopped
         Losses
         """
         Y = np.full((len(x0), len(self.times), self.n_y), np.nan)
@@ -74,39 +74,42 @@ class ArrayEngine:
         return np.min(lower, axis=0), np.max(upper, axis=0), losses
 
     def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> Losses:
-        """Blocks of samples, fixed by sample index, some together; `keep` takes (n_t, n_y, m) of m that ended."""
+        """Blocks of samples, fixed by sample index, some together; `keep` takes (n_t, n_y, m), and whether m ended."""
         N = len(x0)
         losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=bool))
         losses.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
         blocks = [np.arange(start, min(start + WIDTH, N)) for start in range(0, N, WIDTH)]
-        parts = [blocks[k : k + _TOGETHER] for k in range(0, len(blocks), _TOGETHER)]
-
         with np.errstate(all="ignore"):
-            for Y, samples in (ended for part in parts for ended in self._part(x0, p, part, losses)):
-                finite: Mask = np.logical_and.reduce(np.isfinite(Y), axis=1)
-                regular: Mask = np.logical_and.reduce(finite, axis=0)
-                bad = samples[~regular]
-                losses.irregular[bad] = True
-                losses.t_failed[bad] = self.times[np.argmin(finite[:, ~regular], axis=0)]
-                keep(Y, samples, regular)
+            for k in range(0, len(blocks), _TOGETHER):
+                part = blocks[k : k + _TOGETHER]
+                while part:
+                    part = self._part(x0, p, part, losses, keep)
         return losses
 
-    def _part(self, x0: Array, p: Array, blocks: list[Indices], losses: Losses) -> Iterator[tuple[Array, Indices]]:
-        """Some blocks; a sample that is lost is taken out, and its block runs again as if it had not been there."""
-        while True:
-            alive = [b[np.isnan(losses.t_failed[b])] for b in blocks]
-            alive = [b for b in alive if b.size]
-            if not alive:
-                return
-            # Lanes without a sample repeat one that has: they do not change the common step.
-            lanes = np.array([np.resize(b, WIDTH) for b in alive])
-            Y, lost, at = _advance(self, x0[lanes.ravel()].T, p[lanes.ravel()].T)
-            stopped = np.isfinite(at)
-            first = np.arange(WIDTH) < np.array([[b.size] for b in alive])
-            ended = first & ~stopped[:, None]
-            yield (Y if ended.all() else Y[:, :, ended.ravel()]), lanes[ended]
-            losses.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
-            blocks = [b for b, again in zip(alive, stopped.tolist(), strict=True) if again]
+    def _part(
+        self, x0: Array, p: Array, blocks: list[Indices], losses: Losses, keep: Callable[[Array, Indices, Mask], None]
+    ) -> list[Indices]:
+        """Some blocks, and those of them that run again, as if the samples that were lost had not been there."""
+        alive = [b[np.isnan(losses.t_failed[b])] for b in blocks]
+        alive = [b for b in alive if b.size]
+        if not alive:
+            return []
+        # Lanes without a sample repeat one that has: they do not change the common step.
+        lanes = np.array([np.resize(b, WIDTH) for b in alive])
+        Y, lost, at = _advance(self, x0[lanes.ravel()].T, p[lanes.ravel()].T)
+        finite = np.logical_and.reduce(np.isfinite(Y), axis=1).reshape(len(self.times), *lanes.shape)
+        passed = ~(self.times[:, None, None] > at[:, None])
+        irregular = ~np.logical_and.reduce(finite | ~passed, axis=0)
+        # What happens first counts; what else would have happened shows when the block runs again.
+        lost &= ~irregular.any(axis=1)[:, None]
+        losses.irregular[lanes[irregular]] = True
+        losses.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
+        losses.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
+        failed = lost | irregular
+        again = failed.any(axis=1)
+        told = (failed | ~again[:, None]) & (np.arange(WIDTH) < np.array([[b.size] for b in alive]))
+        keep(Y if told.all() else Y[:, :, told.ravel()], lanes[told], ~failed[told])
+        return [b for b, repeated in zip(alive, again.tolist(), strict=True) if repeated]
 
 
 @dataclass
@@ -133,7 +136,7 @@ class _Blocks:
 def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Array]:
     """From x (n_x, L), p (n_p, L): outputs (n_t, n_y, L), lost lanes (B, 8), when blocks stopped (B,), nan if not."""
     times, n_t, B = engine.times, len(engine.times), x.shape[1] // WIDTH
-    Y, lost, at = np.empty((n_t, engine.n_y, x.shape[1])), np.zeros((B, WIDTH), dtype=bool), np.full(B, np.nan)
+    Y, lost, at = np.full((n_t, engine.n_y, x.shape[1]), np.nan), np.zeros((B, WIDTH), dtype=bool), np.full(B, np.nan)
     t = np.full(B, times[0])
     c = engine.prepare(x, np.ascontiguousarray(p), _spread(t))
     x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, c, _spread(t))
@@ -155,10 +158,16 @@ def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Arra
         good = e <= 1.0
         stuck = ~good & (h <= shortest * 1.0000001)
         lost[b.number[stuck]], at[b.number[stuck]] = ~(norm[stuck] <= 1.0), b.t[stuck]
-        _output(engine, b, good & (times[np.minimum(b.next, n_t - 1)] <= t_new), t_new, h, k, x_new, Y)
-        _accept(engine, b, good, t_new, k, x_new)
+        if good.any():
+            lanes, t_good = _lanes(good), _spread(t_new[good])
+            k[12][:, lanes] = engine.rates(x_new[:, lanes], b.c[:, lanes], t_good)
+            _output(engine, b, good & (times[np.minimum(b.next, n_t - 1)] <= t_new), t_new, h, k, x_new, Y)
+            # The slope before the projection serves the next step: it is as far off as the error of this one.
+            x, b.slope[:, lanes] = x_new[:, lanes], k[12][:, lanes]
+            b.x[:, lanes] = x if engine.project is None else engine.project(x, b.c[:, lanes], t_good)
+            b.t = np.where(good, t_new, b.t)
         # A controller with memory keeps the step from swinging.
-        longer = np.where(e > 0.0, 0.9 * e ** (-1 / 8 + 0.2 * 0.04) * b.before**0.04, 6.0).clip(0.333, 6.0)
+        longer = (0.9 * e ** (-1 / 8 + 0.2 * 0.04) * b.before**0.04).clip(0.333, 6.0)
         shorter = np.fmax(np.where(e < 1e300, 0.9 * e ** (-1 / 8), 0.1), 0.2)
         b.h = h * np.where(good, longer, shorter)
         b.before = np.where(good, np.fmax(e, 1e-4), 1e-4)
@@ -172,13 +181,12 @@ def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Arra
 
 
 def _stages(engine: ArrayEngine, b: _Blocks, h: Array) -> tuple[Array, Array]:
-    """Slopes (16, n_x, L) up to that at the end of the step, and x there."""
+    """Slopes (16, n_x, L) before the end of the step, and x there."""
     k = np.empty((16, *b.x.shape))
     k[0] = b.slope
     for s in range(1, 12):
         _stage(engine, b.x, b.c, b.t, h, k, s)
     x_new = b.x + _spread(h) * _sum(dop853.B[0], k)
-    engine.rates(x_new, b.c, _spread(b.t + h), k[12])
     return k, x_new
 
 
@@ -214,19 +222,6 @@ def _output(
         Y[next[due], :, number[due]] = y.transpose(1, 0, 2)
         next[due] += 1
     b.next[was_due] = next
-
-
-def _accept(engine: ArrayEngine, b: _Blocks, good: Mask, t_new: Array, k: Array, x_new: Array) -> None:
-    """Move those blocks on whose error is small enough."""
-    if not good.any():
-        return
-    lanes = _lanes(good)
-    x, c, slope, t = x_new[:, lanes], b.c[:, lanes], k[12][:, lanes], _spread(t_new[good])
-    if engine.project is not None:
-        x = engine.project(x, c, t)
-        slope = engine.rates(x, c, t)
-    b.x[:, lanes], b.slope[:, lanes] = x, slope
-    b.t = np.where(good, t_new, b.t)
 
 
 def _error_norm(engine: ArrayEngine, x: Array, x_new: Array, k: Array, h: Array) -> Array:

@@ -48,6 +48,8 @@ class Graph:
         """
         if code == ca.OP_DIV:
             code, arguments = ca.OP_MUL, (arguments[0], self.operation(ca.OP_INV, arguments[1:]))
+        if code in (ca.OP_ADD, ca.OP_MUL):
+            arguments = tuple(sorted(arguments))
         depends = frozenset().union(*(self.nodes[a].depends for a in arguments))
         return self._add((code, *arguments), Node(code, arguments, depends=depends))
 

@@ -16,6 +16,7 @@ static inline V zero(void) { return (V){0}; }
 static inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
 #define choose(mask, a, b) blend((M)(mask), zero() + (a), zero() + (b))
 #define truth(mask) blend((M)(mask), zero() + 1.0, zero())
+static inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 
 /* Elementary functions: the vector ones of the C library where it has them, lane by lane where not. */
 #define BY_LANE_1(name, f) static inline V name(V a) { for (int l = 0; l < W; ++l) a[l] = f(a[l]); return a; }
@@ -42,24 +43,71 @@ typedef union { V whole; __m256d half[2]; } Halves;
 #define FROM_LIBRARY_1(f) BY_LANE_1(v_##f, f)
 #define FROM_LIBRARY_2(f) BY_LANE_2(v_##f, f)
 #endif
-FROM_LIBRARY_1(sin)
-FROM_LIBRARY_1(cos)
 FROM_LIBRARY_1(exp)
 FROM_LIBRARY_1(log)
 FROM_LIBRARY_2(pow)
 #if defined(__AVX512F__)
+static inline int all_below(V a, double b) { return _mm512_cmp_pd_mask((__m512d)a, _mm512_set1_pd(b), _CMP_LT_OQ) == 255; }
 static inline V v_sqrt(V a) { return (V)_mm512_sqrt_pd((__m512d)a); }
 static inline V v_floor(V a) { return (V)_mm512_floor_pd((__m512d)a); }
 static inline V v_ceil(V a) { return (V)_mm512_ceil_pd((__m512d)a); }
+static inline V v_smaller(V a, V b) { return (V)_mm512_min_pd((__m512d)a, (__m512d)b); }
+static inline V v_larger(V a, V b) { return (V)_mm512_max_pd((__m512d)a, (__m512d)b); }
 #elif defined(__AVX2__)
+static inline int all_below(V a, double b) {
+  Halves h = {a};
+  __m256d limit = _mm256_set1_pd(b);
+  return _mm256_movemask_pd(_mm256_and_pd(
+             _mm256_cmp_pd(h.half[0], limit, _CMP_LT_OQ), _mm256_cmp_pd(h.half[1], limit, _CMP_LT_OQ))) == 15;
+}
 BY_HALF_1(v_sqrt, _mm256_sqrt_pd)
 BY_HALF_1(v_floor, _mm256_floor_pd)
 BY_HALF_1(v_ceil, _mm256_ceil_pd)
+BY_HALF_2(v_smaller, _mm256_min_pd)
+BY_HALF_2(v_larger, _mm256_max_pd)
 #else
+static inline int all_below(V a, double b) {
+  int below = 1;
+  for (int l = 0; l < W; ++l) below &= a[l] < b;
+  return below;
+}
 BY_LANE_1(v_sqrt, sqrt)
 BY_LANE_1(v_floor, floor)
 BY_LANE_1(v_ceil, ceil)
+static inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
+static inline V v_larger(V a, V b) { return choose(a > b, a, b); }
 #endif
+
+/* Sine and cosine together, to an ulp: reduction by multiples of pi / 2 (Cody and Waite 1980) in parts whose products are
+   exact, then the polynomials of FDLIBM (Sun Microsystems 1993) on [-pi/4, pi/4]. Lanes of large or infinite numbers go
+   through the library. */
+static NOINLINE void sincos_by_lane(V a, V *s, V *c) {
+  for (int l = 0; l < W; ++l) {
+    (*s)[l] = sin(a[l]);
+    (*c)[l] = cos(a[l]);
+  }
+}
+
+static inline void v_sincos(V a, V *s, V *c) {
+  const double to_integer = 6755399441055744.0; /* 1.5 * 2^52: the last bits of a sum with it are an integer */
+  V shifted = a * 0.63661977236758134308 + to_integer, n = shifted - to_integer;
+  V r = a - n * 1.57079632673412561417;
+  r = r - n * 6.07710050630396597660e-11;
+  r = r - n * 2.02226624879595063154e-21;
+  V z = r * r;
+  V odd = z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 +
+          z * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
+  V even = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 +
+           z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
+  V sine = r + r * odd, cosine = 1.0 - z * (0.5 - even);
+  M quarter = (M)shifted, swap = -(quarter & 1);
+  *s = (V)((M)blend(swap, cosine, sine) ^ ((quarter & 2) << 62));
+  *c = (V)((M)blend(swap, sine, cosine) ^ (((quarter + 1) & 2) << 62));
+  if (__builtin_expect(!all_below(v_fabs(a), 1e5), 0)) sincos_by_lane(a, s, c);
+}
+static inline V v_sin(V a) { V s, c; v_sincos(a, &s, &c); return s; }
+static inline V v_cos(V a) { V s, c; v_sincos(a, &s, &c); return c; }
+
 BY_LANE_1(v_tan, tan)
 BY_LANE_1(v_asin, asin)
 BY_LANE_1(v_acos, acos)

@@ -1,15 +1,41 @@
-/* The step loop of an embedded explicit pair with dense output, W samples side by side with one step for all.
+/* The step loop of an embedded explicit pair with dense output: blocks of W samples that share their steps.
 
-   Given before: lanes.h; N_X, N_P, N_C, N_Y, PROJECTED; prepare(p, c), rates(x, c, t, dx), outputs(x, c, t, y) and, if
-   PROJECTED, project(x, c, t, x_new); stages(x, c, t, h, k, x_new) up to the slope at the end of the step,
-   errors(k, e5, e3), and dense(x, x_new, c, t, h, k, F) for the interpolant of the step. */
+   Given before: lanes.h; N_X, N_P, N_C, N_Y, N_USED, PROJECTED; the states used[] that outputs need; prepare(p, c),
+   rates(x, c, t, dx), outputs(x, c, t, y) and, if PROJECTED, project(x, c, t, x_new). Given after: the functions of the
+   pair, declared below. */
 
-enum { FINISHED = 0, LANES_LOST = 1, TOO_MANY_STEPS = 2 };
+#include <stdlib.h>
 
+enum { CHUNK = N_X > 64 ? 4 : 16 };
+#define SIZE(n) ((n) > 0 ? (n) : 1)
+
+/* A study: n samples, rows of x0 (n, N_X) and p (n, N_P), at n_t times. */
 typedef struct {
+  const double *x0, *p, *times;
+  long n, n_t;
   double rtol, atol;
   long most_steps;
-} Options;
+  long dealt;       /* blocks given to threads */
+  double *t_failed; /* (n,) NaN while a sample has not */
+  char *irregular;  /* (n,) whether it failed by an output that is not finite */
+  double *Y;        /* (n, n_t, N_Y) values, or NULL */
+} Study;
+
+/* A block under way, at t, on a step of length h. */
+typedef struct {
+  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[16 * SIZE(N_X)], c[SIZE(N_C)], F[7 * SIZE(N_USED)];
+  V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
+  double t, t_new, h, h_next;
+  double before; /* logarithm of the error of the step before */
+  long number, next, steps, live, sample[W];
+  double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
+} Block;
+
+static void stages(Block *b);                     /* k before the end of the step, x_new */
+static void errors(const V *k, V *e5, V *e3);     /* estimates of orders 5 and 3 */
+static void interpolant(Block *b);                /* F of used states */
+
+enum { REJECTED, ACCEPTED, LOST };
 
 static double worst(V a) {
   double m = 0.0;
@@ -17,36 +43,36 @@ static double worst(V a) {
   return m;
 }
 
-/* The norm of Hairer's DOP853, the largest of all lanes; lanes that are not finite show as NaN. */
-static V error_norm(const V *x, const V *x_new, const V *k, double h, Options o) {
-  V e5[N_X], e3[N_X], sum5 = zero(), sum3 = zero();
-  errors(k, e5, e3);
+/* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
+static V error_norm(const Block *b, const Study *s) {
+  V e5[SIZE(N_X)], e3[SIZE(N_X)], sum5 = zero(), sum3 = zero();
+  errors(b->k, e5, e3);
   for (int i = 0; i < N_X; ++i) {
-    V a = choose(x[i] < 0.0, -x[i], x[i]), b = choose(x_new[i] < 0.0, -x_new[i], x_new[i]);
-    V scale = 1.0 / (o.atol + o.rtol * choose(a > b, a, b));
+    V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(b->x[i]), v_fabs(b->x_new[i])));
     e5[i] *= scale;
     e3[i] *= scale;
     sum5 += e5[i] * e5[i];
     sum3 += e3[i] * e3[i];
   }
   V denominator = sum5 + 0.01 * sum3;
-  return choose(denominator > 0.0, fabs(h) * sum5 / v_sqrt(denominator * (double)N_X), denominator);
+  return choose(denominator > 0.0, fabs(b->h) * sum5 / v_sqrt(denominator * (double)N_X), denominator);
 }
 
-static double first_step(const V *x, const V *c, const V *k0, double t, double span, Options o) {
-  V d0 = zero(), d1 = zero(), d2 = zero(), x1[N_X], k1[N_X], scale[N_X];
+static double first_step(Block *b, const Study *s) {
+  const double span = s->times[s->n_t - 1] - b->t;
+  V d0 = zero(), d1 = zero(), d2 = zero(), *x1 = b->x_new, *k1 = b->k + N_X;
   for (int i = 0; i < N_X; ++i) {
-    scale[i] = 1.0 / (o.atol + o.rtol * choose(x[i] < 0.0, -x[i], x[i]));
-    d0 += x[i] * scale[i] * x[i] * scale[i];
-    d1 += k0[i] * scale[i] * k0[i] * scale[i];
+    V scale = 1.0 / (s->atol + s->rtol * v_fabs(b->x[i]));
+    d0 += b->x[i] * scale * b->x[i] * scale;
+    d1 += b->k[i] * scale * b->k[i] * scale;
   }
   double n0 = sqrt(worst(d0) / N_X), n1 = sqrt(worst(d1) / N_X);
   double h0 = n0 < 1e-5 || n1 < 1e-5 ? 1e-6 : 0.01 * n0 / n1;
   h0 = h0 < span ? h0 : span;
-  for (int i = 0; i < N_X; ++i) x1[i] = x[i] + h0 * k0[i];
-  rates(x1, c, zero() + (t + h0), k1);
+  for (int i = 0; i < N_X; ++i) x1[i] = b->x[i] + h0 * b->k[i];
+  rates(x1, b->c, zero() + (b->t + h0), k1);
   for (int i = 0; i < N_X; ++i) {
-    V d = (k1[i] - k0[i]) * scale[i];
+    V d = (k1[i] - b->k[i]) / (s->atol + s->rtol * v_fabs(b->x[i]));
     d2 += d * d;
   }
   double n2 = sqrt(worst(d2) / N_X) / h0, most = n1 > n2 ? n1 : n2;
@@ -54,83 +80,6 @@ static double first_step(const V *x, const V *c, const V *k0, double t, double s
   double h = 100.0 * h0 < h1 ? 100.0 * h0 : h1;
   return h < span ? h : span;
 }
-
-/* Y (n_t, N_Y) at the times; on LANES_LOST, `lost` marks the lanes that are not finite and `*at` says when. */
-int run_block(const V *x0, const V *p, const double *times, long n_t, const Options *options, V *Y, long *lost, double *at,
-              long *counts) {
-  const Options o = *options;
-  V c[N_C > 0 ? N_C : 1], x[N_X], x_new[N_X], k[16 * N_X], F[7 * N_X], x_at[N_X];
-  prepare(p, c);
-  memcpy(x, x0, sizeof x);
-  double t = times[0], end = times[n_t - 1];
-#if PROJECTED
-  project(x, c, zero() + t, x_new);
-  memcpy(x, x_new, sizeof x);
-#endif
-  outputs(x, c, zero() + t, Y);
-  if (n_t == 1) return FINISHED;
-  rates(x, c, zero() + t, k);
-  double h = first_step(x, c, k, t, end - t, o), before = 1e-4;
-  const double shortest = 1e-14 * (end - times[0]);
-  long next = 1, rejected = 0;
-  for (long step = 0; next < n_t; ++step) {
-    if (step == o.most_steps) { *at = t; return TOO_MANY_STEPS; }
-    if (!(h > shortest)) h = shortest;
-    double t_new = t + h;
-    if (t_new >= end) { t_new = end; h = end - t; }
-    stages(x, c, t, h, k, x_new);
-    V norm = error_norm(x, x_new, k, h, o);
-    double e = worst(norm);
-    if (!(e <= 1.0)) {
-      if (h <= shortest * 1.0000001) {
-        *at = t;
-        for (int l = 0; l < W; ++l) lost[l] = !(norm[l] <= 1.0);
-        return LANES_LOST;
-      }
-      double factor = e == e && e < 1e300 ? 0.9 * pow(e, -1.0 / 8.0) : 0.1;
-      h *= factor > 0.2 ? factor : 0.2;
-      ++rejected;
-      before = 1e-4;
-      continue;
-    }
-    if (times[next] <= t_new) {
-      dense(x, x_new, c, t, h, k, F);
-      for (; next < n_t && times[next] <= t_new; ++next) {
-        double s = (times[next] - t) / h;
-        for (int i = 0; i < N_X; ++i) {
-          const V *f = F + 7 * i;
-          x_at[i] = x[i] + s * (f[0] + (1 - s) * (f[1] + s * (f[2] + (1 - s) * (f[3] + s * (f[4] + (1 - s) * (f[5] + s * f[6]))))));
-        }
-        outputs(x_at, c, zero() + times[next], Y + next * N_Y);
-      }
-    }
-#if PROJECTED
-    project(x_new, c, zero() + t_new, x);
-    rates(x, c, zero() + t_new, k);
-#else
-    memcpy(x, x_new, sizeof x);
-    memcpy(k, k + 12 * N_X, sizeof x);
-#endif
-    t = t_new;
-    counts[0] += 1;
-    /* A controller with memory keeps the step from swinging. */
-    double factor = e > 0.0 ? 0.9 * pow(e, -1.0 / 8.0 + 0.2 * 0.04) * pow(before, 0.04) : 6.0;
-    before = e > 1e-4 ? e : 1e-4;
-    h *= factor > 6.0 ? 6.0 : factor < 0.333 ? 0.333 : factor;
-  }
-  counts[1] += rejected;
-  return FINISHED;
-}
-
-/* Marks the lanes in which some of Y (n,) is NaN or infinite. */
-void irregular(const V *restrict Y, long n, long *restrict marks) {
-  V sum = zero();
-  for (long i = 0; i < n; ++i) sum += Y[i] * 0.0;
-  for (int l = 0; l < W; ++l) marks[l] = sum[l] != 0.0;
-}
-
-static inline V smaller(V a, V b) { return choose(a < b, a, b); }
-static inline V larger(V a, V b) { return choose(a > b, a, b); }
 
 #if W == 8 && defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)
@@ -144,32 +93,196 @@ static inline V larger(V a, V b) { return choose(a > b, a, b); }
 #endif
 #endif
 
-/* Running extremes: lower and upper (n,) grow by the lanes of Y (n,). They hold numbers, not lanes, so that they stay in
-   a cache near the core: eight vectors become one of minima and one of maxima by a tree of shuffles. */
-void extend(const V *restrict Y, long n, V *restrict lower, V *restrict upper) {
-  double *low = (double *)lower, *high = (double *)upper;
+/* Smallest and largest lanes of each of n vectors: eight of them become one of minima and one of maxima by a tree of
+   shuffles, the last eight overlap those before. */
+static void extremes(const V *y, long n, double *lower, double *upper) {
   long i = 0;
 #ifdef TREE
-  for (; i + 8 <= n; i += 8, ++lower, ++upper) {
+  for (; n >= 8 && i < n; i += 8) {
+    if (i > n - 8) i = n - 8;
     V a[4], b[4];
     for (int k = 0; k < 4; ++k) {
-      V l = LOW_1(Y[i + 2 * k], Y[i + 2 * k + 1]), h = HIGH_1(Y[i + 2 * k], Y[i + 2 * k + 1]);
-      a[k] = smaller(l, h);
-      b[k] = larger(l, h);
+      V l = LOW_1(y[i + 2 * k], y[i + 2 * k + 1]), h = HIGH_1(y[i + 2 * k], y[i + 2 * k + 1]);
+      a[k] = v_smaller(l, h);
+      b[k] = v_larger(l, h);
     }
     for (int k = 0; k < 2; ++k) {
-      a[k] = smaller(LOW_2(a[2 * k], a[2 * k + 1]), HIGH_2(a[2 * k], a[2 * k + 1]));
-      b[k] = larger(LOW_2(b[2 * k], b[2 * k + 1]), HIGH_2(b[2 * k], b[2 * k + 1]));
+      a[k] = v_smaller(LOW_2(a[2 * k], a[2 * k + 1]), HIGH_2(a[2 * k], a[2 * k + 1]));
+      b[k] = v_larger(LOW_2(b[2 * k], b[2 * k + 1]), HIGH_2(b[2 * k], b[2 * k + 1]));
     }
-    *lower = smaller(*lower, smaller(LOW_4(a[0], a[1]), HIGH_4(a[0], a[1])));
-    *upper = larger(*upper, larger(LOW_4(b[0], b[1]), HIGH_4(b[0], b[1])));
+    V least = v_smaller(LOW_4(a[0], a[1]), HIGH_4(a[0], a[1])), most = v_larger(LOW_4(b[0], b[1]), HIGH_4(b[0], b[1]));
+    memcpy(lower + i, &least, sizeof least);
+    memcpy(upper + i, &most, sizeof most);
   }
 #endif
-  for (; i < n; ++i)
-    for (int l = 0; l < W; ++l) {
-      low[i] = Y[i][l] < low[i] ? Y[i][l] : low[i];
-      high[i] = Y[i][l] > high[i] ? Y[i][l] : high[i];
+  for (; i < n; ++i) {
+    lower[i] = upper[i] = y[i][0];
+    for (int l = 1; l < W; ++l) {
+      lower[i] = y[i][l] < lower[i] ? y[i][l] : lower[i];
+      upper[i] = y[i][l] > upper[i] ? y[i][l] : upper[i];
     }
+  }
+}
+
+/* Outputs at n times from number `first` on; 0 if a lane is not finite: its sample fails. */
+static int keep(Block *b, Study *s, long first, long n) {
+  const V *y = b->y;
+  V sum[4] = {zero(), zero(), zero(), zero()}; /* several, since each addition waits for the one before */
+  for (long i = 0; i < n * N_Y; ++i) sum[i % 4] += y[i] * 0.0;
+  const int finite = worst(sum[0] + sum[1] + sum[2] + sum[3]) == 0.0;
+  if (!finite) {
+    for (long l = 0; l < b->live; ++l)
+      for (long i = 0; i < n * N_Y; ++i)
+        if (y[i][l] * 0.0 != 0.0) {
+          s->irregular[b->sample[l]] = 1;
+          s->t_failed[b->sample[l]] = s->times[first + i / SIZE(N_Y)];
+          break;
+        }
+  }
+  if (s->Y)
+    for (long l = 0; l < b->live; ++l) {
+      double *to = s->Y + (b->sample[l] * s->n_t + first) * N_Y;
+      for (long i = 0; i < n * N_Y; ++i) to[i] = y[i][l];
+    }
+  else
+    extremes(y, n * N_Y, b->lower + first * N_Y, b->upper + first * N_Y);
+  return finite;
+}
+
+/* The samples of a block that did not fail, at the first time; lanes without a sample repeat one that has, and do not
+   change the common step. 0 if there are none. */
+static int begin(Block *b, Study *s) {
+  V p[SIZE(N_P)];
+  for (;;) {
+    b->live = 0;
+    for (long i = b->number * W; i < b->number * W + W && i < s->n; ++i) {
+      double sum = 0.0;
+      for (int j = 0; j < N_X; ++j) sum += s->x0[i * N_X + j] * 0.0;
+      if (sum != 0.0) s->t_failed[i] = s->times[0];
+      if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
+    }
+    if (!b->live) return 0;
+    for (long l = 0; l < W; ++l) {
+      const long i = b->sample[l % b->live];
+      for (int j = 0; j < N_X; ++j) b->x[j][l] = s->x0[i * N_X + j];
+      for (int j = 0; j < N_P; ++j) p[j][l] = s->p[i * N_P + j];
+    }
+    b->t = s->times[0];
+    b->next = 1;
+    b->steps = 0;
+    b->before = log(1e-4);
+    prepare(p, b->c);
+#if PROJECTED
+    project(b->x, b->c, zero() + b->t, b->x_new);
+    memcpy(b->x, b->x_new, sizeof b->x);
+#endif
+    outputs(b->x, b->c, zero() + b->t, b->y);
+    if (!keep(b, s, 0, 1)) continue;
+    if (s->n_t == 1) return 1;
+    rates(b->x, b->c, zero() + b->t, b->k);
+    b->h = first_step(b, s);
+    return 1;
+  }
+}
+
+/* Outputs at the times that the step has passed; 0 if one is not finite. */
+static int sample(Block *b, Study *s) {
+  while (b->next < s->n_t && s->times[b->next] <= b->t_new) {
+    double share[CHUNK];
+    long n = 0;
+    for (; n < CHUNK && b->next + n < s->n_t && s->times[b->next + n] <= b->t_new; ++n)
+      share[n] = (s->times[b->next + n] - b->t) / b->h;
+    for (int u = 0; u < N_USED; ++u) {
+      const V *f = b->F + 7 * u, x = b->x[used[u]];
+      const V f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], f4 = f[4], f5 = f[5], f6 = f[6];
+      for (long j = 0; j < n; ++j) {
+        const double a = share[j], r = 1.0 - a;
+        b->x_at[j * N_X + used[u]] = x + a * (f0 + r * (f1 + a * (f2 + r * (f3 + a * (f4 + r * (f5 + a * f6))))));
+      }
+    }
+    for (long j = 0; j < n; ++j)
+      outputs(b->x_at + j * N_X, b->c, zero() + s->times[b->next + j], b->y + j * N_Y);
+    b->next += n;
+    if (!keep(b, s, b->next - n, n)) return 0;
+  }
+  return 1;
+}
+
+/* Accepts the step, or shortens it; where there is no shorter one, samples whose error is too large fail. */
+static int judge(Block *b, Study *s, double shortest) {
+  const V norm = error_norm(b, s);
+  const double e = worst(norm), size = log(e), least = log(1e-4);
+  const int too_many = ++b->steps == s->most_steps;
+  if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
+    for (int l = 0; l < W; ++l)
+      if (too_many || !(norm[l] <= 1.0)) s->t_failed[b->sample[l % b->live]] = b->t;
+    return LOST;
+  }
+  if (!(e <= 1.0)) {
+    const double factor = e < 1e300 ? 0.9 * exp(-1.0 / 8.0 * size) : 0.1;
+    b->h *= factor > 0.2 ? factor : 0.2;
+    b->before = least;
+    return REJECTED;
+  }
+  /* A controller with memory keeps the step from swinging. */
+  const double factor = 0.9 * exp((-1.0 / 8.0 + 0.2 * 0.04) * size + 0.04 * b->before);
+  b->h_next = b->h * (factor > 6.0 ? 6.0 : factor < 0.333 ? 0.333 : factor);
+  b->before = size > least ? size : least;
+  return ACCEPTED;
+}
+
+/* The block to its end, or until samples fail: 0. */
+static int run(Block *b, Study *s) {
+  const double end = s->times[s->n_t - 1], shortest = 1e-14 * (end - s->times[0]);
+  while (b->next < s->n_t) {
+    if (!(b->h > shortest)) b->h = shortest;
+    b->t_new = b->t + b->h;
+    if (b->t_new >= end) {
+      b->t_new = end;
+      b->h = end - b->t;
+    }
+    stages(b);
+    const int verdict = judge(b, s, shortest);
+    if (verdict == LOST) return 0;
+    if (verdict == REJECTED) continue;
+    rates(b->x_new, b->c, zero() + b->t_new, b->k + 12 * N_X);
+    if (s->times[b->next] <= b->t_new) {
+      interpolant(b);
+      if (!sample(b, s)) return 0;
+    }
+    /* The slope before the projection serves the next step: it is as far off as the error of this one. */
+    memcpy(b->k, b->k + 12 * N_X, sizeof b->x);
+#if PROJECTED
+    project(b->x_new, b->c, zero() + b->t_new, b->x);
+#else
+    memcpy(b->x, b->x_new, sizeof b->x);
+#endif
+    b->t = b->t_new;
+    b->h = b->h_next;
+  }
+  return 1;
+}
+
+/* What one thread does: blocks until none is left. Values go to s->Y, or extremes to lower and upper (n_t, N_Y), where
+   they join those of earlier blocks. 0 if there is not enough memory. */
+int work(Study *s, double *restrict lower, double *restrict upper) {
+  const long n = s->Y ? 0 : s->n_t * N_Y;
+  Block *b = aligned_alloc(sizeof(V), sizeof(Block));
+  double *part = malloc((2 * n + 1) * sizeof(double));
+  const int enough = b && part;
+  while (enough && (b->number = __atomic_fetch_add(&s->dealt, 1, __ATOMIC_RELAXED)) * W < s->n) {
+    b->lower = part;
+    b->upper = part + n;
+    int found;
+    while ((found = begin(b, s)) && !run(b, s)) {}
+    for (long i = 0; found && i < n; ++i) {
+      lower[i] = b->lower[i] < lower[i] ? b->lower[i] : lower[i];
+      upper[i] = b->upper[i] > upper[i] ? b->upper[i] : upper[i];
+    }
+  }
+  free(b);
+  free(part);
+  return enough;
 }
 
 const int width = W;
