@@ -19,12 +19,12 @@ FailedRuns = tuple[tuple[int, float, str], ...]
 def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
     """Smallest and largest values (n_t, n_y) over the runs that did not fail; inf and -inf without any."""
     shape = len(simulator.times), len(simulator.outputs)
-    return Reduction(partial(_no_extremes, shape), _update_extremes, _merge_extremes)
+    return Reduction(partial(_no_extremes, shape), _update_extremes, _merge_extremes, trajectories=False)
 
 
 def failures() -> Reduction[FailedRuns]:
     """The failed runs."""
-    return Reduction(tuple, _update_failures, _merge_failures)
+    return Reduction(tuple, _update_failures, _merge_failures, trajectories=False)
 
 
 def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
@@ -40,6 +40,7 @@ def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
         partial(_init_together, reductions),
         partial(_update_together, reductions),
         partial(_merge_together, reductions),
+        trajectories=any(reduction.trajectories for reduction in reductions),
     )
 
 

@@ -30,7 +30,7 @@ _FORMS = {
     ca.OP_AND: "truth(({0} != 0.0) & ({1} != 0.0))",
     ca.OP_OR: "truth(({0} != 0.0) | ({1} != 0.0))",
     ca.OP_IF_ELSE_ZERO: "choose({0} != 0.0, {1}, zero())",
-    ca.OP_FABS: "v_fabs(zero() + {0})",
+    ca.OP_FABS: "v_fabs(each({0}))",
     ca.OP_SIGN: "truth({0} > 0.0) - truth({0} < 0.0)",
     ca.OP_FMIN: "choose(({0} < {1}) | ({1} != {1}), {0}, {1})",
     ca.OP_FMAX: "choose(({0} > {1}) | ({1} != {1}), {0}, {1})",
@@ -43,6 +43,8 @@ _CALLS = {
     ).split()
 }
 _CALLS[ca.OP_CONSTPOW] = "v_pow"
+_MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
+"""Operations that join masks: those of plain numbers are no lanes of bits."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 """Sine and cosine of an angle cost little more together than one of them."""
 
@@ -137,13 +139,13 @@ class Emitter:
                 elif k < twin:
                     sine, cosine = (k, twin) if nodes[k].operation == ca.OP_SIN else (twin, k)
                     lines.append(f"  V v{sine}, v{cosine};")
-                    lines.append(f"  v_sincos(zero() + {operands[0]}, &v{sine}, &v{cosine});")
+                    lines.append(f"  v_sincos(each({operands[0]}), &v{sine}, &v{cosine});")
                 if k in carried:
                     lines.append(f"  w[{carried[k]}] = v{k};")
                 lines += [f"  {out}[{i}] = v{k};" for i in written.get(k, ())]
             if here == n_chunks - 1:
                 lines += [
-                    f"  {out}[{i}] = zero() + {text(k, here)};" for k in written if k not in chunk for i in written[k]
+                    f"  {out}[{i}] = each({text(k, here)});" for k in written if k not in chunk for i in written[k]
                 ]
             pieces.append(
                 f"static NOINLINE void {name}_{here}({arguments}, V *restrict w, V *restrict {out}) {{\n"
@@ -161,12 +163,13 @@ class Emitter:
             base = arguments[0]
             return {-2.0: f"1.0 / ({base} * {base})", -1.0: f"1.0 / {base}", 3.0: f"{base} * {base} * {base}",
                     4.0: f"({base} * {base}) * ({base} * {base})"}[power.constant]  # fmt: skip
-        if all(self._graph.nodes[a].operation == CONSTANT for a in node.arguments):
-            arguments = [f"(zero() + {a})" for a in arguments]
+        constant = [self._graph.nodes[a].operation == CONSTANT for a in node.arguments]
+        if all(constant) or (any(constant) and node.operation in _MASKS):
+            arguments = [f"each({a})" for a in arguments]
         if node.operation in _FORMS:
             return _FORMS[node.operation].format(*arguments)
         if node.operation in _CALLS:
-            return f"{_CALLS[node.operation]}({', '.join(f'zero() + {a}' for a in arguments)})"
+            return f"{_CALLS[node.operation]}({', '.join(f'each({a})' for a in arguments)})"
         raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
 
 

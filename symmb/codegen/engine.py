@@ -51,6 +51,8 @@ class Engine:
     x, p, t : SX symbols                state, parameters, time
     times : (n_t,) array                [s]
     rtol, atol : float                  of each step
+    start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
+        without it runs are given their starts
     """
 
     def __init__(
@@ -64,12 +66,14 @@ class Engine:
         times: Array,
         rtol: float,
         atol: float,
+        start: tuple[ca.SX, ca.SX] | None = None,
     ) -> None:
-        f = model_function(x, p, t, rates, outputs, projected)
+        f = model_function(x, p, t, rates, outputs, projected, start)
+        self.starts = start is not None
         self.n_x, self.n_p, self.n_y = x.numel(), p.numel(), outputs.numel()
         self.times, self.rtol, self.atol = times, rtol, atol
         self._times = np.ascontiguousarray(times, dtype=float)
-        self.source = _source(f, self.n_x, self.n_p, self.n_y, projected is not None)
+        self.source = _source(f)
         self._open()
 
     def _open(self) -> None:
@@ -84,14 +88,14 @@ class Engine:
         self._open()
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Losses]:
-        """Outputs of N samples, x0 (N, n_x), p (N, n_p).
+        """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine starts by itself.
 
         Returns
         -------
         (N, n_t, n_y) array        nan from the time on at which a sample stopped
         Losses
         """
-        Y = np.full((len(x0), len(self.times), self.n_y), np.nan)
+        Y = np.full((len(p), len(self.times), self.n_y), np.nan)
         return Y, self._run(x0, p, Y, [None] * threads)
 
     def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, Losses]:
@@ -104,43 +108,76 @@ class Engine:
 
     def _run(self, x0: Array, p: Array, Y: Array | None, found: list[Array | None]) -> Losses:
         """Blocks of W samples, fixed by sample index, dealt to threads; values go to Y, or each thread's extremes."""
-        N = len(x0)
+        N = len(p)
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
         losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=bool))
         study = _Study(
-            *(a.ctypes.data for a in (x0, p, self._times)), N, len(self._times), self.rtol, self.atol, MOST_STEPS, 0,
-            losses.t_failed.ctypes.data, losses.irregular.ctypes.data, None if Y is None else Y.ctypes.data,
-        )  # fmt: skip
+            x0.ctypes.data,
+            p.ctypes.data,
+            self._times.ctypes.data,
+            N,
+            len(self._times),
+            self.rtol,
+            self.atol,
+            MOST_STEPS,
+            0,
+            losses.t_failed.ctypes.data,
+            losses.irregular.ctypes.data,
+            None if Y is None else Y.ctypes.data,
+        )
 
         def work(part: Array | None) -> bool:
             lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
             return bool(self._library.work(ctypes.byref(study), ctypes.c_void_p(lower), ctypes.c_void_p(upper)))
 
-        useful = found[: max(1, -(-N // self.width))]
-        if len(useful) == 1:
-            enough = [work(useful[0])]
+        own, *others = found[: max(1, -(-N // self.width))]
+        if others:
+            with ThreadPoolExecutor(len(others)) as pool:
+                running = [pool.submit(work, part) for part in others]
+                enough = [work(own), *(run.result() for run in running)]
         else:
-            with ThreadPoolExecutor(len(useful)) as pool:
-                enough = list(pool.map(work, useful))
+            enough = [work(own)]
         if not all(enough):
             raise MemoryError("not enough memory for the compiled engine")
         return losses
 
 
-def model_function(x: ca.SX, p: ca.SX, t: ca.SX, rates: ca.SX, outputs: ca.SX, projected: ca.SX | None) -> ca.Function:
-    """(x, p, t) -> rates, outputs and, where there are constraints, x on them."""
-    wanted = (rates, outputs) if projected is None else (rates, outputs, projected)
-    return ca.Function("f", [x, p, t], [ca.densify(e) for e in wanted])
+def model_function(
+    x: ca.SX,
+    p: ca.SX,
+    t: ca.SX,
+    rates: ca.SX,
+    outputs: ca.SX,
+    projected: ca.SX | None,
+    start: tuple[ca.SX, ca.SX] | None = None,
+) -> ca.Function:
+    """(x, p, t) -> rates, outputs and, as far as given, project, newton and start."""
+    parts = {"rates": rates, "outputs": outputs}
+    if projected is not None:
+        parts["project"] = projected
+    if start is not None:
+        parts["newton"], parts["start"] = start
+    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
 
 
-def _source(f: ca.Function, n_x: int, n_p: int, n_y: int, projected: bool) -> str:
+def _source(f: ca.Function) -> str:
     graph = graph_of(f)
     emitter = Emitter(graph)
-    for name, nodes in zip(("rates", "outputs", "project"), graph.outputs, strict=False):
-        emitter.function(name, nodes)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    for name, values in nodes.items():
+        emitter.function(name, values)
     model, n_c = emitter.source()
-    used = emitter.used(graph.outputs[1])
-    sizes = {"N_X": n_x, "N_P": n_p, "N_C": n_c, "N_Y": n_y, "N_USED": len(used), "PROJECTED": int(projected)}
+    used = emitter.used(nodes["outputs"])
+    sizes = {
+        "N_X": f.numel_in(0),
+        "N_P": f.numel_in(1),
+        "N_C": n_c,
+        "N_Y": len(nodes["outputs"]),
+        "N_USED": len(used),
+        "PROJECTED": int("project" in nodes),
+        "STARTED": int("start" in nodes),
+        "N_U": len(nodes.get("newton", ())),
+    }
     return "\n".join(
         [
             (_HEADERS / "lanes.h").read_text(encoding="utf-8"),
@@ -184,7 +221,7 @@ def _pair() -> str:
 def _stage(s: int) -> list[str]:
     return [
         f"  for (int i = 0; i < N_X; ++i) b->x_at[i] = b->x[i] + b->h * ({_sum(dop853.A[s])});",
-        f"  rates(b->x_at, b->c, zero() + (b->t + {dop853.C[s]!r} * b->h), k + {s} * N_X);",
+        f"  rates(b->x_at, b->c, each(b->t + {dop853.C[s]!r} * b->h), k + {s} * N_X);",
     ]
 
 

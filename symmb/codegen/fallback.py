@@ -26,6 +26,7 @@ class ArrayEngine:
     """
 
     width = WIDTH
+    starts = False
 
     def __init__(
         self,

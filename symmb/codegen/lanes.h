@@ -14,8 +14,14 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 
 static inline V zero(void) { return (V){0}; }
 static inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
-#define choose(mask, a, b) blend((M)(mask), zero() + (a), zero() + (b))
-#define truth(mask) blend((M)(mask), zero() + 1.0, zero())
+#define each(a) ((a) - zero()) /* a number in each lane; unlike by adding 0, -0 stays, and compilers see that lanes do */
+#define choose(mask, a, b) blend((M)(mask), each(a), each(b))
+#define truth(mask) blend((M)(mask), each(1.0), zero())
+static inline int none(M mask) {
+  long long any = 0;
+  for (int l = 0; l < W; ++l) any |= mask[l];
+  return !any;
+}
 static inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 
 /* Elementary functions: the vector ones of the C library where it has them, lane by lane where not. */

@@ -1,15 +1,15 @@
 /* The step loop of an embedded explicit pair with dense output: blocks of W samples that share their steps.
 
-   Given before: lanes.h; N_X, N_P, N_C, N_Y, N_USED, PROJECTED; the states used[] that outputs need; prepare(p, c),
-   rates(x, c, t, dx), outputs(x, c, t, y) and, if PROJECTED, project(x, c, t, x_new). Given after: the functions of the
-   pair, declared below. */
+   Given before: lanes.h; N_X, N_P, N_C, N_Y, N_USED, PROJECTED, STARTED; the states used[] that outputs need;
+   prepare(p, c), rates(x, c, t, dx), outputs(x, c, t, y); if PROJECTED, project(x, c, t, x_new); if STARTED, N_U,
+   newton(u, c, t, du) and start(u, c, t, x). Given after: the functions of the pair, declared below. */
 
 #include <stdlib.h>
 
 enum { CHUNK = N_X > 64 ? 4 : 16 };
 #define SIZE(n) ((n) > 0 ? (n) : 1)
 
-/* A study: n samples, rows of x0 (n, N_X) and p (n, N_P), at n_t times. */
+/* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
 typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
@@ -70,7 +70,7 @@ static double first_step(Block *b, const Study *s) {
   double h0 = n0 < 1e-5 || n1 < 1e-5 ? 1e-6 : 0.01 * n0 / n1;
   h0 = h0 < span ? h0 : span;
   for (int i = 0; i < N_X; ++i) x1[i] = b->x[i] + h0 * b->k[i];
-  rates(x1, b->c, zero() + (b->t + h0), k1);
+  rates(x1, b->c, each(b->t + h0), k1);
   for (int i = 0; i < N_X; ++i) {
     V d = (k1[i] - b->k[i]) / (s->atol + s->rtol * v_fabs(b->x[i]));
     d2 += d * d;
@@ -149,37 +149,62 @@ static int keep(Block *b, Study *s, long first, long n) {
   return finite;
 }
 
+#if STARTED
+/* The state at the first time: Newton from u = 0, in each lane until its own step is small: convergence is quadratic,
+   and a step below 1e-9 leaves an error at rounding level. NaN where it does not converge. */
+static void assemble(Block *b) {
+  V u[SIZE(N_X)] = {zero()}, du[SIZE(N_U)];
+  M active = (M)zero() == 0;
+  for (int n = 0; n < 30 && N_U > 0 && !none(active); ++n) {
+    V step = zero(), size = each(1e-3);
+    newton(u, b->c, each(b->t), du);
+    for (int i = 0; i < N_U; ++i) {
+      u[i] -= blend(active, du[i], zero());
+      step = v_larger(v_fabs(du[i]), step);
+      size = v_larger(v_fabs(u[i]), size);
+    }
+    active &= (M)(step > 1e-9 * size);
+  }
+  start(u, b->c, each(b->t), b->x);
+  for (int i = 0; N_U > 0 && i < N_X; ++i) b->x[i] = blend(active, each(NAN), b->x[i]);
+}
+#endif
+
 /* The samples of a block that did not fail, at the first time; lanes without a sample repeat one that has, and do not
    change the common step. 0 if there are none. */
 static int begin(Block *b, Study *s) {
   V p[SIZE(N_P)];
+  b->t = s->times[0];
+  b->next = 1;
+  b->steps = 0;
+  b->before = log(1e-4);
   for (;;) {
     b->live = 0;
-    for (long i = b->number * W; i < b->number * W + W && i < s->n; ++i) {
-      double sum = 0.0;
-      for (int j = 0; j < N_X; ++j) sum += s->x0[i * N_X + j] * 0.0;
-      if (sum != 0.0) s->t_failed[i] = s->times[0];
+    for (long i = b->number * W; i < b->number * W + W && i < s->n; ++i)
       if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
-    }
     if (!b->live) return 0;
-    for (long l = 0; l < W; ++l) {
-      const long i = b->sample[l % b->live];
-      for (int j = 0; j < N_X; ++j) b->x[j][l] = s->x0[i * N_X + j];
-      for (int j = 0; j < N_P; ++j) p[j][l] = s->p[i * N_P + j];
-    }
-    b->t = s->times[0];
-    b->next = 1;
-    b->steps = 0;
-    b->before = log(1e-4);
+    for (long l = 0; l < W; ++l)
+      for (int j = 0; j < N_P; ++j) p[j][l] = s->p[b->sample[l % b->live] * N_P + j];
     prepare(p, b->c);
+#if STARTED
+    assemble(b);
+#else
+    for (long l = 0; l < W; ++l)
+      for (int j = 0; j < N_X; ++j) b->x[j][l] = s->x0[b->sample[l % b->live] * N_X + j];
+#endif
+    V sum = zero();
+    for (int j = 0; j < N_X; ++j) sum += b->x[j] * 0.0;
+    for (long l = 0; l < b->live; ++l)
+      if (sum[l] != 0.0) s->t_failed[b->sample[l]] = b->t;
+    if (worst(sum) != 0.0) continue;
 #if PROJECTED
-    project(b->x, b->c, zero() + b->t, b->x_new);
+    project(b->x, b->c, each(b->t), b->x_new);
     memcpy(b->x, b->x_new, sizeof b->x);
 #endif
-    outputs(b->x, b->c, zero() + b->t, b->y);
+    outputs(b->x, b->c, each(b->t), b->y);
     if (!keep(b, s, 0, 1)) continue;
     if (s->n_t == 1) return 1;
-    rates(b->x, b->c, zero() + b->t, b->k);
+    rates(b->x, b->c, each(b->t), b->k);
     b->h = first_step(b, s);
     return 1;
   }
@@ -201,7 +226,7 @@ static int sample(Block *b, Study *s) {
       }
     }
     for (long j = 0; j < n; ++j)
-      outputs(b->x_at + j * N_X, b->c, zero() + s->times[b->next + j], b->y + j * N_Y);
+      outputs(b->x_at + j * N_X, b->c, each(s->times[b->next + j]), b->y + j * N_Y);
     b->next += n;
     if (!keep(b, s, b->next - n, n)) return 0;
   }
@@ -245,7 +270,7 @@ static int run(Block *b, Study *s) {
     const int verdict = judge(b, s, shortest);
     if (verdict == LOST) return 0;
     if (verdict == REJECTED) continue;
-    rates(b->x_new, b->c, zero() + b->t_new, b->k + 12 * N_X);
+    rates(b->x_new, b->c, each(b->t_new), b->k + 12 * N_X);
     if (s->times[b->next] <= b->t_new) {
       interpolant(b);
       if (!sample(b, s)) return 0;
@@ -253,7 +278,7 @@ static int run(Block *b, Study *s) {
     /* The slope before the projection serves the next step: it is as far off as the error of this one. */
     memcpy(b->k, b->k + 12 * N_X, sizeof b->x);
 #if PROJECTED
-    project(b->x_new, b->c, zero() + b->t_new, b->x);
+    project(b->x_new, b->c, each(b->t_new), b->x);
 #else
     memcpy(b->x, b->x_new, sizeof b->x);
 #endif

@@ -31,7 +31,8 @@ S = TypeVar("S")
 
 IRREGULAR = "an output is not finite"
 COMPILED_BLOCK = 1024
-"""Samples a block for the engine: enough for its lanes on many cores, while only extremes are kept."""
+"""Samples a block for the engine: enough for its lanes on many cores. Small models whose trajectories nobody looks at
+take up to 8 times as many, so that the blocks last much longer than threads take to start."""
 
 _LOCK = RLock()  # CasADi's reference counts are not atomic: Python threads take turns, its own threads do the work
 
@@ -104,9 +105,9 @@ class DAESimulator:
         """Run samples P (N, d); a sample that breaks down is nan from there on."""
         with _LOCK:
             P = np.ascontiguousarray(P, dtype=float)
-            x0, reasons = self.start.states(P)
             if self.compiled:
-                return CompiledEnsemble(self, self.engine(), x0, P, reasons)
+                return CompiledEnsemble(self, self.engine(), P)
+            x0, reasons = self.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
             return _ensemble(self, self._evaluate(self.y, runs, P), runs, P)
@@ -115,14 +116,18 @@ class DAESimulator:
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples block by block and keep only what the reduction keeps."""
-        block = COMPILED_BLOCK if self.compiled else BLOCK
+        block = BLOCK
+        if self.compiled:
+            block = COMPILED_BLOCK * (1 if reduction.trajectories else max(1, min(8, 100 // self.y.numel_in(0))))
         return stream(self, P, reduction, executor, progress, block)
 
     def engine(self, order: int = 0) -> AnyEngine:
         """The outputs, or their Taylor coefficients up to `order`, in compiled lanes; made when first asked for."""
         if order not in self._engines and isinstance(self.solver, DormandPrince):
             y = _jet_outputs(self.y, self.y.numel_in(0), len(self.parameters), order) if order else self.y
-            self._engines[order] = self.solver.engine(self.dae, self.times, y, order=order)
+            self._engines[order] = self.solver.engine(
+                self.dae, self.times, y, order=order, start=None if order else self.start
+            )
         return self._engines[order]
 
     def _evaluate(self, f: ca.Function, runs: list[Run], P: Array) -> Array:
@@ -232,8 +237,9 @@ def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Seque
 class CompiledEnsemble:
     """An Ensemble from the engine: only what is asked for, trajectories or extremes, is computed."""
 
-    def __init__(self, simulator: DAESimulator, engine: AnyEngine, x0: Array, P: Array, reasons: Sequence[str]) -> None:
-        self._simulator, self._engine, self._x0, self._P, self._reasons = simulator, engine, x0, P, reasons
+    def __init__(self, simulator: DAESimulator, engine: AnyEngine, P: Array) -> None:
+        self._simulator, self._engine, self._P = simulator, engine, P
+        self._x0 = np.empty((len(P), 0)) if engine.starts else simulator.start.states(P)[0]
         self._losses: Losses | None = None
 
     @property
@@ -271,8 +277,11 @@ class CompiledEnsemble:
     @property
     def messages(self) -> tuple[str, ...]:
         """One text for each failed sample, in order."""
-        lost = self._lost().irregular
-        reasons = [
-            why or (IRREGULAR if bad else STOPPED) for why, bad in zip(self._reasons, lost.tolist(), strict=True)
-        ]
-        return _messages(self._simulator, self._P, self.t_failed, reasons)
+        lost = self._lost()
+        reasons = np.where(lost.irregular, IRREGULAR, STOPPED).astype(object)
+        at_once = np.flatnonzero(self.t_failed == self._simulator.times[0])
+        with _LOCK:
+            told = self._simulator.start.states(self._P[at_once])[1] if at_once.size else ()
+        for k, why in zip(at_once.tolist(), told, strict=True):
+            reasons[k] = why or reasons[k]
+        return _messages(self._simulator, self._P, self.t_failed, reasons.tolist())

@@ -74,11 +74,13 @@ class Reduction(Generic[S]):
     init : () -> state of no samples
     update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
     merge : (state, state) -> state of both, the first one with the lower sample numbers
+    trajectories : whether ``update`` looks at ``block.Y``; without, blocks may be larger
     """
 
     init: Callable[[], S]
     update: Callable[[S, Samples, Indices], S]
     merge: Callable[[S, S], S]
+    trajectories: bool = True
 
 
 class Simulator(Protocol):

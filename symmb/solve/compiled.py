@@ -16,8 +16,12 @@ from symmb.solve._integration import Integration, Run
 from symmb.solve._problem import build_problem
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.stabilization import Projection, Stabilization
+from symmb.solve.start import Start
 
 AnyEngine = Engine | ArrayEngine
+
+_SMALL = 100
+"""States up to which starts are compiled: beyond, runs take much longer than starts, and compilers too."""
 
 STOPPED = "the step became too short, or the state infinite or NaN"
 """What a lane that was lost says."""
@@ -45,10 +49,20 @@ class DormandPrince(Solver):
     atol: float | None = None
     stabilization: Stabilization = field(default_factory=Projection)
 
-    def engine(self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False) -> AnyEngine:
+    def engine(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+    ) -> AnyEngine:
         """The runs, compiled if possible; y (x, p, t) are the outputs, followed by the work done if asked for.
 
-        With an order, x and p are those of the Taylor coefficients, see `Problem.jets`.
+        With an order, x and p are those of the Taylor coefficients, see `Problem.jets`. With a start, compiled runs of
+        scenes that are not large begin there by themselves; without, all are given their states.
         """
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, projections=1).jets(order)
         outputs = y(problem.x, problem.p, problem.t)
@@ -59,8 +73,7 @@ class DormandPrince(Solver):
         def at(expression: ca.SX) -> ca.SX:
             return ca.substitute(expression, problem.x, x[:n_x])
 
-        kind = Engine if has_compiler() else ArrayEngine
-        return kind(
+        parts = (
             x,
             problem.p,
             problem.t,
@@ -71,6 +84,9 @@ class DormandPrince(Solver):
             self.rtol,
             self.rtol / 100 if self.atol is None else self.atol,
         )
+        if not has_compiler():
+            return ArrayEngine(*parts)
+        return Engine(*parts, start.equations(x, problem.p) if start is not None and n_x <= _SMALL else None)
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         n_x = (dae.n_q + dae.n_v + dae.n_s) * (order + 1)

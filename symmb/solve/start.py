@@ -5,8 +5,10 @@ At the nominal parameters the coordinates that are not listed start from their g
 solves for the same ones from the nominal solution. Velocities are linear: dependent ones follow by minimum norm.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import casadi as ca
 import numpy as np
@@ -20,6 +22,10 @@ from symmb.solve._implicit import ImplicitMap
 from symmb.solve._rank import independent
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jet_function
+from symmb.symbolic.linear import saddle_solver, symmetric_solver
+
+_CONTRADICTION = 1e-7
+"""Violation of rows at the start that counts, as a share of the largest coordinate or velocity, or of 1."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +99,42 @@ class Start:
         for f in (self.dae.Phi, self.dae.Phi_dot):
             if f is not None:
                 r = np.abs(batch(f, *arguments, P, np.array([self.t0]))[0]).max(axis=1)
-                bad = bad | ~(r <= 1e-7 * max(1.0, float(np.abs(x[np.isfinite(x)]).max(initial=0.0))))
+                bad = bad | ~(r <= _CONTRADICTION * np.abs(x).max(axis=1, initial=1.0))
         return bad
+
+    def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """What `states` does, for generated code.
+
+        Parameters
+        ----------
+        x : (n_x,) SX          whose first entries are the unknowns u
+        p : (n_p,) SX
+
+        Returns
+        -------
+        (n_u,) SX              Newton's step of u
+        (n_x,) SX              state of the solution u, nan if it violates rows or parameters have impossible values
+        """
+        u = x[: self.place.numel_in(0)]
+        newton = ca.SX(0, 1)
+        if self.position is not None:
+            J = self.position.jacobian(u, p)
+            n = J.shape[0]
+            newton, _ = saddle_solver(ca.SX.eye(n), J, [1] * n)(ca.SX(n, 1), self.position.residual(u, p))
+        q = self.place(u, p)
+        v = self.listed_v(p)
+        if self.velocity is not None and self.spread is not None:
+            w, zero = ca.vertcat(q, p), ca.SX(self.velocity.residual.numel_in(0), 1)
+            mu = symmetric_solver(self.velocity.jacobian(zero, w))(self.velocity.residual(zero, w))
+            v = self.spread(-mu, w)
+        s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
+        state = ca.densify(ca.vertcat(q, v, *s))
+        arguments = self.dae.arguments(state, p, ca.SX(self.t0))
+        rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
+        limit = _CONTRADICTION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state)), ca.SX(1))
+        tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
+        good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
+        return newton, state + ca.if_else(good, 0, math.nan)
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
         """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at parameters p (n_p,)."""

@@ -25,6 +25,13 @@ def invert_blocks(M: ca.SX, sizes: Sequence[int]) -> ca.SX | None:
     return ca.diagcat(*blocks)
 
 
+def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of S z = r for a positive definite S (n, n), sparse, by LDL' with a fill-reducing order."""
+    # One triangle stands for both: an entry that cancels to 0 in one may be a rounding error in the other.
+    D, L, order = ca.ldl(ca.triu2symm(ca.triu(ca.sparsify(S))), True)
+    return lambda r: ca.densify(ca.ldl_solve(ca.densify(r), D, L, order))
+
+
 def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
@@ -53,11 +60,10 @@ def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, 
     if n_c == 0:
         return lambda f, g: (inverse @ f, ca.SX(0, 1))
     W = ca.sparsify(G @ inverse)
-    # One triangle stands for both: an entry that cancels to 0 in one may be a rounding error in the other.
-    D, L, order = ca.ldl(ca.triu2symm(ca.triu(ca.sparsify(W @ G.T))), True)
+    multipliers = symmetric_solver(W @ G.T)
 
     def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
-        lam = ca.densify(ca.ldl_solve(ca.densify(W @ f - g), D, L, order))
+        lam = multipliers(W @ f - g)
         return inverse @ f - W.T @ lam, lam
 
     return solve

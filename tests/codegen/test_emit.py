@@ -37,6 +37,9 @@ BINARY = {
     "fmin": ca.fmin, "fmax": ca.fmax, "lt": lambda a, b: a < b, "le": lambda a, b: a <= b, "eq": lambda a, b: a == b,
     "ne": lambda a, b: a != b, "and": lambda a, b: ca.logic_and(a > 1, b > 1),
     "or": lambda a, b: ca.logic_or(a > 1, b > 1),
+    "and a number": lambda a, b: ca.logic_and(a > 1, 1) + 2 * ca.logic_and(0, b > 1) + ca.logic_or(0, b > 1),
+    "least with a number": lambda a, b: ca.fmin(a, 1) + 10 * ca.fmax(1, b) + 100 * ca.fmax(2, a - b),
+    "sign of -0": lambda a, b: ca.copysign(a, -0.0 * b),
     "if_else": lambda a, b: ca.if_else(a > b, a, -b), "hypot": ca.hypot, "remainder": ca.remainder,
 }  # fmt: skip
 

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 import symmb as mb
+from models import cubic
 from symmb.codegen.engine import Engine
 from symmb.simulate import Reduction
 
@@ -114,3 +115,24 @@ def test_it_pickles_and_streams():
     assert_array_equal(copy.run(P).Y, simulator.run(P).Y)
     gathered = simulator.stream(P, Reduction(list, lambda s, block, i: [*s, (i, block.extremes())], lambda a, b: a + b))
     assert len(gathered) == 1 and len(gathered[0][0]) == 11
+
+
+MOVING = [model for model in ALL_MODELS if model is not cubic]  # which has no states
+
+
+@pytest.mark.parametrize("model", MOVING, ids=lambda m: getattr(m, "__name__", str(m)))
+def test_compiled_lanes_start_where_newton_s_method_says(model):
+    scene = model.scene() if hasattr(model, "scene") else model()
+    simulator = mb.DAESimulator(scene.with_times(scene.times[:1]))
+    engine = simulator.engine()
+    if not engine.starts:
+        assert simulator.dae.n_v > 50
+        return
+    nominal = np.array(list(simulator.parameters.values()))
+    P = nominal * np.random.default_rng(0).uniform(0.97, 1.03, (11, len(nominal)))
+    x, reasons = simulator.start.states(P)
+    Y, losses = engine.values(np.empty((11, 0)), P)
+    assert_array_equal(np.isnan(losses.t_failed), [not why for why in reasons])
+    good = np.isnan(losses.t_failed)
+    expected = simulator.y.map(int(good.sum()))(x[good].T, P[good].T, simulator.times[0]).full().T
+    assert_allclose(Y[good, 0], expected, rtol=1e-12, atol=1e-12 * max(1.0, np.abs(expected).max()))
