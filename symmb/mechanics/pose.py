@@ -53,7 +53,7 @@ class Pose(ABC):
 
     @abstractmethod
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """q moved by the small displacement delta (n_v,), in the sense of velocity times time."""
+        """q moved by the small displacement delta (n_v,), in the sense of velocity times time; quaternions of norm 1."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"
@@ -103,7 +103,8 @@ class Spatial(Pose):
         return Frame(q, v, rate, q[:3], rotation_matrix(q[3:]), S, records)
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        return ca.vertcat(q[:3] + delta[:3], product(q[3:], rotation_by(delta[3:])))
+        e = product(q[3:], rotation_by(delta[3:]))
+        return ca.vertcat(q[:3] + delta[:3], e / ca.sqrt(ca.sumsqr(e)))
 
 
 class Particle(Pose):

@@ -13,7 +13,10 @@ _PROJECTION_STEPS = 3  # Newton is quadratic: enough from the drift of a whole o
 
 @dataclass(frozen=True)
 class Problem:
-    """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along, `projected` is x on the constraints."""
+    """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along.
+
+    `projected` is x on the constraints as far as it is to be moved there, and with quaternions of norm 1.
+    """
 
     x: ca.SX
     z: ca.SX
@@ -54,7 +57,13 @@ class Problem:
 
 
 def build_problem(
-    dae: DAE, stabilization: Stabilization, *, algebraic: bool, work: bool, projections: int = _PROJECTION_STEPS
+    dae: DAE,
+    stabilization: Stabilization,
+    *,
+    algebraic: bool,
+    work: bool,
+    one_step: bool = False,
+    projections: int = _PROJECTION_STEPS,
 ) -> Problem:
     """The index-reduced DAE.
 
@@ -64,6 +73,7 @@ def build_problem(
     stabilization : None, Baumgarte or Projection
     algebraic : bool         keep the multipliers as algebraic variables (index 1) in place of eliminating them
     work : bool              integrate the power of forces without potential along
+    one_step : bool          quaternions may be set to norm 1 between steps, which would break a history
     projections : int        Newton steps of a projection
     """
     x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
@@ -89,6 +99,10 @@ def build_problem(
             # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
             vdot, lam = ca.solve(M, dae.Q(*at) - G.T @ z), z
             alg = G @ vdot - right
+    if isinstance(stabilization, Projection):
+        projected = _project(dae, x, p, time, projections)
+    else:
+        projected = _normalized(dae, x) if one_step else None
     power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
     return Problem(
         x=x,
@@ -99,14 +113,20 @@ def build_problem(
         alg=ca.densify(alg),
         quad=power,
         z_guess=guess,
-        projected=_project(dae, x, p, time, projections) if isinstance(stabilization, Projection) and dae.n_r else None,
+        projected=projected,
     )
+
+
+def _normalized(dae: DAE, x: ca.SX) -> ca.SX | None:
+    """The state with quaternions of norm 1; None if there are none."""
+    moved = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    return None if ca.is_equal(moved, x, 1) else moved
 
 
 def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
     """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
     if dae.shift is None or dae.Phi_dot is None:
-        return None
+        return _normalized(dae, x)
     state = ca.SX.sym("x", x.numel())
     at = dae.arguments(state, p, time)
     q, v = at[0], at[1]
@@ -116,7 +136,7 @@ def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.
     if dae.Phi is not None:
         moved = dae.retract(q, dae.shift(*at, -ca.vertcat(dae.Phi(*at), free)))
         step = ca.Function("step", [state, p, time], [ca.vertcat(moved, v, rest)])
-    corrected = ca.vertcat(q, v + dae.shift(*at, -dae.Phi_dot(*at)), rest)
+    corrected = ca.vertcat(dae.retract(q, ca.SX.zeros(dae.n_v)), v + dae.shift(*at, -dae.Phi_dot(*at)), rest)
     velocities = ca.Function("velocities", [state, p, time], [corrected])
     if step is not None:
         for _ in range(projections):

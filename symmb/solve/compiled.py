@@ -64,7 +64,7 @@ class DormandPrince(Solver):
         With an order, x and p are those of the Taylor coefficients, see `Problem.jets`. With a start, compiled runs of
         scenes that are not large begin there by themselves; without, all are given their states.
         """
-        problem = build_problem(dae, self.stabilization, algebraic=False, work=work, projections=1).jets(order)
+        problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=1).jets(order)
         outputs = y(problem.x, problem.p, problem.t)
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # what is integrated along is a state like others

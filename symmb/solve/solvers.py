@@ -131,7 +131,9 @@ class _OneStep(Solver):
         """The compiled step."""
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
+        problem = build_problem(
+            dae, self.stabilization, algebraic=self.algebraic, work=work, one_step=True
+        ).jets(order)
         length = float(times[-1] - times[0]) / self.steps
         return fixed_step_integration(self.advance(problem), times, length, projection(problem))
 

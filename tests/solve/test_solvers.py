@@ -119,3 +119,21 @@ def test_options_that_make_no_sense_are_told(make, text):
 
 def test_the_ends_of_what_an_option_may_be_are_legal():
     assert (mb.GeneralizedAlpha(rho=0.0).rho, mb.GeneralizedAlpha(rho=1.0).rho, mb.HHT(alpha=0.0).alpha) == (0, 1, 0)
+
+
+@pytest.mark.parametrize("stabilization", [None, mb.Baumgarte(1.0, 1.0), mb.Projection()])
+def test_one_step_solvers_keep_the_norm_of_quaternions(stabilization):
+    """A tumbling free body and one on a ball joint, long enough for a norm that nobody keeps to drift by 1e-4."""
+    free = mb.Body("free", 1.0, (1.0, 2.0, 3.0), pose=mb.Spatial())
+    held = mb.Body("held", 1.0, (1.0, 2.0, 3.0), pose=mb.Spatial())
+    system = mb.System(free, held, mb.Spherical("ball", mb.Ground().point(0, 0, 0), held.point(0, 0, 0)))
+    start = {"free.omega": (0.1, 5.0, 0.1), "held.omega": (0.1, 5.0, 0.1)}
+    scene = mb.Scene(system, start, np.linspace(0, 300, 31))
+    for solver in (
+        mb.DormandPrince(rtol=1e-5, stabilization=stabilization),
+        mb.RungeKutta(steps=6000, stabilization=stabilization),
+    ):
+        run = mb.simulate(scene, solver)
+        for body in ("free", "held"):
+            norm = np.sqrt(sum(run[f"{body}.e{k}"] ** 2 for k in range(4)))
+            assert_allclose(norm, 1.0, atol=2e-5)
