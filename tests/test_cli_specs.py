@@ -1,5 +1,6 @@
 """The table of methods and solvers that the command line knows, and its line of progress."""
 
+import inspect
 import io
 import re
 import sys
@@ -28,7 +29,7 @@ def written(form, number="3"):
 def concrete(kind):
     for child in kind.__subclasses__():
         yield from concrete(child)
-        if child.__module__.startswith("symmb.") and not child.__name__.startswith("_"):
+        if child.__module__.startswith("symmb.") and not inspect.isabstract(child):
             yield child
 
 

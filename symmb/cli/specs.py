@@ -8,9 +8,9 @@ from typing import Any
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
-from symmb.solve.compiled import DormandPrince
+from symmb.solve.compiled import DormandPrince, RungeKutta
 from symmb.solve.implicit_solvers import HHT, NSTIFFSI2, GeneralizedAlpha
-from symmb.solve.solvers import CVODES, IDAS, Collocation, RungeKutta
+from symmb.solve.solvers import CVODES, IDAS, Collocation
 
 _WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS"}
 """The numbers of the forms that are whole; any other is a real one."""

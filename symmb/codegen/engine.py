@@ -1,7 +1,7 @@
-"""Ensembles in compiled lanes: an embedded explicit pair runs W samples side by side, blocks of them on threads."""
+"""Ensembles in compiled lanes: explicit steps for W samples side by side, blocks of them on threads."""
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,25 @@ from symmb._types import Array, Mask
 from symmb.codegen.build import load
 from symmb.codegen.emit import Emitter
 from symmb.codegen.graph import graph_of
-from symmb.schemes import dop853
+from symmb.schemes import dop853, runge_kutta
 
-_HEADERS = Path(__file__).parent
 MOST_STEPS = 1_000_000
+Weights = Mapping[int, float]
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Steps as long as their estimated errors allow, relative and absolute: the pair of Dormand and Prince."""
+
+    rtol: float
+    atol: float
+
+
+@dataclass(frozen=True)
+class FixedStep:
+    """Equal steps no longer than this between output times [s]: the classical Runge-Kutta method."""
+
+    longest: float
 
 
 class _Study(ctypes.Structure):
@@ -28,6 +43,7 @@ class _Study(ctypes.Structure):
         ("n_t", ctypes.c_long),
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
+        ("longest", ctypes.c_double),
         ("most_steps", ctypes.c_long),
         ("dealt", ctypes.c_long),
         *((name, ctypes.c_void_p) for name in ("t_failed", "irregular", "Y")),
@@ -50,7 +66,7 @@ class Engine:
     rates, outputs, projected : SX      x' (n_x,), what is wanted (n_y,), and x on the constraints or None
     x, p, t : SX symbols                state, parameters, time
     times : (n_t,) array                [s]
-    rtol, atol : float                  of each step
+    control : Tolerances or FixedStep
     start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
         without it runs are given their starts
     """
@@ -64,16 +80,15 @@ class Engine:
         outputs: ca.SX,
         projected: ca.SX | None,
         times: Array,
-        rtol: float,
-        atol: float,
+        control: Tolerances | FixedStep,
         start: tuple[ca.SX, ca.SX] | None = None,
     ) -> None:
         f = model_function(x, p, t, rates, outputs, projected, start)
         self.starts = start is not None
         self.n_x, self.n_p, self.n_y = x.numel(), p.numel(), outputs.numel()
-        self.times, self.rtol, self.atol = times, rtol, atol
+        self.times, self.control = times, control
         self._times = np.ascontiguousarray(times, dtype=float)
-        self.source = _source(f)
+        self.source = _source(f, isinstance(control, FixedStep))
         self._open()
 
     def _open(self) -> None:
@@ -111,14 +126,15 @@ class Engine:
         N = len(p)
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
         losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=bool))
+        control = self.control
+        steps = (0.0, 0.0, control.longest) if isinstance(control, FixedStep) else (control.rtol, control.atol, 0.0)
         study = _Study(
             x0.ctypes.data,
             p.ctypes.data,
             self._times.ctypes.data,
             N,
             len(self._times),
-            self.rtol,
-            self.atol,
+            *steps,
             MOST_STEPS,
             0,
             losses.t_failed.ctypes.data,
@@ -160,7 +176,7 @@ def model_function(
     return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
 
 
-def _source(f: ca.Function) -> str:
+def _source(f: ca.Function, fixed: bool) -> str:
     graph = graph_of(f)
     emitter = Emitter(graph)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
@@ -177,53 +193,69 @@ def _source(f: ca.Function) -> str:
         "PROJECTED": int("project" in nodes),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
+        "STAGES": len(runge_kutta.A if fixed else dop853.A),
     }
     return "\n".join(
         [
-            (_HEADERS / "lanes.h").read_text(encoding="utf-8"),
+            _header("lanes"),
             *(f"#define {name} {value}" for name, value in sizes.items()),
             f"static const int used[] = {{{', '.join(map(str, used or [0]))}}};",
             model,
-            (_HEADERS / "loop.h").read_text(encoding="utf-8"),
-            _pair(),
+            _header("study"),
+            _classical() if fixed else _pair(),
+            _header("fixed" if fixed else "pair"),
         ]
     )
 
 
+def _header(name: str) -> str:
+    return (Path(__file__).parent / f"{name}.h").read_text(encoding="utf-8")
+
+
+def _classical() -> str:
+    return "\n".join(_stages(range(1, len(runge_kutta.A)), runge_kutta.A, runge_kutta.C, runge_kutta.B))
+
+
 def _pair() -> str:
-    """The functions of the pair from its tableau."""
+    A, B, C, D, E = dop853.A, dop853.B, dop853.C, dop853.D, dop853.E
     return "\n".join(
         [
-            "static void stages(Block *b) {",
-            "  V *k = b->k;",
-            *(line for s in range(1, 12) for line in _stage(s)),
-            f"  for (int i = 0; i < N_X; ++i) b->x_new[i] = b->x[i] + b->h * ({_sum(dop853.B[0])});",
-            "}",
+            *_stages(range(1, 12), A, C, B),
             "static void errors(const V *k, V *e5, V *e3) {",
-            f"  for (int i = 0; i < N_X; ++i) {{ e3[i] = {_sum(dop853.E[0])}; e5[i] = {_sum(dop853.E[1])}; }}",
+            f"  for (int i = 0; i < N_X; ++i) {{ e3[i] = {_sum(E[0])}; e5[i] = {_sum(E[1])}; }}",
             "}",
             "static void interpolant(Block *b) {",
             "  V *k = b->k;",
-            *(line for s in range(13, 16) for line in _stage(s)),
+            *(line for s in range(13, 16) for line in _stage(s, A, C)),
             "  for (int u = 0; u < N_USED; ++u) {",
             "    const int i = used[u];",
             "    V *f = b->F + 7 * u, d = b->x_new[i] - b->x[i];",
             "    f[0] = d;",
             "    f[1] = b->h * k[i] - d;",
             "    f[2] = 2 * d - b->h * (k[12 * N_X + i] + k[i]);",
-            *(f"    f[{3 + j}] = b->h * ({_sum(row)});" for j, row in enumerate(dop853.D)),
+            *(f"    f[{3 + j}] = b->h * ({_sum(row)});" for j, row in enumerate(D)),
             "  }",
             "}",
         ]
     )
 
 
-def _stage(s: int) -> list[str]:
+def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights) -> list[str]:
     return [
-        f"  for (int i = 0; i < N_X; ++i) b->x_at[i] = b->x[i] + b->h * ({_sum(dop853.A[s])});",
-        f"  rates(b->x_at, b->c, each(b->t + {dop853.C[s]!r} * b->h), k + {s} * N_X);",
+        "static void stages(Block *b) {",
+        "  V *k = b->k;",
+        *(line for s in stages for line in _stage(s, A, C)),
+        f"  for (int i = 0; i < N_X; ++i) b->x_new[i] = b->x[i] + b->h * ({_sum(B)});",
+        "}",
     ]
 
 
-def _sum(weights: Mapping[int, float]) -> str:
+def _stage(s: int, A: Sequence[Weights], C: Sequence[float]) -> list[str]:
+    return [
+        f"  for (int i = 0; i < N_X; ++i) b->x_at[i] = b->x[i] + b->h * ({_sum(A[s])});",
+        f"  rates(b->x_at, b->c, each(b->t + {C[s]!r} * b->h), k + {s} * N_X);",
+    ]
+
+
+def _sum(weights: Weights) -> str:
     return " + ".join(f"{value!r} * k[{j} * N_X + i]" for j, value in weights.items())

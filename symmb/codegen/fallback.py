@@ -1,4 +1,4 @@
-"""The engine without a compiler: the step loop of loop.h on NumPy arrays, all blocks of samples advanced together."""
+"""The engine without a compiler: the step loop of pair.h on NumPy arrays, all blocks of samples advanced together."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.arrays import programs
-from symmb.codegen.engine import MOST_STEPS, Losses, model_function
+from symmb.codegen.engine import MOST_STEPS, Losses, Tolerances, model_function
 from symmb.codegen.graph import graph_of
 from symmb.schemes import dop853
 
@@ -37,12 +37,11 @@ class ArrayEngine:
         outputs: ca.SX,
         projected: ca.SX | None,
         times: Array,
-        rtol: float,
-        atol: float,
+        control: Tolerances,
     ) -> None:
         f = model_function(x, p, t, rates, outputs, projected)
         self.n_x, self.n_p, self.n_y = x.numel(), p.numel(), outputs.numel()
-        self.times, self.rtol, self.atol = times, rtol, atol
+        self.times, self.control = times, control
         self.prepare, (self.rates, self.outputs, *project) = programs(graph_of(f))
         self.project = project[0] if project else None
 
@@ -187,7 +186,7 @@ def _stages(engine: ArrayEngine, b: _Blocks, h: Array) -> tuple[Array, Array]:
     k[0] = b.slope
     for s in range(1, 12):
         _stage(engine, b.x, b.c, b.t, h, k, s)
-    x_new = b.x + _spread(h) * _sum(dop853.B[0], k)
+    x_new = b.x + _spread(h) * _sum(dop853.B, k)
     return k, x_new
 
 
@@ -227,7 +226,7 @@ def _output(
 
 def _error_norm(engine: ArrayEngine, x: Array, x_new: Array, k: Array, h: Array) -> Array:
     """The norm of Hairer's DOP853 (B, 8); lanes that are not finite show as NaN."""
-    scale = 1.0 / (engine.atol + engine.rtol * np.maximum(np.abs(x), np.abs(x_new)))
+    scale = 1.0 / (engine.control.atol + engine.control.rtol * np.maximum(np.abs(x), np.abs(x_new)))
     sum3, sum5 = (np.square(_sum(weights, k) * scale).sum(axis=0) for weights in dop853.E)
     denominator = sum5 + 0.01 * sum3
     norm = np.where(denominator > 0.0, _spread(h) * sum5 / np.sqrt(denominator * len(x)), denominator)
@@ -235,7 +234,7 @@ def _error_norm(engine: ArrayEngine, x: Array, x_new: Array, k: Array, h: Array)
 
 
 def _first_step(engine: ArrayEngine, x: Array, c: Array, slope: Array, t: Array, span: float) -> Array:
-    scale = 1.0 / (engine.atol + engine.rtol * np.abs(x))
+    scale = 1.0 / (engine.control.atol + engine.control.rtol * np.abs(x))
 
     def worst(a: Array) -> Array:
         return np.sqrt(np.square(a * scale).sum(axis=0).reshape(-1, WIDTH).max(axis=1) / len(x))

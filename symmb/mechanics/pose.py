@@ -53,7 +53,7 @@ class Pose(ABC):
 
     @abstractmethod
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """q moved by the small displacement delta (n_v,), in the sense of velocity times time; quaternions of norm 1."""
+        """q moved by the small displacement delta (n_v,), as velocity times time; quaternions with norm 1."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"

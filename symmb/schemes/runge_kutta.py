@@ -1,10 +1,10 @@
-"""Tableaus of explicit Runge-Kutta methods: weights b, nodes c, matrix a."""
+"""Coefficients of the classical Runge-Kutta method of order 4 (Kutta 1901). Rows hold what is not zero, by stage."""
 
-import numpy as np
+A = ({}, {0: 0.5}, {1: 0.5}, {2: 1.0})
+"""Weights of earlier slopes in each stage."""
 
-CLASSICAL = (
-    np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]),
-    np.array([0.0, 0.5, 0.5, 1.0]),
-    np.array([[0.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]),
-)
-"""The classical method of order 4 (Kutta 1901)."""
+C = (0.0, 0.5, 0.5, 1.0)
+"""Times of the stages, as shares of the step."""
+
+B = {0: 1 / 6, 1: 1 / 3, 2: 1 / 3, 3: 1 / 6}
+"""Weights of the slopes in the step."""

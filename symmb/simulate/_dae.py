@@ -19,7 +19,7 @@ from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
-from symmb.solve.compiled import STOPPED, AnyEngine, DormandPrince
+from symmb.solve.compiled import STOPPED, AnyEngine, CompiledSolver, DormandPrince
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -86,7 +86,8 @@ class DAESimulator:
     @property
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes; a scene without states has nothing to integrate."""
-        return isinstance(self.solver, DormandPrince) and self.y.numel_in(0) > 0
+        solver = self.solver
+        return isinstance(solver, CompiledSolver) and solver.available() and self.y.numel_in(0) > 0
 
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate."""
@@ -123,7 +124,7 @@ class DAESimulator:
 
     def engine(self, order: int = 0) -> AnyEngine:
         """The outputs, or their Taylor coefficients up to `order`, in compiled lanes; made when first asked for."""
-        if order not in self._engines and isinstance(self.solver, DormandPrince):
+        if order not in self._engines and isinstance(self.solver, CompiledSolver):
             y = _jet_outputs(self.y, self.y.numel_in(0), len(self.parameters), order) if order else self.y
             self._engines[order] = self.solver.engine(
                 self.dae, self.times, y, order=order, start=None if order else self.start

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.schemes import runge_kutta
 from symmb.schemes._step import Step
 from symmb.solve._advance import Advance, Marching
 from symmb.solve._integration import Integration
@@ -39,16 +40,16 @@ def fixed_step_integration(
     return Integration(times, n_x, advance.n_quad, whole, between, guess, project, Marching(advance, times, counts))
 
 
-def explicit(problem: Problem, weights: Array, nodes: Array, matrix: Array) -> Advance:
-    """An explicit Runge-Kutta method given by its tableau: weights b (s,), nodes c (s,), matrix a (s, s)."""
+def explicit(problem: Problem) -> Advance:
+    """The classical Runge-Kutta method."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     rates = ca.Function("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad], {"cse": True})
     w, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
     begin, slopes = problem.t - h, []
-    for c, row in zip(nodes, matrix, strict=True):
-        shift = sum((a * k[:n_x] for a, k in zip(row, slopes, strict=False) if a), ca.SX.zeros(n_x))
+    for c, row in zip(runge_kutta.C, runge_kutta.A, strict=True):
+        shift = sum((a * slopes[j][:n_x] for j, a in row.items()), ca.SX.zeros(n_x))
         slopes.append(ca.vertcat(*rates(w[:n_x] + h * shift, problem.p, begin + c * h)))
-    new = w + h * sum((b * k for b, k in zip(weights, slopes, strict=True)), ca.SX.zeros(n_x + n_quad))
+    new = w + h * sum((b * slopes[j] for j, b in runge_kutta.B.items()), ca.SX.zeros(n_x + n_quad))
     step = ca.Function("step", [w, problem.p, problem.t, h], [new], {"cse": True})
     return Advance(_start_at_rest(problem), step, n_x, n_quad)
 

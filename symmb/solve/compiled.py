@@ -1,7 +1,9 @@
-"""An embedded explicit pair in compiled lanes as a solver."""
+"""Solvers whose explicit steps are compiled for many samples side by side."""
 
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -9,12 +11,14 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.codegen.build import has_compiler
-from symmb.codegen.engine import Engine
+from symmb.codegen.engine import Engine, FixedStep, Tolerances
 from symmb.codegen.fallback import ArrayEngine
 from symmb.dae import DAE
+from symmb.solve._advance import Advance
+from symmb.solve._fixed_step import explicit
 from symmb.solve._integration import Integration, Run
-from symmb.solve._problem import build_problem
-from symmb.solve.solvers import CVODES, Solver
+from symmb.solve._problem import Problem, build_problem
+from symmb.solve.solvers import CVODES, OneStep, Solver
 from symmb.solve.stabilization import Projection, Stabilization
 from symmb.solve.start import Start
 
@@ -27,27 +31,20 @@ STOPPED = "the step became too short, or the state infinite or NaN"
 """What a lane that was lost says."""
 
 
-@dataclass(frozen=True, repr=False)
-class DormandPrince(Solver):
-    """Pair of order 8 with step control and dense output, compiled for many samples side by side.
+class CompiledSolver(Solver):
+    """Explicit steps that the engine takes for many samples side by side."""
 
-    Without a C compiler the same steps are taken with NumPy, some 30 times slower. Samples share a step in blocks of 8,
-    fixed by sample index. With `Projection()` positions and velocities are moved onto the constraints after every step.
+    stabilization: Stabilization
+    projections: ClassVar[int] = 3
+    """Newton steps of a projection."""
 
-    Parameters
-    ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
-    stabilization            None, Baumgarte(...) or Projection()
+    @abstractmethod
+    def control(self, times: Array) -> Tolerances | FixedStep:
+        """What the engine is told about steps."""
 
-    References
-    ----------
-    Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853.
-    """
-
-    rtol: float = 1e-8
-    atol: float | None = None
-    stabilization: Stabilization = field(default_factory=Projection)
+    def available(self) -> bool:
+        """Whether the engine takes these steps here."""
+        return True
 
     def engine(
         self,
@@ -64,7 +61,9 @@ class DormandPrince(Solver):
         With an order, x and p are those of the Taylor coefficients, see `Problem.jets`. With a start, compiled runs of
         scenes that are not large begin there by themselves; without, all are given their states.
         """
-        problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=1).jets(order)
+        problem = build_problem(
+            dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projections
+        ).jets(order)
         outputs = y(problem.x, problem.p, problem.t)
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # what is integrated along is a state like others
@@ -81,12 +80,39 @@ class DormandPrince(Solver):
             ca.vertcat(at(outputs), x[n_x:]),
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
             times,
-            self.rtol,
-            self.rtol / 100 if self.atol is None else self.atol,
         )
-        if not has_compiler():
-            return ArrayEngine(*parts)
-        return Engine(*parts, start.equations(x, problem.p) if start is not None and n_x <= _SMALL else None)
+        control = self.control(times)
+        if isinstance(control, Tolerances) and not has_compiler():
+            return ArrayEngine(*parts, control)
+        return Engine(*parts, control, start.equations(x, problem.p) if start is not None and n_x <= _SMALL else None)
+
+
+@dataclass(frozen=True, repr=False)
+class DormandPrince(CompiledSolver):
+    """Pair of order 8 with step control and dense output, compiled for many samples side by side.
+
+    Without a C compiler the same steps are taken with NumPy, some 30 times slower. Samples share a step in blocks of 8,
+    fixed by sample index. With `Projection()` positions and velocities are moved onto the constraints after every step.
+
+    Parameters
+    ----------
+    rtol : float             relative tolerance
+    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
+    stabilization            None, Baumgarte(...) or Projection()
+
+    References
+    ----------
+    Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853.
+    """
+
+    projections: ClassVar[int] = 1  # after every step the drift is small
+
+    rtol: float = 1e-8
+    atol: float | None = None
+    stabilization: Stabilization = field(default_factory=Projection)
+
+    def control(self, times: Array) -> Tolerances:
+        return Tolerances(self.rtol, self.rtol / 100 if self.atol is None else self.atol)
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         n_x = (dae.n_q + dae.n_v + dae.n_s) * (order + 1)
@@ -98,6 +124,34 @@ class DormandPrince(Solver):
 
     def tighter(self, factor: float = 10.0) -> "DormandPrince":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
+
+
+@dataclass(frozen=True, repr=False)
+class RungeKutta(OneStep, CompiledSolver):
+    """Classical fourth-order Runge-Kutta with a fixed step on the ODE with multipliers eliminated.
+
+    Compiled for many samples side by side where there is a C compiler.
+
+    Parameters
+    ----------
+    steps : int              over the whole horizon; at least one for each output time
+    stabilization            None, Baumgarte(...) or Projection() at the output times
+    """
+
+    steps: int = 2500
+    stabilization: Stabilization = None
+
+    def available(self) -> bool:
+        return has_compiler()
+
+    def control(self, times: Array) -> FixedStep:
+        return FixedStep(float(times[-1] - times[0]) / self.steps)
+
+    def advance(self, problem: Problem) -> Advance:
+        return explicit(problem)
+
+    def tighter(self, factor: float = 10.0) -> "RungeKutta":
+        return replace(self, steps=int(np.ceil(self.steps * factor**0.25)))
 
 
 class _CompiledIntegration(Integration):

@@ -9,8 +9,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.dae import DAE
-from symmb.schemes.runge_kutta import CLASSICAL
-from symmb.solve._fixed_step import Advance, collocation, explicit, fixed_step_integration
+from symmb.solve._fixed_step import Advance, collocation, fixed_step_integration
 from symmb.solve._integration import Integration, multistep_integration, projection
 from symmb.solve._problem import Problem, build_problem
 from symmb.solve.stabilization import Stabilization
@@ -121,7 +120,9 @@ class CVODES(_Multistep):
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
 
 
-class _OneStep(Solver):
+class OneStep(Solver):
+    """Fixed steps between output times."""
+
     algebraic: ClassVar[bool] = False
     steps: int
     stabilization: Stabilization
@@ -131,35 +132,13 @@ class _OneStep(Solver):
         """The compiled step."""
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        problem = build_problem(
-            dae, self.stabilization, algebraic=self.algebraic, work=work, one_step=True
-        ).jets(order)
+        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work, one_step=True).jets(order)
         length = float(times[-1] - times[0]) / self.steps
         return fixed_step_integration(self.advance(problem), times, length, projection(problem))
 
 
 @dataclass(frozen=True, repr=False)
-class RungeKutta(_OneStep):
-    """Classical fourth-order Runge-Kutta with a fixed step on the ODE with multipliers eliminated.
-
-    Parameters
-    ----------
-    steps : int              over the whole horizon; at least one for each output time
-    stabilization            None, Baumgarte(...) or Projection()
-    """
-
-    steps: int = 2500
-    stabilization: Stabilization = None
-
-    def advance(self, problem: Problem) -> Advance:
-        return explicit(problem, *CLASSICAL)
-
-    def tighter(self, factor: float = 10.0) -> "RungeKutta":
-        return replace(self, steps=int(np.ceil(self.steps * factor**0.25)))
-
-
-@dataclass(frozen=True, repr=False)
-class Collocation(_OneStep):
+class Collocation(OneStep):
     """Radau collocation with a fixed step on the index-1 DAE, multipliers as algebraic variables.
 
     Parameters

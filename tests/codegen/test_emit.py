@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.codegen.engine import Engine
+from symmb.codegen.engine import Engine, Tolerances
 from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(3)
@@ -15,7 +15,7 @@ both = pytest.mark.parametrize("kind", [Engine, ArrayEngine])
 
 def values(kind, outputs, x0, p, times=(0.5,)):
     """Outputs at rest: an engine whose state does not move."""
-    engine = kind(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), 1e-8, 1e-8)
+    engine = kind(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), Tolerances(1e-8, 1e-8))
     Y, losses = engine.values(np.asarray(x0), np.asarray(p))
     assert np.isnan(losses.t_failed).all()
     return Y

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 import symmb as mb
-from models import cubic
-from symmb.codegen.engine import Engine
+from models import cubic, double_pendulum
+from symmb.codegen.engine import Engine, Tolerances
 from symmb.simulate import Reduction
 
 TIMES = np.linspace(0, 5, 41)
@@ -25,7 +25,7 @@ def spring(k):
 
 
 def duffing(rtol=1e-9, times=TIMES):
-    return Engine(X, P, T, DUFFING, X, None, times, rtol, rtol / 100)
+    return Engine(X, P, T, DUFFING, X, None, times, Tolerances(rtol, rtol / 100))
 
 
 def test_runs_are_those_of_scipy_s_dop853():
@@ -136,3 +136,25 @@ def test_compiled_lanes_start_where_newton_s_method_says(model):
     good = np.isnan(losses.t_failed)
     expected = simulator.y.map(int(good.sum()))(x[good].T, P[good].T, simulator.times[0]).full().T
     assert_allclose(Y[good, 0], expected, rtol=1e-12, atol=1e-12 * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("stabilization", [None, mb.Baumgarte(2.0, 2.0), mb.Projection()])
+def test_fixed_steps_are_those_of_casadi_s_loop(stabilization):
+    scene = double_pendulum.scene().with_times(np.linspace(0, 2, 21))
+    solver = mb.RungeKutta(steps=290, stabilization=stabilization)
+    run = mb.simulate(scene, solver)
+    simulator = mb.DAESimulator(scene, solver)
+    P = np.array([[1.0, 1.0], [1.05, 0.9]])
+    assert_allclose(simulator.run(P).Y[0], run.values, rtol=0, atol=1e-12)
+    lower, upper = simulator.run(P).extremes()
+    Y = simulator.run(P).Y
+    assert_array_equal([lower, upper], [Y.min(axis=0), Y.max(axis=0)])
+
+
+def test_fixed_steps_lose_a_sample_alone():
+    simulator = mb.DAESimulator(explosion(), mb.RungeKutta(steps=2000))
+    P = np.array([[0.3], [1.0], [0.25]])
+    ensemble = simulator.run(P)
+    assert_array_equal(ensemble.ok, [True, False, True])
+    assert ensemble.t_failed[1] >= 1.0
+    assert_array_equal(ensemble.Y[[0, 2]], simulator.run(P[[0, 2]]).Y)

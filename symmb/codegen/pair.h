@@ -1,0 +1,126 @@
+/* Steps of an embedded explicit pair, as long as the tolerances allow, with dense output in between.
+
+   Given before: study.h, and from the tableau stages(b) for k before the end of the step and x_new; errors(k, e5, e3),
+   the estimates of orders 5 and 3; interpolant(b) for F of the used states. */
+
+enum { REJECTED, ACCEPTED, LOST };
+
+/* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
+static V error_norm(const Block *b, const Study *s) {
+  V e5[SIZE(N_X)], e3[SIZE(N_X)], sum5 = zero(), sum3 = zero();
+  errors(b->k, e5, e3);
+  for (int i = 0; i < N_X; ++i) {
+    V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(b->x[i]), v_fabs(b->x_new[i])));
+    e5[i] *= scale;
+    e3[i] *= scale;
+    sum5 += e5[i] * e5[i];
+    sum3 += e3[i] * e3[i];
+  }
+  V denominator = sum5 + 0.01 * sum3;
+  return choose(denominator > 0.0, fabs(b->h) * sum5 / v_sqrt(denominator * (double)N_X), denominator);
+}
+
+static double first_step(Block *b, const Study *s) {
+  const double span = s->times[s->n_t - 1] - b->t;
+  V d0 = zero(), d1 = zero(), d2 = zero(), *x1 = b->x_new, *k1 = b->k + N_X;
+  for (int i = 0; i < N_X; ++i) {
+    V scale = 1.0 / (s->atol + s->rtol * v_fabs(b->x[i]));
+    d0 += b->x[i] * scale * b->x[i] * scale;
+    d1 += b->k[i] * scale * b->k[i] * scale;
+  }
+  double n0 = sqrt(worst(d0) / N_X), n1 = sqrt(worst(d1) / N_X);
+  double h0 = n0 < 1e-5 || n1 < 1e-5 ? 1e-6 : 0.01 * n0 / n1;
+  h0 = h0 < span ? h0 : span;
+  for (int i = 0; i < N_X; ++i) x1[i] = b->x[i] + h0 * b->k[i];
+  rates(x1, b->c, each(b->t + h0), k1);
+  for (int i = 0; i < N_X; ++i) {
+    V d = (k1[i] - b->k[i]) / (s->atol + s->rtol * v_fabs(b->x[i]));
+    d2 += d * d;
+  }
+  double n2 = sqrt(worst(d2) / N_X) / h0, most = n1 > n2 ? n1 : n2;
+  double h1 = most <= 1e-15 ? (1e-6 > h0 * 1e-3 ? 1e-6 : h0 * 1e-3) : pow(0.01 / most, 1.0 / 8.0);
+  double h = 100.0 * h0 < h1 ? 100.0 * h0 : h1;
+  return h < span ? h : span;
+}
+
+/* Outputs at the times that the step has passed; 0 if one is not finite. */
+static int sample(Block *b, Study *s) {
+  while (b->next < s->n_t && s->times[b->next] <= b->t_new) {
+    double share[CHUNK];
+    long n = 0;
+    for (; n < CHUNK && b->next + n < s->n_t && s->times[b->next + n] <= b->t_new; ++n)
+      share[n] = (s->times[b->next + n] - b->t) / b->h;
+    for (int u = 0; u < N_USED; ++u) {
+      const V *f = b->F + 7 * u, x = b->x[used[u]];
+      const V f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], f4 = f[4], f5 = f[5], f6 = f[6];
+      for (long j = 0; j < n; ++j) {
+        const double a = share[j], r = 1.0 - a;
+        b->x_at[j * N_X + used[u]] = x + a * (f0 + r * (f1 + a * (f2 + r * (f3 + a * (f4 + r * (f5 + a * f6))))));
+      }
+    }
+    for (long j = 0; j < n; ++j)
+      outputs(b->x_at + j * N_X, b->c, each(s->times[b->next + j]), b->y + j * N_Y);
+    b->next += n;
+    if (!keep(b, s, b->next - n, n)) return 0;
+  }
+  return 1;
+}
+
+/* Accepts the step, or shortens it; where there is no shorter one, samples whose error is too large fail. */
+static int judge(Block *b, Study *s, double shortest) {
+  const V norm = error_norm(b, s);
+  const double e = worst(norm), size = log(e), least = log(1e-4);
+  const int too_many = ++b->steps == s->most_steps;
+  if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
+    for (int l = 0; l < W; ++l)
+      if (too_many || !(norm[l] <= 1.0)) s->t_failed[b->sample[l % b->live]] = b->t;
+    return LOST;
+  }
+  if (!(e <= 1.0)) {
+    const double factor = e < 1e300 ? 0.9 * exp(-1.0 / 8.0 * size) : 0.1;
+    b->h *= factor > 0.2 ? factor : 0.2;
+    b->before = least;
+    return REJECTED;
+  }
+  /* A controller with memory keeps the step from swinging. */
+  const double factor = 0.9 * exp((-1.0 / 8.0 + 0.2 * 0.04) * size + 0.04 * b->before);
+  b->h_next = b->h * (factor > 6.0 ? 6.0 : factor < 0.333 ? 0.333 : factor);
+  b->before = size > least ? size : least;
+  return ACCEPTED;
+}
+
+static int run(Block *b, Study *s) {
+  const double end = s->times[s->n_t - 1], shortest = 1e-14 * (end - s->times[0]);
+  if (s->n_t == 1) return 1;
+  b->steps = 0;
+  b->before = log(1e-4);
+  rates(b->x, b->c, each(b->t), b->k);
+  b->h = first_step(b, s);
+  while (b->next < s->n_t) {
+    if (!(b->h > shortest)) b->h = shortest;
+    b->t_new = b->t + b->h;
+    if (b->t_new >= end) {
+      b->t_new = end;
+      b->h = end - b->t;
+    }
+    stages(b);
+    const int verdict = judge(b, s, shortest);
+    if (verdict == LOST) return 0;
+    if (verdict == REJECTED) continue;
+    rates(b->x_new, b->c, each(b->t_new), b->k + 12 * N_X);
+    if (s->times[b->next] <= b->t_new) {
+      interpolant(b);
+      if (!sample(b, s)) return 0;
+    }
+    /* The slope before the projection serves the next step: it is as far off as the error of this one. */
+    memcpy(b->k, b->k + 12 * N_X, sizeof b->x);
+#if PROJECTED
+    project(b->x_new, b->c, each(b->t_new), b->x);
+#else
+    memcpy(b->x, b->x_new, sizeof b->x);
+#endif
+    b->t = b->t_new;
+    b->h = b->h_next;
+  }
+  return 1;
+}
