@@ -1,7 +1,7 @@
 """Vectorised C of a graph of values: one statement a value, every value a vector of lanes, one lane a sample."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 
@@ -50,14 +50,14 @@ _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 
 
 class Emitter:
-    """Writes the functions of one graph, whose inputs are x (0), p (1) and t (2).
+    """Writes the functions of one graph, whose inputs are x (0), p (1) and t (2); `place` says where x stand in C.
 
     What depends on parameters alone is computed once a run, by `prepare`, and found in c; all other functions start
     from x, c and t.
     """
 
-    def __init__(self, graph: Graph) -> None:
-        self._graph = graph
+    def __init__(self, graph: Graph, place: Sequence[int]) -> None:
+        self._graph, self._place = graph, place
         self._kept: dict[int, int] = {}  # node -> place in c
         self._functions: list[str] = []
 
@@ -66,10 +66,10 @@ class Emitter:
         self._functions.append(self._source(name, list(outputs), parameters_only=False))
 
     def used(self, outputs: Iterable[int]) -> list[int]:
-        """Which of x the given nodes depend on."""
+        """Places of those x that the given nodes depend on."""
         nodes = self._graph.nodes
         inputs = [nodes[k] for k in self._needed(outputs) if nodes[k].operation == INPUT]
-        return sorted(node.index for node in inputs if node.source == 0)
+        return sorted(self._place[node.index] for node in inputs if node.source == 0)
 
     def source(self) -> tuple[str, int]:
         """All functions, `prepare(p, c)` among them, and the size of c."""
@@ -99,7 +99,8 @@ class Emitter:
             if nodes[k].operation not in (CONSTANT, INPUT) and (parameters_only or not self._hoisted(k))
         )
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
-        twins = {k: turns.get((_TURNED[code], a)) for (code, a), k in turns.items()}
+        twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
+        order.sort(key=lambda k: (min(k, twins.get(k, k)), k))
         chunk = {k: i // _CHUNK for i, k in enumerate(order)}
         last = {k: chunk[k] for k in order}
         for k in order:
@@ -117,7 +118,7 @@ class Emitter:
             if self._hoisted(a) and not parameters_only:
                 return f"c[{self._kept.setdefault(a, len(self._kept))}]"
             if node.operation == INPUT:
-                return f"x[{node.index}]" if node.source == 0 else "t"
+                return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
             return f"v{a}" if chunk[a] == here else f"w[{carried[a]}]"
 
         written: dict[int, list[int]] = {}

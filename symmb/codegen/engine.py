@@ -1,7 +1,6 @@
 """Ensembles in compiled lanes: explicit steps for W samples side by side, blocks of them on threads."""
 
 import ctypes
-from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +9,16 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.codegen import tableau
 from symmb.codegen.build import load
 from symmb.codegen.emit import Emitter
-from symmb.codegen.graph import graph_of
-from symmb.schemes import dop853, runge_kutta
+from symmb.codegen.graph import INPUT, Graph, graph_of
 
 MOST_STEPS = 1_000_000
-Weights = Mapping[int, float]
+_LARGE = 5000
+"""Values of a model whose compiler would take too long over sines and cosines in place."""
+_SMALL = 32
+"""States whose slopes fit into the cache nearest to the core."""
 
 
 @dataclass(frozen=True)
@@ -178,14 +180,20 @@ def model_function(
 
 def _source(f: ca.Function, fixed: bool) -> str:
     graph = graph_of(f)
-    emitter = Emitter(graph)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    order, n_own = _order(graph, nodes["rates"])
+    place = [order.index(i) for i in range(len(order))]
+    nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
+    for name in nodes.keys() & {"project", "start"}:
+        nodes[name] = [nodes[name][i] for i in order]
+    emitter = Emitter(graph, place)
     for name, values in nodes.items():
         emitter.function(name, values)
     model, n_c = emitter.source()
     used = emitter.used(nodes["outputs"])
     sizes = {
         "N_X": f.numel_in(0),
+        "N_OWN": n_own,
         "N_P": f.numel_in(1),
         "N_C": n_c,
         "N_Y": len(nodes["outputs"]),
@@ -193,69 +201,39 @@ def _source(f: ca.Function, fixed: bool) -> str:
         "PROJECTED": int("project" in nodes),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
-        "STAGES": len(runge_kutta.A if fixed else dop853.A),
+        "LARGE": int(len(graph.nodes) > _LARGE),
+        "STAGES": tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES,
     }
+    lists = {"place": place, "used": used}
     return "\n".join(
         [
-            _header("lanes"),
             *(f"#define {name} {value}" for name, value in sizes.items()),
-            f"static const int used[] = {{{', '.join(map(str, used or [0]))}}};",
+            _header("lanes"),
+            *(f"static const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             model,
             _header("study"),
-            _classical() if fixed else _pair(),
+            tableau.classical() if fixed else tableau.pair(),
             _header("fixed" if fixed else "pair"),
         ]
     )
 
 
+def _order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
+    """States in the order of `tableau`, and how many have slopes of their own: all of a small model.
+
+    Where slopes fit into the cache nearest to the core, to load fewer of them does not pay for the longer sums.
+    """
+    if len(rates) <= _SMALL:
+        return list(range(len(rates))), len(rates)
+    integral: dict[int, int] = {}
+    for i, k in enumerate(rates):
+        node = graph.nodes[k]
+        if node.operation == INPUT and node.source == 0 and node.index not in integral and i not in integral:
+            integral[node.index] = i
+    integral = {v: x for v, x in integral.items() if v not in integral.values()}
+    own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
+    return [*own, *integral.values()], len(own)
+
+
 def _header(name: str) -> str:
     return (Path(__file__).parent / f"{name}.h").read_text(encoding="utf-8")
-
-
-def _classical() -> str:
-    return "\n".join(_stages(range(1, len(runge_kutta.A)), runge_kutta.A, runge_kutta.C, runge_kutta.B))
-
-
-def _pair() -> str:
-    A, B, C, D, E = dop853.A, dop853.B, dop853.C, dop853.D, dop853.E
-    return "\n".join(
-        [
-            *_stages(range(1, 12), A, C, B),
-            "static void errors(const V *k, V *e5, V *e3) {",
-            f"  for (int i = 0; i < N_X; ++i) {{ e3[i] = {_sum(E[0])}; e5[i] = {_sum(E[1])}; }}",
-            "}",
-            "static void interpolant(Block *b) {",
-            "  V *k = b->k;",
-            *(line for s in range(13, 16) for line in _stage(s, A, C)),
-            "  for (int u = 0; u < N_USED; ++u) {",
-            "    const int i = used[u];",
-            "    V *f = b->F + 7 * u, d = b->x_new[i] - b->x[i];",
-            "    f[0] = d;",
-            "    f[1] = b->h * k[i] - d;",
-            "    f[2] = 2 * d - b->h * (k[12 * N_X + i] + k[i]);",
-            *(f"    f[{3 + j}] = b->h * ({_sum(row)});" for j, row in enumerate(D)),
-            "  }",
-            "}",
-        ]
-    )
-
-
-def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights) -> list[str]:
-    return [
-        "static void stages(Block *b) {",
-        "  V *k = b->k;",
-        *(line for s in stages for line in _stage(s, A, C)),
-        f"  for (int i = 0; i < N_X; ++i) b->x_new[i] = b->x[i] + b->h * ({_sum(B)});",
-        "}",
-    ]
-
-
-def _stage(s: int, A: Sequence[Weights], C: Sequence[float]) -> list[str]:
-    return [
-        f"  for (int i = 0; i < N_X; ++i) b->x_at[i] = b->x[i] + b->h * ({_sum(A[s])});",
-        f"  rates(b->x_at, b->c, each(b->t + {C[s]!r} * b->h), k + {s} * N_X);",
-    ]
-
-
-def _sum(weights: Weights) -> str:
-    return " + ".join(f"{value!r} * k[{j} * N_X + i]" for j, value in weights.items())

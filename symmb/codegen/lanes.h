@@ -94,7 +94,12 @@ static NOINLINE void sincos_by_lane(V a, V *s, V *c) {
   }
 }
 
-static inline void v_sincos(V a, V *s, V *c) {
+#if LARGE
+static NOINLINE
+#else
+static inline
+#endif
+void v_sincos(V a, V *s, V *c) {
   const double to_integer = 6755399441055744.0; /* 1.5 * 2^52: the last bits of a sum with it are an integer */
   V shifted = a * 0.63661977236758134308 + to_integer, n = shifted - to_integer;
   V r = a - n * 1.57079632673412561417;

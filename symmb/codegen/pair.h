@@ -1,14 +1,15 @@
 /* Steps of an embedded explicit pair, as long as the tolerances allow, with dense output in between.
 
-   Given before: study.h, and from the tableau stages(b) for k before the end of the step and x_new; errors(k, e5, e3),
-   the estimates of orders 5 and 3; interpolant(b) for F of the used states. */
+   Given before: study.h, and from the tableau stages(b) for k before the end of the step and x_new; errors(b, e5, e3),
+   the estimates of orders 5 and 3; interpolant(b) for F of the used states; END, where the slope at the end of the step
+   stands in k. */
 
 enum { REJECTED, ACCEPTED, LOST };
 
 /* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
 static V error_norm(const Block *b, const Study *s) {
   V e5[SIZE(N_X)], e3[SIZE(N_X)], sum5 = zero(), sum3 = zero();
-  errors(b->k, e5, e3);
+  errors(b, e5, e3);
   for (int i = 0; i < N_X; ++i) {
     V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(b->x[i]), v_fabs(b->x_new[i])));
     e5[i] *= scale;
@@ -22,19 +23,20 @@ static V error_norm(const Block *b, const Study *s) {
 
 static double first_step(Block *b, const Study *s) {
   const double span = s->times[s->n_t - 1] - b->t;
-  V d0 = zero(), d1 = zero(), d2 = zero(), *x1 = b->x_new, *k1 = b->k + N_X;
+  V d0 = zero(), d1 = zero(), d2 = zero(), *x1 = b->x_new, *k1 = b->k + N_OWN;
   for (int i = 0; i < N_X; ++i) {
     V scale = 1.0 / (s->atol + s->rtol * v_fabs(b->x[i]));
     d0 += b->x[i] * scale * b->x[i] * scale;
-    d1 += b->k[i] * scale * b->k[i] * scale;
+    V d = slope(b->x, b->k, i) * scale;
+    d1 += d * d;
   }
   double n0 = sqrt(worst(d0) / N_X), n1 = sqrt(worst(d1) / N_X);
   double h0 = n0 < 1e-5 || n1 < 1e-5 ? 1e-6 : 0.01 * n0 / n1;
   h0 = h0 < span ? h0 : span;
-  for (int i = 0; i < N_X; ++i) x1[i] = b->x[i] + h0 * b->k[i];
+  for (int i = 0; i < N_X; ++i) x1[i] = b->x[i] + h0 * slope(b->x, b->k, i);
   rates(x1, b->c, each(b->t + h0), k1);
   for (int i = 0; i < N_X; ++i) {
-    V d = (k1[i] - b->k[i]) / (s->atol + s->rtol * v_fabs(b->x[i]));
+    V d = (slope(x1, k1, i) - slope(b->x, b->k, i)) / (s->atol + s->rtol * v_fabs(b->x[i]));
     d2 += d * d;
   }
   double n2 = sqrt(worst(d2) / N_X) / h0, most = n1 > n2 ? n1 : n2;
@@ -107,13 +109,13 @@ static int run(Block *b, Study *s) {
     const int verdict = judge(b, s, shortest);
     if (verdict == LOST) return 0;
     if (verdict == REJECTED) continue;
-    rates(b->x_new, b->c, each(b->t_new), b->k + 12 * N_X);
+    rates(b->x_new, b->c, each(b->t_new), b->k + END * N_OWN);
     if (s->times[b->next] <= b->t_new) {
       interpolant(b);
       if (!sample(b, s)) return 0;
     }
     /* The slope before the projection serves the next step: it is as far off as the error of this one. */
-    memcpy(b->k, b->k + 12 * N_X, sizeof b->x);
+    memcpy(b->k, b->k + END * N_OWN, N_OWN * sizeof(V));
 #if PROJECTED
     project(b->x_new, b->c, each(b->t_new), b->x);
 #else

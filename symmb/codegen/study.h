@@ -1,12 +1,13 @@
 /* A study: blocks of W samples side by side, values of all or running extremes; samples that fail are taken out.
 
-   Given before: lanes.h; N_X, N_P, N_C, N_Y, N_USED, PROJECTED, STARTED; the states used[] that outputs need;
+   Given before: lanes.h; N_X, N_P, N_C, N_Y, PROJECTED, STARTED; N_OWN, the number of states with slopes of their own,
+   which stand first; place[] (N_X), where a state that is given stands; the states used[] (N_USED) that outputs need;
    prepare(p, c), rates(x, c, t, dx), outputs(x, c, t, y); if PROJECTED, project(x, c, t, x_new); if STARTED, N_U,
    newton(u, c, t, du) and start(u, c, t, x); STAGES. Given after: run(), which takes the steps. */
 
 #include <stdlib.h>
 
-enum { CHUNK = N_X > 64 ? 4 : 16 };
+enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block should fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
 
 /* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
@@ -24,13 +25,16 @@ typedef struct {
 
 /* A block under way, at t, on a step of length h. */
 typedef struct {
-  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[STAGES * SIZE(N_X)], c[SIZE(N_C)], F[7 * SIZE(N_USED)];
+  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[STAGES * SIZE(N_OWN)], c[SIZE(N_C)], F[7 * SIZE(N_USED)];
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
   double t, t_new, h, h_next;
   double before; /* logarithm of the error of the step before */
   long number, next, steps, live, sample[W];
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 } Block;
+
+/* The slope of state i from x and the slopes that are kept. */
+static inline V slope(const V *x, const V *k, int i) { return i < N_OWN ? k[i] : x[i - N_OWN]; }
 
 static int run(Block *b, Study *s); /* from the first time to the last, or until samples fail: 0 */
 
@@ -118,9 +122,10 @@ static void assemble(Block *b) {
     V step = zero(), size = each(1e-3);
     newton(u, b->c, each(b->t), du);
     for (int i = 0; i < N_U; ++i) {
-      u[i] -= blend(active, du[i], zero());
+      V *ui = u + place[i];
+      *ui -= blend(active, du[i], zero());
       step = v_larger(v_fabs(du[i]), step);
-      size = v_larger(v_fabs(u[i]), size);
+      size = v_larger(v_fabs(*ui), size);
     }
     active &= (M)(step > 1e-9 * size);
   }
@@ -147,7 +152,7 @@ static int begin(Block *b, Study *s) {
     assemble(b);
 #else
     for (long l = 0; l < W; ++l)
-      for (int j = 0; j < N_X; ++j) b->x[j][l] = s->x0[b->sample[l % b->live] * N_X + j];
+      for (int j = 0; j < N_X; ++j) b->x[place[j]][l] = s->x0[b->sample[l % b->live] * N_X + j];
 #endif
     V sum = zero();
     for (int j = 0; j < N_X; ++j) sum += b->x[j] * 0.0;

@@ -127,18 +127,13 @@ def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.
     """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
     if dae.shift is None or dae.Phi_dot is None:
         return _normalized(dae, x)
-    state = ca.SX.sym("x", x.numel())
-    at = dae.arguments(state, p, time)
-    q, v = at[0], at[1]
-    rest = state[dae.n_q + dae.n_v :]
-    free = ca.SX.zeros(dae.n_r - dae.n_c)
-    step = None
+    x = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    at = dae.arguments(x, p, time)
     if dae.Phi is not None:
-        moved = dae.retract(q, dae.shift(*at, -ca.vertcat(dae.Phi(*at), free)))
-        step = ca.Function("step", [state, p, time], [ca.vertcat(moved, v, rest)])
-    corrected = ca.vertcat(dae.retract(q, ca.SX.zeros(dae.n_v)), v + dae.shift(*at, -dae.Phi_dot(*at)), rest)
-    velocities = ca.Function("velocities", [state, p, time], [corrected])
-    if step is not None:
         for _ in range(projections):
-            x = step(x, p, time)
-    return velocities(x, p, time)
+            at = dae.arguments(x, p, time)
+            violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
+            x = ca.vertcat(dae.retract(at[0], dae.shift(*at, -violation)), x[dae.n_q :])
+    # Velocities keep the matrix of the last step: what it is off by is multiplied with what they are off by.
+    change = dae.shift(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
+    return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))
