@@ -9,16 +9,18 @@ static int run(Block *b, Study *s) {
     b->h = span / count;
     for (long i = 0; i < count; ++i) {
       b->t = begin + i * b->h;
-      rates(b->x, b->c, each(b->t), b->k);
+      EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
       stages(b);
-      memcpy(b->x, b->x_new, sizeof b->x);
+      EACH_PART(b) memcpy(a->x, a->x_new, sizeof a->x);
     }
     b->t = s->times[b->next];
+    EACH_PART(b) {
 #if PROJECTED
-    project(b->x, b->c, each(b->t), b->x_new);
-    memcpy(b->x, b->x_new, sizeof b->x);
+      project(a->x, a->c, each(b->t), a->x_new);
+      memcpy(a->x, a->x_new, sizeof a->x);
 #endif
-    outputs(b->x, b->c, each(b->t), b->y);
+      outputs(a->x, a->c, each(b->t), a->y);
+    }
     if (!keep(b, s, b->next, 1)) return 0;
   }
   return 1;

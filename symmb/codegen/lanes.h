@@ -1,12 +1,20 @@
-/* A vector of W doubles, one lane for each of W samples that run side by side: the same number on every processor, so
-   that results do not depend on it. Compilers split a vector that is wider than the processor's. */
+/* Vectors of W doubles, as wide as the processor's, one lane for each of W samples that run side by side. WIDTH samples
+   share their steps, the same number on every processor, so that results do not depend on it: they fill PARTS vectors. */
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
 #include <math.h>
 #include <string.h>
 
+#define WIDTH 8
+#if defined(__AVX512F__)
 #define W 8
+#elif defined(__AVX2__)
+#define W 4
+#else
+#define W 2
+#endif
+#define PARTS (WIDTH / W)
 
 typedef double V __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
@@ -27,24 +35,12 @@ static inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 /* Elementary functions: the vector ones of the C library where it has them, lane by lane where not. */
 #define BY_LANE_1(name, f) static inline V name(V a) { for (int l = 0; l < W; ++l) a[l] = f(a[l]); return a; }
 #define BY_LANE_2(name, f) static inline V name(V a, V b) { for (int l = 0; l < W; ++l) a[l] = f(a[l], b[l]); return a; }
-#if defined(__AVX2__) && !defined(__AVX512F__)
-#define BY_HALF_1(name, f) \
-  static inline V name(V a) { Halves h = {a}; h.half[0] = f(h.half[0]); h.half[1] = f(h.half[1]); return h.whole; }
-#define BY_HALF_2(name, f) \
-  static inline V name(V a, V b) { \
-    Halves h = {a}, g = {b}; \
-    h.half[0] = f(h.half[0], g.half[0]); \
-    h.half[1] = f(h.half[1], g.half[1]); \
-    return h.whole; \
-  }
-typedef union { V whole; __m256d half[2]; } Halves;
-#endif
-#if defined(LIBMVEC) && defined(__AVX512F__)
+#if defined(LIBMVEC) && W == 8
 #define FROM_LIBRARY_1(f) V _ZGVeN8v_##f(V); static inline V v_##f(V a) { return _ZGVeN8v_##f(a); }
 #define FROM_LIBRARY_2(f) V _ZGVeN8vv_##f(V, V); static inline V v_##f(V a, V b) { return _ZGVeN8vv_##f(a, b); }
-#elif defined(LIBMVEC) && defined(__AVX2__)
-#define FROM_LIBRARY_1(f) __m256d _ZGVdN4v_##f(__m256d); BY_HALF_1(v_##f, _ZGVdN4v_##f)
-#define FROM_LIBRARY_2(f) __m256d _ZGVdN4vv_##f(__m256d, __m256d); BY_HALF_2(v_##f, _ZGVdN4vv_##f)
+#elif defined(LIBMVEC) && W == 4
+#define FROM_LIBRARY_1(f) V _ZGVdN4v_##f(V); static inline V v_##f(V a) { return _ZGVdN4v_##f(a); }
+#define FROM_LIBRARY_2(f) V _ZGVdN4vv_##f(V, V); static inline V v_##f(V a, V b) { return _ZGVdN4vv_##f(a, b); }
 #else
 #define FROM_LIBRARY_1(f) BY_LANE_1(v_##f, f)
 #define FROM_LIBRARY_2(f) BY_LANE_2(v_##f, f)
@@ -52,31 +48,24 @@ typedef union { V whole; __m256d half[2]; } Halves;
 FROM_LIBRARY_1(exp)
 FROM_LIBRARY_1(log)
 FROM_LIBRARY_2(pow)
-#if defined(__AVX512F__)
-static inline int all_below(V a, double b) { return _mm512_cmp_pd_mask((__m512d)a, _mm512_set1_pd(b), _CMP_LT_OQ) == 255; }
-static inline V v_sqrt(V a) { return (V)_mm512_sqrt_pd((__m512d)a); }
-static inline V v_floor(V a) { return (V)_mm512_floor_pd((__m512d)a); }
-static inline V v_ceil(V a) { return (V)_mm512_ceil_pd((__m512d)a); }
-static inline V v_smaller(V a, V b) { return (V)_mm512_min_pd((__m512d)a, (__m512d)b); }
-static inline V v_larger(V a, V b) { return (V)_mm512_max_pd((__m512d)a, (__m512d)b); }
-#elif defined(__AVX2__)
+#if W == 8
+static inline int all_below(V a, double b) { return _mm512_cmp_pd_mask(a, _mm512_set1_pd(b), _CMP_LT_OQ) == 255; }
+static inline V v_sqrt(V a) { return _mm512_sqrt_pd(a); }
+static inline V v_floor(V a) { return _mm512_floor_pd(a); }
+static inline V v_ceil(V a) { return _mm512_ceil_pd(a); }
+static inline V v_smaller(V a, V b) { return _mm512_min_pd(a, b); }
+static inline V v_larger(V a, V b) { return _mm512_max_pd(a, b); }
+#elif W == 4
 static inline int all_below(V a, double b) {
-  Halves h = {a};
-  __m256d limit = _mm256_set1_pd(b);
-  return _mm256_movemask_pd(_mm256_and_pd(
-             _mm256_cmp_pd(h.half[0], limit, _CMP_LT_OQ), _mm256_cmp_pd(h.half[1], limit, _CMP_LT_OQ))) == 15;
+  return _mm256_movemask_pd(_mm256_cmp_pd(a, _mm256_set1_pd(b), _CMP_LT_OQ)) == 15;
 }
-BY_HALF_1(v_sqrt, _mm256_sqrt_pd)
-BY_HALF_1(v_floor, _mm256_floor_pd)
-BY_HALF_1(v_ceil, _mm256_ceil_pd)
-BY_HALF_2(v_smaller, _mm256_min_pd)
-BY_HALF_2(v_larger, _mm256_max_pd)
+static inline V v_sqrt(V a) { return _mm256_sqrt_pd(a); }
+static inline V v_floor(V a) { return _mm256_floor_pd(a); }
+static inline V v_ceil(V a) { return _mm256_ceil_pd(a); }
+static inline V v_smaller(V a, V b) { return _mm256_min_pd(a, b); }
+static inline V v_larger(V a, V b) { return _mm256_max_pd(a, b); }
 #else
-static inline int all_below(V a, double b) {
-  int below = 1;
-  for (int l = 0; l < W; ++l) below &= a[l] < b;
-  return below;
-}
+static inline int all_below(V a, double b) { return (a[0] < b) & (a[1] < b); }
 BY_LANE_1(v_sqrt, sqrt)
 BY_LANE_1(v_floor, floor)
 BY_LANE_1(v_ceil, ceil)
@@ -137,3 +126,32 @@ BY_LANE_2(v_fmod, fmod)
 BY_LANE_2(v_remainder, remainder)
 BY_LANE_2(v_copysign, copysign)
 BY_LANE_2(v_hypot, hypot)
+
+/* The smallest, or largest, lanes of W vectors in one vector, by a tree of shuffles. */
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define TREE
+#define MIX __builtin_shufflevector
+#if W == 8
+#define TREE_OF(name, f) \
+  static inline V name(const V *y) { \
+    V a[4], b[2]; \
+    for (int k = 0; k < 4; ++k) \
+      a[k] = f(MIX(y[2 * k], y[2 * k + 1], 0, 8, 2, 10, 4, 12, 6, 14), MIX(y[2 * k], y[2 * k + 1], 1, 9, 3, 11, 5, 13, 7, 15)); \
+    for (int k = 0; k < 2; ++k) \
+      b[k] = f(MIX(a[2 * k], a[2 * k + 1], 0, 1, 8, 9, 4, 5, 12, 13), MIX(a[2 * k], a[2 * k + 1], 2, 3, 10, 11, 6, 7, 14, 15)); \
+    return f(MIX(b[0], b[1], 0, 1, 2, 3, 8, 9, 10, 11), MIX(b[0], b[1], 4, 5, 6, 7, 12, 13, 14, 15)); \
+  }
+#elif W == 4
+#define TREE_OF(name, f) \
+  static inline V name(const V *y) { \
+    V a = f(MIX(y[0], y[1], 0, 4, 2, 6), MIX(y[0], y[1], 1, 5, 3, 7)), b = f(MIX(y[2], y[3], 0, 4, 2, 6), MIX(y[2], y[3], 1, 5, 3, 7)); \
+    return f(MIX(a, b, 0, 1, 4, 5), MIX(a, b, 2, 3, 6, 7)); \
+  }
+#else
+#define TREE_OF(name, f) static inline V name(const V *y) { return f(MIX(y[0], y[1], 0, 2), MIX(y[0], y[1], 1, 3)); }
+#endif
+TREE_OF(tree_smaller, v_smaller)
+TREE_OF(tree_larger, v_larger)
+#endif
+#endif

@@ -1,46 +1,56 @@
 /* Steps of an embedded explicit pair, as long as the tolerances allow, with dense output in between.
 
-   Given before: study.h, and from the tableau stages(b) for k before the end of the step and x_new; errors(b, e5, e3),
+   Given before: study.h, and from the tableau stages(b) for k before the end of the step and x_new; errors(a, h, e5, e3),
    the estimates of orders 5 and 3; interpolant(b) for F of the used states; END, where the slope at the end of the step
    stands in k. */
 
 enum { REJECTED, ACCEPTED, LOST };
 
 /* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
-static V error_norm(const Block *b, const Study *s) {
+static V error_norm(const Part *a, double h, const Study *s) {
   V e5[SIZE(N_X)], e3[SIZE(N_X)], sum5 = zero(), sum3 = zero();
-  errors(b, e5, e3);
+  errors(a, h, e5, e3);
   for (int i = 0; i < N_X; ++i) {
-    V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(b->x[i]), v_fabs(b->x_new[i])));
+    V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->x_new[i])));
     e5[i] *= scale;
     e3[i] *= scale;
     sum5 += e5[i] * e5[i];
     sum3 += e3[i] * e3[i];
   }
   V denominator = sum5 + 0.01 * sum3;
-  return choose(denominator > 0.0, fabs(b->h) * sum5 / v_sqrt(denominator * (double)N_X), denominator);
+  return choose(denominator > 0.0, fabs(h) * sum5 / v_sqrt(denominator * (double)N_X), denominator);
 }
+
+/* The larger of two numbers, or NaN. */
+static double larger(double a, double b) { return a > b || a != a ? a : b; }
 
 static double first_step(Block *b, const Study *s) {
   const double span = s->times[s->n_t - 1] - b->t;
-  V d0 = zero(), d1 = zero(), d2 = zero(), *x1 = b->x_new, *k1 = b->k + N_OWN;
-  for (int i = 0; i < N_X; ++i) {
-    V scale = 1.0 / (s->atol + s->rtol * v_fabs(b->x[i]));
-    d0 += b->x[i] * scale * b->x[i] * scale;
-    V d = slope(b->x, b->k, i) * scale;
-    d1 += d * d;
+  double n0 = 0.0, n1 = 0.0, n2 = 0.0;
+  EACH_PART(b) {
+    V d0 = zero(), d1 = zero();
+    for (int i = 0; i < N_X; ++i) {
+      V scale = 1.0 / (s->atol + s->rtol * v_fabs(a->x[i])), d = slope(a->x, a->k, i) * scale;
+      d0 += a->x[i] * scale * a->x[i] * scale;
+      d1 += d * d;
+    }
+    n0 = larger(sqrt(worst(d0) / N_X), n0);
+    n1 = larger(sqrt(worst(d1) / N_X), n1);
   }
-  double n0 = sqrt(worst(d0) / N_X), n1 = sqrt(worst(d1) / N_X);
   double h0 = n0 < 1e-5 || n1 < 1e-5 ? 1e-6 : 0.01 * n0 / n1;
   h0 = h0 < span ? h0 : span;
-  for (int i = 0; i < N_X; ++i) x1[i] = b->x[i] + h0 * slope(b->x, b->k, i);
-  rates(x1, b->c, each(b->t + h0), k1);
-  for (int i = 0; i < N_X; ++i) {
-    V d = (slope(x1, k1, i) - slope(b->x, b->k, i)) / (s->atol + s->rtol * v_fabs(b->x[i]));
-    d2 += d * d;
+  EACH_PART(b) {
+    V *x1 = a->x_new, *k1 = a->k + N_OWN, d2 = zero();
+    for (int i = 0; i < N_X; ++i) x1[i] = a->x[i] + h0 * slope(a->x, a->k, i);
+    rates(x1, a->c, each(b->t + h0), k1);
+    for (int i = 0; i < N_X; ++i) {
+      V d = (slope(x1, k1, i) - slope(a->x, a->k, i)) / (s->atol + s->rtol * v_fabs(a->x[i]));
+      d2 += d * d;
+    }
+    n2 = larger(sqrt(worst(d2) / N_X) / h0, n2);
   }
-  double n2 = sqrt(worst(d2) / N_X) / h0, most = n1 > n2 ? n1 : n2;
-  double h1 = most <= 1e-15 ? (1e-6 > h0 * 1e-3 ? 1e-6 : h0 * 1e-3) : pow(0.01 / most, 1.0 / 8.0);
+  const double most = larger(n1, n2);
+  double h1 = most <= 1e-15 ? larger(1e-6, h0 * 1e-3) : pow(0.01 / most, 1.0 / 8.0);
   double h = 100.0 * h0 < h1 ? 100.0 * h0 : h1;
   return h < span ? h : span;
 }
@@ -52,16 +62,18 @@ static int sample(Block *b, Study *s) {
     long n = 0;
     for (; n < CHUNK && b->next + n < s->n_t && s->times[b->next + n] <= b->t_new; ++n)
       share[n] = (s->times[b->next + n] - b->t) / b->h;
-    for (int u = 0; u < N_USED; ++u) {
-      const V *f = b->F + 7 * u, x = b->x[used[u]];
-      const V f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], f4 = f[4], f5 = f[5], f6 = f[6];
-      for (long j = 0; j < n; ++j) {
-        const double a = share[j], r = 1.0 - a;
-        b->x_at[j * N_X + used[u]] = x + a * (f0 + r * (f1 + a * (f2 + r * (f3 + a * (f4 + r * (f5 + a * f6))))));
+    EACH_PART(b) {
+      for (int u = 0; u < N_USED; ++u) {
+        const V *f = a->F + 7 * u, x = a->x[used[u]];
+        const V f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], f4 = f[4], f5 = f[5], f6 = f[6];
+        for (long j = 0; j < n; ++j) {
+          const double z = share[j], r = 1.0 - z;
+          a->x_at[j * N_X + used[u]] = x + z * (f0 + r * (f1 + z * (f2 + r * (f3 + z * (f4 + r * (f5 + z * f6))))));
+        }
       }
+      for (long j = 0; j < n; ++j)
+        outputs(a->x_at + j * N_X, a->c, each(s->times[b->next + j]), a->y + j * N_Y);
     }
-    for (long j = 0; j < n; ++j)
-      outputs(b->x_at + j * N_X, b->c, each(s->times[b->next + j]), b->y + j * N_Y);
     b->next += n;
     if (!keep(b, s, b->next - n, n)) return 0;
   }
@@ -70,12 +82,17 @@ static int sample(Block *b, Study *s) {
 
 /* Accepts the step, or shortens it; where there is no shorter one, samples whose error is too large fail. */
 static int judge(Block *b, Study *s, double shortest) {
-  const V norm = error_norm(b, s);
-  const double e = worst(norm), size = log(e), least = log(1e-4);
+  V norm[PARTS];
+  double e = 0.0;
+  EACH_PART(b) {
+    norm[a - b->part] = error_norm(a, b->h, s);
+    e = larger(worst(norm[a - b->part]), e);
+  }
+  const double size = log(e), least = log(1e-4);
   const int too_many = ++b->steps == s->most_steps;
   if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
-    for (int l = 0; l < W; ++l)
-      if (too_many || !(norm[l] <= 1.0)) s->t_failed[b->sample[l % b->live]] = b->t;
+    for (int l = 0; l < WIDTH; ++l)
+      if (too_many || !(norm[l / W][l % W] <= 1.0)) s->t_failed[b->sample[l % b->live]] = b->t;
     return LOST;
   }
   if (!(e <= 1.0)) {
@@ -96,7 +113,7 @@ static int run(Block *b, Study *s) {
   if (s->n_t == 1) return 1;
   b->steps = 0;
   b->before = log(1e-4);
-  rates(b->x, b->c, each(b->t), b->k);
+  EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
   b->h = first_step(b, s);
   while (b->next < s->n_t) {
     if (!(b->h > shortest)) b->h = shortest;
@@ -109,18 +126,20 @@ static int run(Block *b, Study *s) {
     const int verdict = judge(b, s, shortest);
     if (verdict == LOST) return 0;
     if (verdict == REJECTED) continue;
-    rates(b->x_new, b->c, each(b->t_new), b->k + END * N_OWN);
+    EACH_PART(b) rates(a->x_new, a->c, each(b->t_new), a->k + END * N_OWN);
     if (s->times[b->next] <= b->t_new) {
       interpolant(b);
       if (!sample(b, s)) return 0;
     }
-    /* The slope before the projection serves the next step: it is as far off as the error of this one. */
-    memcpy(b->k, b->k + END * N_OWN, N_OWN * sizeof(V));
+    EACH_PART(b) {
+      /* The slope before the projection serves the next step: it is as far off as the error of this one. */
+      memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
 #if PROJECTED
-    project(b->x_new, b->c, each(b->t_new), b->x);
+      project(a->x_new, a->c, each(b->t_new), a->x);
 #else
-    memcpy(b->x, b->x_new, sizeof b->x);
+      memcpy(a->x, a->x_new, sizeof a->x);
 #endif
+    }
     b->t = b->t_new;
     b->h = b->h_next;
   }

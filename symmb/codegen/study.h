@@ -1,4 +1,4 @@
-/* A study: blocks of W samples side by side, values of all or running extremes; samples that fail are taken out.
+/* A study: blocks of WIDTH samples side by side, values of all or running extremes; samples that fail are taken out.
 
    Given before: lanes.h; N_X, N_P, N_C, N_Y, PROJECTED, STARTED; N_OWN, the number of states with slopes of their own,
    which stand first; place[] (N_X), where a state that is given stands; the states used[] (N_USED) that outputs need;
@@ -23,15 +23,22 @@ typedef struct {
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
 } Study;
 
-/* A block under way, at t, on a step of length h. */
+/* What a block holds of W of its lanes. */
 typedef struct {
   V x[SIZE(N_X)], x_new[SIZE(N_X)], k[STAGES * SIZE(N_OWN)], c[SIZE(N_C)], F[7 * SIZE(N_USED)];
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
+} Part;
+
+/* A block under way, at t, on a step of length h. */
+typedef struct {
+  Part part[PARTS];
   double t, t_new, h, h_next;
   double before; /* logarithm of the error of the step before */
-  long number, next, steps, live, sample[W];
+  long number, next, steps, live, sample[WIDTH];
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 } Block;
+
+#define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)
 
 /* The slope of state i from x and the slopes that are kept. */
 static inline V slope(const V *x, const V *k, int i) { return i < N_OWN ? k[i] : x[i - N_OWN]; }
@@ -44,83 +51,76 @@ static double worst(V a) {
   return m;
 }
 
-#if W == 8 && defined(__has_builtin)
-#if __has_builtin(__builtin_shufflevector)
-#define TREE
-#define LOW_1(a, b) __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14)
-#define HIGH_1(a, b) __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15)
-#define LOW_2(a, b) __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13)
-#define HIGH_2(a, b) __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
-#define LOW_4(a, b) __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11)
-#define HIGH_4(a, b) __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15)
-#endif
-#endif
-
-/* Smallest and largest lanes of each of n vectors: eight of them become one of minima and one of maxima by a tree of
-   shuffles, the last eight overlap those before. */
-static void extremes(const V *y, long n, double *lower, double *upper) {
+/* Smallest and largest lanes of each of n vectors in every part. The last vectors of a tree overlap those before. */
+static void extremes(const Block *b, long n, double *lower, double *upper) {
   long i = 0;
 #ifdef TREE
-  for (; n >= 8 && i < n; i += 8) {
-    if (i > n - 8) i = n - 8;
-    V a[4], b[4];
-    for (int k = 0; k < 4; ++k) {
-      V l = LOW_1(y[i + 2 * k], y[i + 2 * k + 1]), h = HIGH_1(y[i + 2 * k], y[i + 2 * k + 1]);
-      a[k] = v_smaller(l, h);
-      b[k] = v_larger(l, h);
+  for (; n >= W && i < n; i += W) {
+    if (i > n - W) i = n - W;
+    const V *least = b->part->y + i, *most = least;
+#if PARTS > 1
+    V smallest[W], largest[W];
+    for (int k = 0; k < W; ++k) {
+      smallest[k] = largest[k] = least[k];
+      for (int q = 1; q < PARTS; ++q) {
+        smallest[k] = v_smaller(smallest[k], b->part[q].y[i + k]);
+        largest[k] = v_larger(largest[k], b->part[q].y[i + k]);
+      }
     }
-    for (int k = 0; k < 2; ++k) {
-      a[k] = v_smaller(LOW_2(a[2 * k], a[2 * k + 1]), HIGH_2(a[2 * k], a[2 * k + 1]));
-      b[k] = v_larger(LOW_2(b[2 * k], b[2 * k + 1]), HIGH_2(b[2 * k], b[2 * k + 1]));
-    }
-    V least = v_smaller(LOW_4(a[0], a[1]), HIGH_4(a[0], a[1])), most = v_larger(LOW_4(b[0], b[1]), HIGH_4(b[0], b[1]));
-    memcpy(lower + i, &least, sizeof least);
-    memcpy(upper + i, &most, sizeof most);
+    least = smallest;
+    most = largest;
+#endif
+    const V low = tree_smaller(least), high = tree_larger(most);
+    memcpy(lower + i, &low, sizeof low);
+    memcpy(upper + i, &high, sizeof high);
   }
 #endif
   for (; i < n; ++i) {
-    lower[i] = upper[i] = y[i][0];
-    for (int l = 1; l < W; ++l) {
-      lower[i] = y[i][l] < lower[i] ? y[i][l] : lower[i];
-      upper[i] = y[i][l] > upper[i] ? y[i][l] : upper[i];
+    lower[i] = upper[i] = b->part[0].y[i][0];
+    for (int l = 1; l < WIDTH; ++l) {
+      const double y = b->part[l / W].y[i][l % W];
+      lower[i] = y < lower[i] ? y : lower[i];
+      upper[i] = y > upper[i] ? y : upper[i];
     }
   }
 }
 
 /* Outputs at n times from number `first` on; 0 if a lane is not finite: its sample fails. */
 static int keep(Block *b, Study *s, long first, long n) {
-  const V *y = b->y;
-  V sum[4] = {zero(), zero(), zero(), zero()}; /* several, since each addition waits for the one before */
-  for (long i = 0; i < n * N_Y; ++i) sum[i % 4] += y[i] * 0.0;
-  const int finite = worst(sum[0] + sum[1] + sum[2] + sum[3]) == 0.0;
-  if (!finite) {
-    for (long l = 0; l < b->live; ++l)
-      for (long i = 0; i < n * N_Y; ++i)
-        if (y[i][l] * 0.0 != 0.0) {
-          s->irregular[b->sample[l]] = 1;
-          s->t_failed[b->sample[l]] = s->times[first + i / SIZE(N_Y)];
-          break;
-        }
-  }
-  if (s->Y)
-    for (long l = 0; l < b->live; ++l) {
-      double *to = s->Y + (b->sample[l] * s->n_t + first) * N_Y;
-      for (long i = 0; i < n * N_Y; ++i) to[i] = y[i][l];
+  V even = zero(), odd = zero(); /* two, since each addition waits for the one before */
+  EACH_PART(b) {
+    long i = n * N_Y % 2;
+    if (i) even += a->y[0] * 0.0;
+    for (; i < n * N_Y; i += 2) {
+      even += a->y[i] * 0.0;
+      odd += a->y[i + 1] * 0.0;
     }
-  else
-    extremes(y, n * N_Y, b->lower + first * N_Y, b->upper + first * N_Y);
+  }
+  const int finite = worst(even + odd) == 0.0;
+  for (long l = 0; l < b->live && !finite; ++l)
+    for (long i = 0; i < n * N_Y; ++i)
+      if (b->part[l / W].y[i][l % W] * 0.0 != 0.0) {
+        s->irregular[b->sample[l]] = 1;
+        s->t_failed[b->sample[l]] = s->times[first + i / SIZE(N_Y)];
+        break;
+      }
+  for (long l = 0; l < b->live && s->Y; ++l) {
+    double *to = s->Y + (b->sample[l] * s->n_t + first) * N_Y;
+    for (long i = 0; i < n * N_Y; ++i) to[i] = b->part[l / W].y[i][l % W];
+  }
+  if (!s->Y) extremes(b, n * N_Y, b->lower + first * N_Y, b->upper + first * N_Y);
   return finite;
 }
 
 #if STARTED
 /* The state at the first time: Newton from u = 0, in each lane until its own step is small: convergence is quadratic,
    and a step below 1e-9 leaves an error at rounding level. NaN where it does not converge. */
-static void assemble(Block *b) {
+static void assemble(Part *a, V t) {
   V u[SIZE(N_X)] = {zero()}, du[SIZE(N_U)];
   M active = (M)zero() == 0;
   for (int n = 0; n < 30 && N_U > 0 && !none(active); ++n) {
     V step = zero(), size = each(1e-3);
-    newton(u, b->c, each(b->t), du);
+    newton(u, a->c, t, du);
     for (int i = 0; i < N_U; ++i) {
       V *ui = u + place[i];
       *ui -= blend(active, du[i], zero());
@@ -129,43 +129,54 @@ static void assemble(Block *b) {
     }
     active &= (M)(step > 1e-9 * size);
   }
-  start(u, b->c, each(b->t), b->x);
-  for (int i = 0; N_U > 0 && i < N_X; ++i) b->x[i] = blend(active, each(NAN), b->x[i]);
+  start(u, a->c, t, a->x);
+  for (int i = 0; N_U > 0 && i < N_X; ++i) a->x[i] = blend(active, each(NAN), a->x[i]);
 }
 #endif
 
-/* The samples of a block that did not fail, at the first time; lanes without a sample repeat one that has, and do not
-   change the common step. 0 if there are none. */
+/* States of a block at the first time, from those of its samples that did not fail; lanes without a sample repeat one
+   that has, and do not change the common step. 0 if a state is not finite: its sample fails. */
+static int place_samples(Block *b, Study *s) {
+  int finite = 1;
+  EACH_PART(b) {
+    V p[SIZE(N_P)], sum = zero();
+    for (int l = 0; l < W; ++l) {
+      const long i = b->sample[((a - b->part) * W + l) % b->live];
+      for (int j = 0; j < N_P; ++j) p[j][l] = s->p[i * N_P + j];
+      for (int j = 0; j < N_X && !STARTED; ++j) a->x[place[j]][l] = s->x0[i * N_X + j];
+    }
+    prepare(p, a->c);
+#if STARTED
+    assemble(a, each(b->t));
+#endif
+    for (int j = 0; j < N_X; ++j) sum += a->x[j] * 0.0;
+    for (int l = 0; l < W; ++l)
+      if (sum[l] != 0.0) {
+        s->t_failed[b->sample[((a - b->part) * W + l) % b->live]] = b->t;
+        finite = 0;
+      }
+  }
+  return finite;
+}
+
+/* The samples of a block that did not fail, at the first time; 0 if there are none. */
 static int begin(Block *b, Study *s) {
-  V p[SIZE(N_P)];
   b->t = s->times[0];
   b->next = 1;
   for (;;) {
     b->live = 0;
-    for (long i = b->number * W; i < b->number * W + W && i < s->n; ++i)
+    for (long i = b->number * WIDTH; i < b->number * WIDTH + WIDTH && i < s->n; ++i)
       if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
     if (!b->live) return 0;
-    for (long l = 0; l < W; ++l)
-      for (int j = 0; j < N_P; ++j) p[j][l] = s->p[b->sample[l % b->live] * N_P + j];
-    prepare(p, b->c);
-#if STARTED
-    assemble(b);
-#else
-    for (long l = 0; l < W; ++l)
-      for (int j = 0; j < N_X; ++j) b->x[place[j]][l] = s->x0[b->sample[l % b->live] * N_X + j];
-#endif
-    V sum = zero();
-    for (int j = 0; j < N_X; ++j) sum += b->x[j] * 0.0;
-    for (long l = 0; l < b->live; ++l)
-      if (sum[l] != 0.0) s->t_failed[b->sample[l]] = b->t;
-    if (worst(sum) != 0.0) continue;
+    if (!place_samples(b, s)) continue;
+    EACH_PART(b) {
 #if PROJECTED
-    project(b->x, b->c, each(b->t), b->x_new);
-    memcpy(b->x, b->x_new, sizeof b->x);
+      project(a->x, a->c, each(b->t), a->x_new);
+      memcpy(a->x, a->x_new, sizeof a->x);
 #endif
-    outputs(b->x, b->c, each(b->t), b->y);
-    if (!keep(b, s, 0, 1)) continue;
-    return 1;
+      outputs(a->x, a->c, each(b->t), a->y);
+    }
+    if (keep(b, s, 0, 1)) return 1;
   }
 }
 
@@ -176,7 +187,7 @@ int work(Study *s, double *restrict lower, double *restrict upper) {
   Block *b = aligned_alloc(sizeof(V), sizeof(Block));
   double *part = malloc((2 * n + 1) * sizeof(double));
   const int enough = b && part;
-  while (enough && (b->number = __atomic_fetch_add(&s->dealt, 1, __ATOMIC_RELAXED)) * W < s->n) {
+  while (enough && (b->number = __atomic_fetch_add(&s->dealt, 1, __ATOMIC_RELAXED)) * WIDTH < s->n) {
     b->lower = part;
     b->upper = part + n;
     int found;
@@ -191,4 +202,4 @@ int work(Study *s, double *restrict lower, double *restrict upper) {
   return enough;
 }
 
-const int width = W;
+const int width = WIDTH;

@@ -30,34 +30,37 @@ def pair() -> str:
         [
             f"#define END {_place(12)}",
             *_stages(range(1, 12), A, C, dop853.B),
-            "static void errors(const Block *b, V *e5, V *e3) {",
-            "  const V *k = b->k;",
+            "static void errors(const Part *a, double h, V *e5, V *e3) {",
+            "  const V *k = a->k;",
             "  for (int m = 0; m < N_OWN; ++m) {",
             f"    e5[m] = {_sum(of_order_5)};",
             f"    e3[m] = {_sum(of_order_3)};",
             "  }",
             "  for (int m = 0; m < N_X - N_OWN; ++m) {",
-            f"    e5[N_OWN + m] = b->h * ({_sum(_through(of_order_5, A))});",
-            f"    e3[N_OWN + m] = b->h * ({_sum(_through(of_order_3, A))});",
+            f"    e5[N_OWN + m] = h * ({_sum(_through(of_order_5, A))});",
+            f"    e3[N_OWN + m] = h * ({_sum(_through(of_order_3, A))});",
             "  }",
             "}",
             "static void interpolant(Block *b) {",
-            "  V *k = b->k;",
+            "  const double h = b->h;",
             *(line for s in range(13, 16) for line in _stage(s, A, C)),
-            "  for (int u = 0; u < N_USED; ++u) {",
-            "    const int i = used[u], m = i < N_OWN ? i : i - N_OWN;",
-            "    V *f = b->F + 7 * u, d = b->x_new[i] - b->x[i];",
-            "    const V first = slope(b->x, k, i), last = slope(b->x_new, k + END * N_OWN, i);",
-            "    f[0] = d;",
-            "    f[1] = b->h * first - d;",
-            "    f[2] = 2 * d - b->h * (last + first);",
-            "    if (i >= N_OWN) {",
+            "  EACH_PART(b) {",
+            "    const V *k = a->k;",
+            "    for (int u = 0; u < N_USED; ++u) {",
+            "      const int i = used[u], m = i < N_OWN ? i : i - N_OWN;",
+            "      V *f = a->F + 7 * u, d = a->x_new[i] - a->x[i];",
+            "      const V first = slope(a->x, k, i), last = slope(a->x_new, k + END * N_OWN, i);",
+            "      f[0] = d;",
+            "      f[1] = h * first - d;",
+            "      f[2] = 2 * d - h * (last + first);",
+            "      if (i < N_OWN) {",
+            *(f"        f[{3 + r}] = h * ({_sum(row)});" for r, row in enumerate(dop853.D)),
+            "      } else {",
             *(
-                f"      f[{3 + r}] = b->h * ({sum(row.values())!r} * first + b->h * ({_sum(_through(row, A))}));"
+                f"        f[{3 + r}] = h * ({sum(row.values())!r} * first + h * ({_sum(_through(row, A))}));"
                 for r, row in enumerate(dop853.D)
             ),
-            "    } else {",
-            *(f"      f[{3 + r}] = b->h * ({_sum(row)});" for r, row in enumerate(dop853.D)),
+            "      }",
             "    }",
             "  }",
             "}",
@@ -68,29 +71,31 @@ def pair() -> str:
 def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights) -> list[str]:
     return [
         "static void stages(Block *b) {",
-        "  V *k = b->k;",
+        "  const double h = b->h;",
         *(line for s in stages for line in _stage(s, A, C)),
-        *_advance("x_new", B, 1.0, A),
+        *_each_part(_advance("x_new", B, 1.0, A)),
         "}",
     ]
 
 
 def _stage(s: int, A: Sequence[Weights], C: Sequence[float]) -> list[str]:
-    return [
-        *_advance("x_at", A[s], C[s], A),
-        f"  rates(b->x_at, b->c, each(b->t + {C[s]!r} * b->h), k + {_place(s)} * N_OWN);",
-    ]
+    rates = f"rates(a->x_at, a->c, each(b->t + {C[s]!r} * h), k + {_place(s)} * N_OWN);"
+    return _each_part([*_advance("x_at", A[s], C[s], A), rates])
+
+
+def _each_part(lines: Iterable[str]) -> list[str]:
+    return ["  EACH_PART(b) {", "    V *k = a->k;", *(f"    {line}" for line in lines), "  }"]
 
 
 def _advance(to: str, weights: Weights, share: float, A: Sequence[Weights]) -> list[str]:
     """States a share of the step further."""
     return [
-        "  for (int m = 0; m < N_X - N_OWN; ++m) {",
-        f"    const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
-        f"    b->{to}[N_OWN + m] = b->x[N_OWN + m] + {share!r} * b->h * b->x[m] + b->h * b->h * twice;",
-        f"    b->{to}[m] = b->x[m] + b->h * once;",
-        "  }",
-        f"  for (int m = N_X - N_OWN; m < N_OWN; ++m) b->{to}[m] = b->x[m] + b->h * ({_sum(weights)});",
+        "for (int m = 0; m < N_X - N_OWN; ++m) {",
+        f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
+        f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {share!r} * h * a->x[m] + h * h * twice;",
+        f"  a->{to}[m] = a->x[m] + h * once;",
+        "}",
+        f"for (int m = N_X - N_OWN; m < N_OWN; ++m) a->{to}[m] = a->x[m] + h * ({_sum(weights)});",
     ]
 
 

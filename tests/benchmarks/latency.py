@@ -81,10 +81,7 @@ def one_run(pendulum: mb.Scene) -> None:
     P = np.ones((1, 2))
     error = np.abs(fast.run(P).Y[0, -1, [2, 5]] - END).max()
     first = show("one run", median(lambda: fast.run(P).Y, calls=20), f"rtol {RTOL:g}, error {error:.1e}")
-    show("  of which the start", median(lambda: fast.start.states(P), calls=20))
     x0 = fast.start.states(P)[0]
-    engine = fast.engine()
-    show("  of which the engine", median(lambda: engine.values(x0, P), calls=20))
     usual = simulator(pendulum, mb.DormandPrince())
     show("one run, default tolerance", median(lambda: usual.run(P).Y, calls=20), "rtol 1e-08")
     for rtol in (3e-6, 1e-6, 3e-7, 1e-7):
