@@ -9,13 +9,14 @@ from symmb.codegen.engine import Engine, Tolerances
 from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(3)
+STEPS = Tolerances(1e-8, 1e-8)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 2), ca.SX.sym("t")
 both = pytest.mark.parametrize("kind", [Engine, ArrayEngine])
 
 
 def values(kind, outputs, x0, p, times=(0.5,)):
     """Outputs at rest: an engine whose state does not move."""
-    engine = kind(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), Tolerances(1e-8, 1e-8))
+    engine = kind(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), STEPS)
     Y, losses = engine.values(np.asarray(x0), np.asarray(p))
     assert np.isnan(losses.t_failed).all()
     return Y
@@ -74,3 +75,19 @@ def test_long_functions_are_cut_and_carry_their_values(kind):
     x0, p = RNG.uniform(0.9, 1.1, (3, 2)), RNG.uniform(0.5, 2, (3, 2))
     expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.25).full().T
     assert_allclose(values(kind, outputs, x0, p, [0.25])[:, 0], expected, rtol=1e-12)
+
+
+@both
+def test_sines_and_cosines_of_any_angle(kind):
+    """Near multiples of pi / 2, where digits cancel, on both sides of the limit of the reduction, and beyond numbers."""
+    turns = RNG.integers(-60_000, 60_000, 4000) * (np.pi / 2)
+    large = RNG.uniform(-1, 1, 200) * 10.0 ** RNG.uniform(4.9, 300, 200)
+    a = np.concatenate([turns, turns * (1 + 1e-12), RNG.uniform(-10, 10, 1000), large, [0.0, -0.0, 1e5, 1e-300]])
+    x0 = np.column_stack([a, np.zeros_like(a)])
+    found = values(kind, ca.vertcat(ca.sin(X[0]), ca.cos(X[0])), x0, np.ones((len(a), 2)))[:, 0]
+    exact = np.column_stack([np.sin(a), np.cos(a)])
+    assert (np.abs(found - exact) <= 3 * np.spacing(np.abs(exact))).all()
+    engine = kind(X, P, T, ca.SX.zeros(2), ca.if_else(P[0] > 0, ca.sin(P[1]), 7.0), None, np.zeros(1), STEPS)
+    Y, losses = engine.values(np.zeros((3, 2)), np.array([[1.0, np.inf], [1.0, np.nan], [1.0, 0.5]]))
+    assert np.isnan(Y[:2]).all() and np.isfinite(losses.t_failed[:2]).all()
+    assert_allclose(Y[2], np.sin(0.5), rtol=1e-15)
