@@ -28,6 +28,19 @@ def test_results_are_the_same_bits_under_every_executor():
         assert_array_equal(run_blocks(simulator, SAMPLES, processes).Y, serial.Y)
 
 
+def test_extremes_are_the_same_bits_under_every_executor():
+    simulator = mb.DAESimulator(double_pendulum(TIMES))
+    box, method = mb.Box.around(simulator.parameters, 0.05), mb.MonteCarlo(9000)
+    simulator.threads = 1
+    serial = mb.propagate(simulator, method, box)
+    simulator.threads = 3
+    with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
+        for executor in (None, threads, processes):
+            bounds = mb.propagate(simulator, method, box, executor=executor)
+            assert bounds.lower.tobytes() == serial.lower.tobytes()
+            assert bounds.upper.tobytes() == serial.upper.tobytes()
+
+
 def test_failed_samples_are_the_same_under_every_executor():
     simulator = mb.DAESimulator(explosion(np.linspace(0, 1, 5)))
     samples = np.linspace(0.0, 1.3, 150)[:, None]

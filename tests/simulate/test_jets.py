@@ -8,6 +8,7 @@ from mechanisms import double_pendulum, spinning_body
 from numpy.testing import assert_allclose
 
 import symmb as mb
+from models import double_pendulum as pendulum
 
 TIMES = np.linspace(0.0, 0.8, 5)
 DIRECTIONS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, -0.7, 0.3]])
@@ -84,6 +85,17 @@ def test_trajectories_with_stabilization(stabilization, expected):
     jets = simulator.jets(NOMINAL, DIRECTIONS * SCALE, 2)
     for j in range(3):
         assert_allclose(jets[j], expected[j], atol=1e-5 * np.abs(expected[j]).max())
+
+
+def test_the_third_order_is_the_difference_of_second_orders():
+    """Of the paper's pendulum over 10 s: c_2 along p_0 + eps u changes by 3 c_3 with eps."""
+    simulator = mb.DAESimulator(pendulum.scene().with_times(np.linspace(0, 10, 21)), mb.DormandPrince(rtol=1e-12))
+    nominal, h, directions = np.ones(2), 1e-4, np.array([[0.05, 0.0], [0.0, 0.05], [0.03, -0.04]])
+    third = simulator.jets(nominal, directions, 3)[3]
+    for m, u in enumerate(directions):
+        ahead, behind = (simulator.jets(nominal + s * h * u, u[None], 2)[2, 0] for s in (1, -1))
+        difference = (ahead - behind) / (6 * h)
+        assert_allclose(third[m], difference, atol=1e-5 * np.abs(difference).max())
 
 
 def test_trajectories_in_space():
