@@ -79,7 +79,7 @@ def test_long_functions_are_cut_and_carry_their_values(kind):
 
 @both
 def test_sines_and_cosines_of_any_angle(kind):
-    """Near multiples of pi / 2, where digits cancel, on both sides of the limit of the reduction, and beyond numbers."""
+    """Near multiples of pi / 2, where digits cancel, on both sides of the limit of the reduction, and infinite."""
     turns = RNG.integers(-60_000, 60_000, 4000) * (np.pi / 2)
     large = RNG.uniform(-1, 1, 200) * 10.0 ** RNG.uniform(4.9, 300, 200)
     a = np.concatenate([turns, turns * (1 + 1e-12), RNG.uniform(-10, 10, 1000), large, [0.0, -0.0, 1e5, 1e-300]])
