@@ -14,13 +14,7 @@ static int run(Block *b, Study *s) {
       EACH_PART(b) memcpy(a->x, a->x_new, sizeof a->x);
     }
     b->t = s->times[b->next];
-    EACH_PART(b) {
-#if PROJECTED
-      project(a->x, a->c, each(b->t), a->x_new);
-      memcpy(a->x, a->x_new, sizeof a->x);
-#endif
-      outputs(a->x, a->c, each(b->t), a->y);
-    }
+    observe(b);
     if (!keep(b, s, b->next, 1)) return 0;
   }
   return 1;

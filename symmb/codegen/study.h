@@ -159,6 +159,17 @@ static int place_samples(Block *b, Study *s) {
   return finite;
 }
 
+/* The block on the constraints, and its outputs there. */
+static void observe(Block *b) {
+  EACH_PART(b) {
+#if PROJECTED
+    project(a->x, a->c, each(b->t), a->x_new);
+    memcpy(a->x, a->x_new, sizeof a->x);
+#endif
+    outputs(a->x, a->c, each(b->t), a->y);
+  }
+}
+
 /* The samples of a block that did not fail, at the first time; 0 if there are none. */
 static int begin(Block *b, Study *s) {
   b->t = s->times[0];
@@ -169,13 +180,7 @@ static int begin(Block *b, Study *s) {
       if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
     if (!b->live) return 0;
     if (!place_samples(b, s)) continue;
-    EACH_PART(b) {
-#if PROJECTED
-      project(a->x, a->c, each(b->t), a->x_new);
-      memcpy(a->x, a->x_new, sizeof a->x);
-#endif
-      outputs(a->x, a->c, each(b->t), a->y);
-    }
+    observe(b);
     if (keep(b, s, 0, 1)) return 1;
   }
 }
