@@ -1,74 +1,114 @@
-"""Polynomial chaos whose order rises until the bounds settle: nested levels, no run made twice."""
+"""Polynomial chaos that chooses its nodes: tensor grids of few parameters, sparse grids of many, and check runs."""
 
-import itertools
-from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from symmb._box import Box
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor
-from symmb.bounds._basis import TensorDegree, TotalDegree
+from symmb.bounds._continuation import Continuation, likely_ahead
 from symmb.bounds._describe import failure_text
-from symmb.bounds._fit import Fit
-from symmb.bounds._inclusion import Range
+from symmb.bounds._exact import Exact
+from symmb.bounds._grid import Grid, Index
+from symmb.bounds._legendre import MultiIndices, basis_values
 from symmb.bounds._method import parameter_samples
-from symmb.bounds._nodes import ClenshawCurtis, SparseGrid, node_keys
 from symmb.bounds._reductions import failure_records
 from symmb.bounds._result import Bounds
-from symmb.simulate import Indices, Progress, Simulator, run_blocks
+from symmb.bounds._tails import Tails, smooth
+from symmb.simulate import Progress, Simulator, run_blocks
 
 MOST_RUNS = 5000
-"""Without a budget: where to stop although the bounds have not settled; ``estimate`` tells how far off."""
+"""Without a budget: where to stop although the tolerance is not met; ``estimate`` tells how far off."""
 TENSOR_PARAMETERS = 3
-"""Up to so many parameters the levels are tensor grids, beyond it sparse grids."""
-
+"""Up to so many parameters grids are tensors: extremes lie at corners and edges, where sparse grids are weakest."""
 ROUNDING = 1e-9
 """Share of an output's scale below which its width counts as none."""
+_REFINED = 0.25
+"""Directions of a tensor whose errors are at least this share of the largest are refined together."""
+_GROWTH = 0.25
+"""A sparse grid grows by about this share at a time."""
+_SAFETY = 1.5
+"""What the errors seen by check runs are multiplied with: they are those at a few of the extremes."""
+_TRUST = 0.2
+"""Least share of its estimated error that an interpolant keeps when check runs see less."""
+_CANDIDATES = 400
+"""Extremes among which check runs are chosen."""
 
 
+@dataclass
 class _Runs:
-    """All runs made so far, by node."""
+    """All runs made so far: at the nodes of the grid, in its order, and at other points."""
 
-    def __init__(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None):
-        self._simulator, self._box = simulator, box
-        self._executor, self._progress = executor, progress
-        self._rows: dict[bytes, Array] = {}
+    simulator: Simulator
+    box: Box
+    executor: Executor | None
+    progress: Progress | None
+    nodes: Array = field(init=False)
+    checks: Array = field(init=False)
+    points: Array = field(init=False)  # of the checks
+
+    def __post_init__(self) -> None:
+        self.shape = len(self.simulator.times), len(self.simulator.outputs)
+        self.nodes = self.checks = np.empty((0, *self.shape))
+        self.points = np.empty((0, len(self.box)))
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self.nodes) + len(self.checks)
 
-    def new(self, nodes: Array) -> Indices:
-        """Numbers of the nodes (N, d) that have not been run."""
-        return np.array([i for i, key in enumerate(_keys(nodes)) if key not in self._rows], dtype=np.intp)
-
-    def at(self, nodes: Array) -> Array:
-        """Responses (N, n_t n_y) at nodes (N, d), from earlier runs where there are."""
-        new = self.new(nodes)
-        P = parameter_samples(self._simulator, self._box, nodes[new])
-        ensemble = run_blocks(self._simulator, P, self._executor, self._progress)
+    def at(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box."""
+        P = parameter_samples(self.simulator, self.box, points)
+        ensemble = run_blocks(self.simulator, P, self.executor, self.progress)
         if not ensemble.ok.all():
             bad = np.flatnonzero(~ensemble.ok)
             runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
-            failed = failure_records(self._simulator, self._box, P, runs)
+            failed = failure_records(self.simulator, self.box, P, runs)
             raise PropagationError(
-                f"Interpolation at {len(nodes)} nodes needs them all, but {len(failed)} runs failed. "
+                f"Interpolation needs all its nodes, but {len(failed)} of {len(points)} runs failed. "
                 "PolynomialChaos(order=..., basis=TotalDegree()) can fit around them.\n" + failure_text(failed)
             )
-        keys = _keys(nodes)
-        for i, y in zip(new, ensemble.Y, strict=True):
-            self._rows[keys[i]] = y.ravel()
-        return np.stack([self._rows[key] for key in keys])
+        return ensemble.Y
 
-    def extremes(self, shape: tuple[int, int]) -> tuple[Array, Array]:
-        """Smallest and largest responses of all runs, each in the given shape."""
-        rows = list(self._rows.values())
-        return np.minimum.reduce(rows).reshape(shape), np.maximum.reduce(rows).reshape(shape)
+    def check(self, points: Array) -> Array:
+        """Responses at points beside the grid, which are kept."""
+        Y = self.at(points)
+        self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
+        return Y
+
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest responses of all runs (n_t, n_y)."""
+        both = [Y for Y in (self.nodes, self.checks) if len(Y)]
+        return np.min([Y.min(axis=0) for Y in both], axis=0), np.max([Y.max(axis=0) for Y in both], axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """An expansion, multi-indices (N, d) and Legendre coefficients (N, n_t, n_y), and where it is extreme."""
+
+    alpha: MultiIndices
+    coefficients: Array
+    lower: Array
+    upper: Array
+    gap: Array
+    places: Array  # (2, n_t, n_y, d) of its minima and maxima
+
+    @classmethod
+    def of(cls, alpha: MultiIndices, coefficients: Array, range_: Exact) -> "_Fitted":
+        shape = coefficients.shape[1:]
+        found = range_.search(alpha, coefficients.reshape(len(alpha), -1))
+        lower, upper, gap = (a.reshape(shape) for a in (found.lower, found.upper, found.gap))
+        places = np.stack([found.at_lower, found.at_upper]).reshape(2, *shape, alpha.shape[1])
+        return cls(alpha, coefficients, lower, upper, gap, places)
+
+    def values(self, points: Array) -> Array:
+        """(C, n_t, n_y) at points (C, d)."""
+        return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
 
 def adaptive_bounds(
     text: str,
-    range_: Range,
+    range_: Exact,
     tolerance: float,
     budget: int | None,
     simulator: Simulator,
@@ -76,62 +116,127 @@ def adaptive_bounds(
     executor: Executor | None,
     progress: Progress | None,
 ) -> Bounds:
-    """Bounds of the first level that differs from the one before by less than ``tolerance`` of the response
-    width.
+    """Bounds by an interpolant that is refined until its estimated error is below ``tolerance`` of the width.
 
-    The change is the root mean square over time, over that of the width, of the output where it is largest.
-    Its value at each time and output, the larger of both bounds', is the result's ``estimate``.
+    The error is the root mean square over time, over that of the width, of the output where it is largest. It is
+    estimated from the interpolant's last coefficients, at the places of its extremes. Runs at some of these places then
+    check the estimate and, on sparse grids, correct the expansion.
     """
-    most = MOST_RUNS if budget is None else budget
-    shape = len(simulator.times), len(simulator.outputs)
-    runs = _Runs(simulator, box, executor, progress)
-    bounds: tuple[Array, Array] | None = None
-    estimate: Array | None = None
-    for fit in _levels(len(box)):
-        cost = len(runs) + len(runs.new(fit.nodes))
-        if bounds is None and cost > most:
-            raise PropagationError(f"{text}: the first level takes {cost} runs, more than the budget of {most}.")
-        if cost > most:
+    d, most = len(box), MOST_RUNS if budget is None else budget
+    tensor = d <= TENSOR_PARAMETERS
+    runs, grid = _Runs(simulator, box, executor, progress), Grid(d)
+    axes = [tuple(2 * (i == j) for j in range(d)) for i in range(d)]
+    step = grid.missing([(2,) * d] if tensor else axes)
+    if len(step) > most:
+        raise PropagationError(f"{text}: the first level takes {len(step)} runs, more than the budget of {most}.")
+    while True:
+        known = len(grid.row)
+        grid.add(step)
+        runs.nodes = np.concatenate([runs.nodes, runs.at(grid.nodes[known:])])
+        coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1)).reshape(runs.nodes.shape)
+        tails = Tails.of(grid.alpha, coefficients)
+        unit = _unit(*runs.extremes())
+        sizes = (_rms(coefficients.swapaxes(0, 1)) / unit).max(axis=1)
+        step = _next_tensor(grid, tails, unit) if tensor else _next_sparse(grid, sizes)
+        last = len(runs) + len(step) > most
+        checked = tolerance if tensor else 3 * tolerance  # checks may show that a sparse grid does better
+        if not last and _share(tails.least(), unit) > checked:
+            continue  # too large wherever the extremes are
+        fitted = _Fitted.of(grid.alpha, coefficients, range_)
+        estimate = np.maximum(*(tails.at(x) for x in fitted.places))
+        if not last and _share(estimate, unit) > checked:
+            continue
+        number = min(max(2 * d, 4), most - len(runs))
+        if tensor:
+            estimate = _checked(runs, fitted, tails, estimate, unit, number)
+        else:
+            fitted, estimate = _corrected(runs, grid, fitted, sizes, range_, estimate, unit, number)
+        if last or _share(estimate, unit) <= tolerance:
             break
-        Y = runs.at(fit.nodes)
-        lower, upper = range_.bounds(fit.alpha, fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool)))
-        if bounds is not None:
-            estimate = np.maximum(np.abs(lower - bounds[0]), np.abs(upper - bounds[1]))
-        bounds = lower, upper
-        if estimate is not None and _share(*(a.reshape(shape) for a in (estimate, lower, upper))) <= tolerance:
-            break
-    if bounds is None:
-        raise PropagationError(f"{text}: no level for {len(box)} parameters.")
+    inner = runs.extremes()
     return Bounds(
         t=simulator.times,
         names=simulator.outputs,
-        lower=bounds[0].reshape(shape),
-        upper=bounds[1].reshape(shape),
+        lower=np.minimum(fitted.lower, inner[0]),
+        upper=np.maximum(fitted.upper, inner[1]),
         kind="estimate",
         method=text,
         evaluations=len(runs),
-        estimate=None if estimate is None else estimate.reshape(shape),
-        inner=runs.extremes(shape),
+        estimate=estimate + fitted.gap,
+        inner=inner,
     )
 
 
-def _levels(d: int) -> Iterator[Fit]:
-    """Fits whose nodes contain those of the fit before."""
-    if d <= TENSOR_PARAMETERS:
-        for order in (2, 4, 8, 16, 32):
-            yield Fit.of(ClenshawCurtis(), TensorDegree(), d, order)
-    else:
-        for level in itertools.count(1):
-            yield Fit.of(SparseGrid(ClenshawCurtis()), TotalDegree(), d, level)
+def _next_tensor(grid: Grid, tails: Tails, unit: Array) -> set[Index]:
+    """Twice the degree in those directions whose errors are large."""
+    errors = np.array([_share(e, unit) for e in tails.directions])
+    refined = errors >= _REFINED * errors.max()
+    return grid.missing([tuple(2 * k if more else k for k, more in zip(max(grid.row), refined, strict=True))])
 
 
-def _share(change: Array, lower: Array, upper: Array) -> float:
-    """Largest over outputs of rms change over rms width; an output constant but for rounding has none."""
-    width = np.sqrt(np.mean((upper - lower) ** 2, axis=0))
-    scale = np.sqrt(np.mean(np.maximum(lower**2, upper**2), axis=0))
-    rms = np.sqrt(np.mean(change**2, axis=0))
-    return float(np.max(np.divide(rms, width, where=width > ROUNDING * scale, out=np.zeros_like(width))))
+def _next_sparse(grid: Grid, sizes: Array) -> set[Index]:
+    """The indices whose coefficients are likely to be the largest."""
+    likely = likely_ahead(grid, sizes)
+    number = max(grid.d, int(_GROWTH * len(grid.row)))
+    return set(sorted(likely, key=lambda a: (-likely[a], a))[:number])
 
 
-def _keys(nodes: Array) -> list[bytes]:
-    return [row.tobytes() for row in node_keys(nodes)]
+def _checked(runs: _Runs, fitted: _Fitted, tails: Tails, estimate: Array, unit: Array, number: int) -> Array:
+    """The estimate (n_t, n_y), raised where runs at some of the extremes see larger errors."""
+    if number < 1:
+        return estimate
+    points = _spread(fitted.places, estimate / unit, number)
+    errors = runs.check(points) - fitted.values(points)
+    expected = np.max([tails.at(np.broadcast_to(x, (*runs.shape, len(x)))) for x in points], axis=0)
+    seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
+    return estimate * np.maximum(np.divide(seen, expected, out=np.ones_like(seen), where=expected > 0), 1.0)
+
+
+def _corrected(
+    runs: _Runs, grid: Grid, fitted: _Fitted, sizes: Array, range_: Exact, estimate: Array, unit: Array, number: int
+) -> tuple[_Fitted, Array]:
+    """The expansion continued through runs at some of its extremes, twice; and its error as the second ones see it."""
+    base, seen = fitted, estimate
+    continuation = Continuation.of(grid, likely_ahead(grid, sizes))
+    for some in (number // 2, number - number // 2):
+        if some < 1:
+            continue
+        points = _spread(fitted.places, estimate / unit, some)
+        errors = runs.check(points) - fitted.values(points)
+        seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
+        known = (runs.checks - base.values(runs.points)).reshape(len(runs.points), -1)
+        change, further = continuation.through(base.alpha, runs.points, known)
+        coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])
+        alpha = np.concatenate([base.alpha, continuation.alpha])
+        fitted = _Fitted.of(alpha, coefficients.reshape(len(alpha), *runs.shape), range_)
+    return fitted, np.maximum(seen, _TRUST * estimate)
+
+
+def _spread(places: Array, weights: Array, number: int) -> Array:
+    """So many of the places (2, n_t, n_y, d), where most of the weight (n_t, n_y) is, and not close to each other."""
+    points, weights = places.reshape(-1, places.shape[-1]), np.tile(weights.ravel(), 2)
+    heaviest = np.argsort(weights)[-min(len(weights), 20 * _CANDIDATES) :]
+    chosen = heaviest[:: max(1, len(heaviest) // _CANDIDATES)]
+    points, weights = points[chosen], weights[chosen]
+    near = np.exp(-np.square(points[:, None] - points[None]).sum(axis=2) * 2 / points.shape[1])
+    picked = []
+    for _ in range(min(number, len(points))):
+        best = int(np.argmax(near @ weights))
+        picked.append(best)
+        weights = weights * (1 - near[best])
+    return points[picked]
+
+
+def _unit(low: Array, high: Array) -> Array:
+    """What errors of each output are measured by, rms width (n_y,); infinite if it is constant but for rounding."""
+    width, scale = _rms(high - low), np.maximum(_rms(low), _rms(high))
+    return np.where(width > ROUNDING * scale, width, np.inf)
+
+
+def _share(error: Array, unit: Array) -> float:
+    """Largest over outputs of rms error over rms width."""
+    return float(np.max(_rms(error) / unit, initial=0.0))
+
+
+def _rms(a: Array) -> Array:
+    return np.sqrt(np.mean(np.square(a), axis=0))

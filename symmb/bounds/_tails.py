@@ -1,0 +1,121 @@
+"""What an expansion leaves out, estimated from how its last coefficients fall off."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bounds._legendre import MultiIndices
+
+_WINDOW = 0.02
+"""Share of the times over which coefficients are averaged: they pass through zero as the response swings."""
+_NEAR_NODES = 0.05
+"""Share of the largest error that is expected even at nodes, since extremes are not found exactly where they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tails:
+    """Expected error of interpolants on a grid, at points of the box, for every time and output.
+
+    In direction i the error is taken to be T_i sqrt(T_i / T'_i), with the sizes of the two highest degrees and of the
+    two below: half-way between the last coefficients and what would follow if they fell off as before. On a tensor grid
+    it vanishes, but for a share, at the nodes, as (1 - x^2) U(x) does. What is not mixed with direction i yet is
+    expected to be mixed as strongly as what is.
+
+    Attributes
+    ----------
+    directions : (d, n_t, n_y)      largest error from each direction
+    mixed : (n_t, n_y)              error from products that are missing
+    degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
+    """
+
+    directions: Array
+    mixed: Array
+    degrees: Indices | None
+
+    @classmethod
+    def of(cls, alpha: MultiIndices, coefficients: Array) -> "Tails":
+        """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y)."""
+        d = alpha.shape[1]
+        degrees = alpha.max(axis=0)
+        powers = smooth(np.square(coefficients))
+
+        def size(rows: Indices) -> Array:
+            return np.sqrt(powers[rows].sum(axis=0))
+
+        directions, mixed = np.zeros((d, *coefficients.shape[1:])), np.zeros(coefficients.shape[1:])
+        total = size(np.flatnonzero(alpha.sum(axis=1) == 1))
+        for i in range(d):
+            last, before, absent = _fronts(alpha, i)
+            top = size(last)
+            directions[i] = top * np.sqrt(_ratio(top, size(before)))
+            if absent.size:
+                first, base = _products(alpha, i)
+                share = _ratio(size(first), size(base)) if first.size else _ratio(size(_main(alpha, i)), total)
+                mixed += np.square(size(absent) * share)
+        tensor = len(alpha) == int(np.prod(degrees + 1))
+        return cls(directions, np.sqrt(mixed), degrees if tensor else None)
+
+    def at(self, x: Array) -> Array:
+        """Expected error (...) at points x (..., d) that belong to the times and outputs, or (d,) for all of them."""
+        if self.degrees is None:
+            return self.directions.sum(axis=0) * (1 + _NEAR_NODES) + self.mixed
+        angles = np.arccos(np.clip(x, -1.0, 1.0))
+        shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + _NEAR_NODES
+        return np.einsum(
+            "iab,abi->ab", self.directions, np.broadcast_to(shares, (*self.mixed.shape, len(self.degrees)))
+        )
+
+    def least(self) -> Array:
+        """Expected error (n_t, n_y) wherever the extremes are."""
+        factor = 1 + _NEAR_NODES if self.degrees is None else _NEAR_NODES
+        return self.directions.sum(axis=0) * factor + self.mixed
+
+
+def smooth(powers: Array) -> Array:
+    """Means over a window of times of powers (..., n_t, n_y)."""
+    n_t = powers.shape[-2]
+    half = int(_WINDOW * n_t / 2)
+    if not half:
+        return powers
+    ends = [(0, 0)] * (powers.ndim - 2) + [(half + 1, half), (0, 0)]
+    sums = np.cumsum(np.pad(powers, ends, mode="edge"), axis=-2)
+    means = (sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]) / (2 * half + 1)
+    return np.maximum(means, 0.0)
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    """a / b, at most 1."""
+    return np.divide(a, b, out=np.ones_like(a), where=a < b)
+
+
+def _fronts(alpha: MultiIndices, i: int) -> tuple[Indices, Indices, Indices]:
+    """Rows of the highest degrees in direction i, of those below, and of what is not mixed with it at all."""
+    others = np.delete(alpha, i, axis=1)
+    _, line = np.unique(others, axis=0, return_inverse=True)
+    line = line.ravel()
+    top = np.zeros(int(line.max()) + 1, dtype=np.intp)
+    np.maximum.at(top, line, alpha[:, i])
+    below_top = top[line] - alpha[:, i]
+    wide = np.where(top[line] > 2, 2, 1)  # of degree 2 there is but one coefficient above the slope
+    return (
+        np.flatnonzero((top[line] > 0) & (below_top < wide)),
+        np.flatnonzero((top[line] > 0) & (below_top >= wide) & (below_top < 2 * wide)),
+        np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0)),
+    )
+
+
+def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
+    """Rows of products of x_i with others, and of these without it."""
+    rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
+    first, base = [], []
+    for a, k in rows.items():
+        if a[i] == 1 and sum(a) > 1:
+            first.append(k)
+            base.append(rows[(*a[:i], 0, *a[i + 1 :])])
+    return np.array(first, dtype=np.intp), np.array(base, dtype=np.intp)
+
+
+def _main(alpha: MultiIndices, i: int) -> Indices:
+    return np.flatnonzero((alpha.sum(axis=1) == 1) & (alpha[:, i] == 1))
