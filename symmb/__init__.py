@@ -6,7 +6,9 @@ from symmb._errors import DeclarationError as DeclarationError
 from symmb._errors import PropagationError as PropagationError
 from symmb._errors import SimulationError as SimulationError
 from symmb._errors import SymmbError as SymmbError
+from symmb.bounds import Bernstein as Bernstein
 from symmb.bounds import Bounds as Bounds
+from symmb.bounds import ChebyshevInclusion as ChebyshevInclusion
 from symmb.bounds import ClenshawCurtis as ClenshawCurtis
 from symmb.bounds import Exact as Exact
 from symmb.bounds import Gauss as Gauss

@@ -4,8 +4,11 @@ from symmb._box import Box as Box
 from symmb.bounds._basis import Basis as Basis
 from symmb.bounds._basis import TensorDegree as TensorDegree
 from symmb.bounds._basis import TotalDegree as TotalDegree
+from symmb.bounds._bernstein import Bernstein as Bernstein
 from symmb.bounds._chaos import PolynomialChaos as PolynomialChaos
 from symmb.bounds._exact import Exact as Exact
+from symmb.bounds._exact import Extremes as Extremes
+from symmb.bounds._inclusion import ChebyshevInclusion as ChebyshevInclusion
 from symmb.bounds._inclusion import LegendreInclusion as LegendreInclusion
 from symmb.bounds._inclusion import Range as Range
 from symmb.bounds._method import Method as Method

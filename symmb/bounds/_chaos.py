@@ -36,7 +36,7 @@ class PolynomialChaos(Method):
     order : highest degree; None chooses it, and with it the nodes
     nodes : ClenshawCurtis(), Gauss() or SparseGrid(...)
     basis : TensorDegree() or TotalDegree()
-    range : Exact(...), or LegendreInclusion() as in the paper
+    range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
     tolerance : without order: change of the bounds between levels at which to stop, as a share of the
         response width
     budget : without order: most runs allowed

@@ -1,0 +1,91 @@
+"""Branch and bound in compiled C, ranges.h: tables for it, and the call."""
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bounds._chebyshev import LowerSet, halving
+from symmb.bounds._terms import Terms, terms_of
+from symmb.codegen.build import load
+
+_LEVELS = 64
+"""Halvings of a parameter after which a box is as small as rounding allows."""
+
+
+class _Basis(ctypes.Structure):
+    """Basis of ranges.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("d", "n", "padded", "order", "n_pairs", "n_samples")),
+        *((name, ctypes.c_void_p) for name in ("linear", "square", "pairs", "parent", "factor", "fibres", "first")),
+        *((name, ctypes.c_void_p) for name in ("weights", "halving", "samples")),
+    ]
+
+
+class _Search(ctypes.Structure):
+    """Search of ranges.h."""
+
+    _fields_ = [
+        ("basis", ctypes.c_void_p),
+        ("tolerance", ctypes.c_double),
+        ("budget", ctypes.c_long),
+        ("depth", ctypes.c_long),
+        *((name, ctypes.c_void_p) for name in ("stack", "values", "powers", "x", "z")),
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Tables:
+    """A Basis and the arrays that it points to."""
+
+    basis: _Basis
+    arrays: tuple[np.ndarray, ...]
+
+
+def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, Array, Array, Array, Array]:
+    """Bounds, points and gaps of polynomials with coefficients C (m, n_padded), as in ``Extremes``."""
+    tables = _tables(terms.products)
+    b, m = tables.basis, len(C)
+    depth = _LEVELS * b.d
+    work = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d), b.padded, b.d * (b.order + 1), b.d, b.d)]
+    search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in work))
+    found = np.empty(m), np.empty(m), np.empty((m, b.d)), np.empty((m, b.d)), np.empty(m)
+    pointers = (ctypes.c_void_p(a.ctypes.data) for a in (C, *found))
+    load(_SOURCE).ranges(ctypes.byref(search), ctypes.c_long(m), *pointers)
+    return found
+
+
+@lru_cache(maxsize=64)
+def _tables(products: LowerSet) -> _Tables:
+    terms, alpha = terms_of(products), products.alpha
+    n, d = alpha.shape
+    order = int(alpha.max())
+    long = [f[f[:, 1] < n] if f.shape[1] > 1 else f[:0] for f in products.fibres]
+    fibres = np.concatenate([np.pad(f, ((0, 0), (0, order + 1 - f.shape[1])), constant_values=n) for f in long])
+    last = d - 1 - (alpha[:, ::-1] > 0).argmax(axis=1)
+    lesser = alpha.copy()
+    lesser[np.arange(n), last] = 0
+    whole = (
+        terms.linear,
+        terms.square,
+        terms.pairs,
+        np.array([products.number[tuple(row)] for row in lesser.tolist()]),
+        last * (order + 1) + alpha[np.arange(n), last],
+        fibres,
+        np.cumsum([0, *map(len, long)]),
+    )
+    x = np.cos(np.pi * np.arange(2 * order + 1) / max(2 * order, 1))
+    samples = np.column_stack([x, np.polynomial.chebyshev.chebvander(x, order)])
+    arrays = (
+        *(np.ascontiguousarray(a, dtype=np.int32) for a in whole),
+        *(np.ascontiguousarray(a, dtype=float) for a in (terms.weights, halving(order), samples)),
+    )
+    sizes = d, n, terms.padded, order, len(terms.pairs), len(x)
+    return _Tables(_Basis(*sizes, *(a.ctypes.data for a in arrays)), arrays)
+
+
+_SOURCE = (Path(__file__).parent / "ranges.h").read_text(encoding="utf-8")

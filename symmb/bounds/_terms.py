@@ -1,0 +1,58 @@
+"""What branch and bound looks up about the products of an expansion, once for all polynomials."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bounds._chebyshev import LowerSet
+
+LANES = 8
+"""Coefficients are padded to multiples of it, with at least one zero, for which all products stand that there are not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Numbers of the terms of low degree, and weights of all terms in bounds.
+
+    Attributes
+    ----------
+    products : the expansion's
+    linear, square : (d,) numbers of T_1 and T_2 of each parameter
+    pairs : (n_pairs, 3) two parameters and the number of the product of both
+    weights : (d + 1, n_padded) of terms of degree 3 and more, as |T_j| <= 1; then along each parameter of terms but T_1,
+        as |T_j'| <= j^2
+    """
+
+    products: LowerSet
+    linear: Indices
+    square: Indices
+    pairs: Indices
+    weights: Array
+
+    @property
+    def padded(self) -> int:
+        """Length of padded coefficients."""
+        return self.weights.shape[1]
+
+    def coefficients(self, legendre: Array) -> Array:
+        """Padded Chebyshev coefficients (m, n_padded) of polynomials with Legendre coefficients (n_b, m)."""
+        C = np.zeros((legendre.shape[1], self.padded))
+        C[:, : len(self.products.alpha)] = self.products.from_legendre(legendre).T
+        return C
+
+
+@lru_cache(maxsize=64)
+def terms_of(products: LowerSet) -> Terms:
+    """The table of a lower set."""
+    alpha, number = products.alpha, products.number
+    n, d = alpha.shape
+    unit = np.eye(d, dtype=np.intp)
+    linear, square = (np.array([number.get(tuple(row), n) for row in j * unit]) for j in (1, 2))
+    pairs = [(i, j, number.get(tuple(unit[i] + unit[j]), n)) for i in range(d) for j in range(i)]
+    weights = np.zeros((d + 1, LANES * (n // LANES + 1)))
+    weights[0, :n] = alpha.sum(axis=1) > 2
+    weights[1:, :n] = alpha.T**2
+    weights[1:, :n][:, alpha.sum(axis=1) == 1] = 0
+    return Terms(products, linear, square, np.array([p for p in pairs if p[2] < n]).reshape(-1, 3), weights)

@@ -1,0 +1,277 @@
+/* Ranges of polynomials in Chebyshev form on [-1, 1]^d by branch and bound, one after the other, depth first.
+
+   On a box with coordinates z in [-1, 1]^d the terms of degree one and two are bounded below by a sum of parabolas, one for
+   each free parameter, as -2 |z_i z_j| >= -z_i^2 - z_j^2, and all others by |T| <= 1. Where a derivative cannot vanish, the
+   box is left, or its parameter is fixed at the end of its range. */
+#include <math.h>
+#include <string.h>
+
+enum { W = 8, PATIENCE = 50 }; /* boxes before a descent from a better point pays */
+typedef double V __attribute__((vector_size(8 * W), aligned(8)));
+typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
+
+typedef struct {
+  long d, n, padded, order, n_pairs, n_samples;
+  const int *linear, *square; /* (d) numbers of T_1 and T_2 of each parameter */
+  const int *pairs;           /* (n_pairs, 3): two parameters and the number of the product of both */
+  const int *parent, *factor; /* (n) a product is its parent times a value of a single parameter */
+  const int *fibres;          /* (..., order + 1) of each parameter in turn, those longer than 1; n ends them */
+  const int *first;           /* (d + 1) where those of each parameter start */
+  const double *weights;      /* (d + 1, padded): of terms of higher degree, then of derivatives along each parameter */
+  const double *halving;      /* (order + 1, order + 1) by columns */
+  const double *samples;      /* (n_samples, order + 2): x and T_j(x) */
+} Basis;
+
+typedef struct {
+  const Basis *basis;
+  double tolerance;        /* largest excess, as a share of the range */
+  long budget, depth;
+  double *stack;           /* (depth, padded + 2 d): coefficients, centre and half widths of boxes; 0 where fixed */
+  double *values, *powers; /* (n), (d, order + 1): of all products, and of the T_j of each parameter */
+  double *x, *z;           /* (d) */
+} Search;
+
+typedef struct {
+  double best, bound, *at; /* the least value known and where, and what it cannot fall below */
+} Extreme;
+
+static double total(V a) { return ((a[0] + a[4]) + (a[1] + a[5])) + ((a[2] + a[6]) + (a[3] + a[7])); }
+
+static double weighted(const double *w, const double *c, long n) {
+  V sum = {0};
+  for (long i = 0; i < n; i += W) sum += *(const V *)(w + i) * (V)(*(const M *)(c + i) & 0x7fffffffffffffffLL);
+  return total(sum);
+}
+
+static double dot(const double *a, const double *b, long n) {
+  V sum = {0};
+  for (long i = 0; i < n; i += W) sum += *(const V *)(a + i) * *(const V *)(b + i);
+  return total(sum);
+}
+
+static void chebyshev(double x, double *T, long order) {
+  T[0] = 1.0;
+  if (order) T[1] = x;
+  for (long j = 2; j <= order; ++j) T[j] = 2.0 * x * T[j - 1] - T[j - 2];
+}
+
+static double value(const Search *s, const double *c, const double *x) {
+  const Basis *b = s->basis;
+  for (long k = 0; k < b->d; ++k) chebyshev(x[k], s->powers + k * (b->order + 1), b->order);
+  s->values[0] = 1.0;
+  for (long i = 1; i < b->n; ++i) s->values[i] = s->values[b->parent[i]] * s->powers[b->factor[i]];
+  return dot(c, s->values, b->padded);
+}
+
+/* The least value of g x + h x^2 on [-1, 1], and where. */
+static double parabola(double g, double h, double *x) {
+  if (fabs(g) < 2.0 * h) {
+    *x = -0.5 * g / h;
+    return 0.5 * g * *x;
+  }
+  *x = g > 0.0 ? -1.0 : 1.0;
+  return h - fabs(g);
+}
+
+/* Put a parameter to the end of its range. */
+static void fix(const Basis *b, double *c, long k, double end) {
+  for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
+    const int *at = b->fibres + f * (b->order + 1);
+    double sum = c[at[0]];
+    for (long j = 1; j <= b->order && at[j] < b->n; ++j) {
+      sum += j % 2 ? end * c[at[j]] : c[at[j]];
+      c[at[j]] = 0.0;
+    }
+    c[at[0]] = sum;
+  }
+}
+
+/* Coefficients on the half that lies towards end, in ``near``, and on the other, in place. */
+static void halve(const Basis *b, double *c, double *near, long k, double end) {
+  const long size = b->order + 1;
+  double own[size];
+  memcpy(near, c, b->padded * sizeof *c);
+  for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
+    const int *at = b->fibres + f * size;
+    long n = 0;
+    for (; n < size && at[n] < b->n; ++n) own[n] = c[at[n]];
+    for (long i = 0; i < n; ++i) {
+      const double *row = b->halving + i * size;
+      double even = 0.0, odd = 0.0;
+      for (long j = i; j < n; j += 2) even += row[j] * own[j];
+      for (long j = i + 1; j < n; j += 2) odd += row[j] * own[j];
+      near[at[i]] = even + end * odd;
+      c[at[i]] = even - end * odd;
+    }
+  }
+}
+
+/* A lower bound of the polynomial on a box, with the point z where it would be taken; infinite if no minimum lies in it.
+   Parameters along which the polynomial is monotone are fixed. */
+static double lower_bound(const Basis *b, double *box, double *z, long *widest) {
+  double *c = box, *centre = box + b->padded, *half = centre + b->d, slope[b->d];
+  for (int again = 1; again;) {
+    again = 0;
+    for (long k = 0; k < b->d; ++k) {
+      if (half[k] == 0.0) continue;
+      const double linear = c[b->linear[k]];
+      slope[k] = weighted(b->weights + (k + 1) * b->padded, c, b->padded);
+      if (fabs(linear) < slope[k]) continue;
+      const double end = linear > 0.0 ? -1.0 : 1.0, face = centre[k] + end * half[k];
+      if (fabs(face) < 1.0 && fabs(linear) > slope[k]) return INFINITY;
+      fix(b, c, k, end);
+      centre[k] = face;
+      half[k] = 0.0;
+      again = 1;
+    }
+  }
+  double h[b->d], bound = c[0] - weighted(b->weights, c, b->padded), most = -1.0;
+  for (long k = 0; k < b->d; ++k) h[k] = 2.0 * c[b->square[k]];
+  for (const int *p = b->pairs; p < b->pairs + 3 * b->n_pairs; p += 3) {
+    const double mixed = 0.5 * fabs(c[p[2]]);
+    h[p[0]] -= mixed;
+    h[p[1]] -= mixed;
+  }
+  for (long k = 0; k < b->d; ++k) {
+    z[k] = 0.0;
+    if (half[k] == 0.0) continue;
+    bound += parabola(c[b->linear[k]], h[k], z + k) - c[b->square[k]];
+    if (slope[k] > most) most = slope[k], *widest = k;
+  }
+  return bound;
+}
+
+/* A series of n Chebyshev polynomials at x, with its first two derivatives. */
+static double series(const double *g, long n, double x, double *first, double *second) {
+  double t = 1.0, t1 = 0.0, t2 = 0.0, u = x, u1 = 1.0, u2 = 0.0, y = g[0];
+  *first = *second = 0.0;
+  for (long j = 1; j < n; ++j) {
+    y += g[j] * u, *first += g[j] * u1, *second += g[j] * u2;
+    const double v = 2.0 * x * u - t, v1 = 2.0 * (u + x * u1) - t1, v2 = 2.0 * (2.0 * u1 + x * u2) - t2;
+    t = u, t1 = u1, t2 = u2, u = v, u1 = v1, u2 = v2;
+  }
+  return y;
+}
+
+/* Where a series is least on [-1, 1], and how far below its value at x: the best of samples, then Newton's steps. */
+static double least(const Basis *b, const double *g, double *x) {
+  const long n = b->order + 1;
+  double first, second, to = *x, y;
+  const double now = series(g, n, to, &first, &second);
+  double best = now;
+  for (long i = 0; i < b->n_samples; ++i) {
+    const double *sample = b->samples + i * (n + 1);
+    y = 0.0;
+    for (long j = 0; j < n; ++j) y += g[j] * sample[1 + j];
+    if (y < best) best = y, *x = to = sample[0];
+  }
+  for (int step = 0; step < 4; ++step) {
+    y = series(g, n, to, &first, &second);
+    if (y < best) best = y, *x = to;
+    if (!(second > 0.0)) break;
+    to = fmin(fmax(to - first / second, -1.0), 1.0);
+  }
+  return now - best;
+}
+
+/* Descend along one parameter after the other while that gains. */
+static void descend(const Search *s, const double *c, Extreme *e, double enough) {
+  const Basis *b = s->basis;
+  const long size = b->order + 1;
+  double T[size], g[size], gain = INFINITY;
+  memcpy(s->x, e->at, b->d * sizeof *s->x);
+  value(s, c, s->x);
+  for (int sweep = 0; sweep < 20 && gain > enough; ++sweep) {
+    gain = 0.0;
+    for (long k = 0; k < b->d; ++k) {
+      memset(g, 0, sizeof g);
+      for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
+        const int *at = b->fibres + f * size;
+        for (long j = 0; j < size && at[j] < b->n; ++j) g[j] += s->values[at[0]] * c[at[j]];
+      }
+      const double gained = least(b, g, s->x + k);
+      if (!(gained > 0.0)) continue;
+      gain += gained;
+      chebyshev(s->x[k], T, b->order);
+      for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
+        const int *at = b->fibres + f * size;
+        for (long j = 1; j < size && at[j] < b->n; ++j) s->values[at[j]] = s->values[at[0]] * T[j];
+      }
+    }
+  }
+  const double y = value(s, c, s->x);
+  if (y < e->best) {
+    e->best = y;
+    memcpy(e->at, s->x, b->d * sizeof *s->x);
+  }
+}
+
+/* Whether the least value lies within ``share`` of the range, up to top, and ``floor`` below the best one known. */
+static int search(const Search *s, const double *c, Extreme *e, double top, double share, double floor) {
+  const Basis *b = s->basis;
+  const long stride = b->padded + 2 * b->d, size = b->padded * sizeof *c;
+  long used = 1, widest = 0, count = 0;
+  memcpy(s->stack, c, size);
+  for (long k = 0; k < b->d; ++k) s->stack[b->padded + k] = 0.0, s->stack[b->padded + b->d + k] = 1.0;
+  e->bound = INFINITY;
+  while (used) {
+    double *box = s->stack + --used * stride, *centre = box + b->padded, *half = centre + b->d;
+    if (++count > s->budget || used + 2 > s->depth) return 0;
+    const double bound = lower_bound(b, box, s->z, &widest);
+    if (bound < e->best - share * (top - e->best) - floor) {
+      const double y = value(s, box, s->z);
+      if (y < e->best) {
+        e->best = y;
+        for (long k = 0; k < b->d; ++k) e->at[k] = centre[k] + half[k] * s->z[k];
+        if (count > PATIENCE) descend(s, c, e, 0.1 * (share * (top - y) + floor));
+      }
+      if (bound < e->best - share * (top - e->best) - floor) {
+        double *near = box + stride;
+        const double end = s->z[widest] > 0.0 ? 1.0 : -1.0;
+        halve(b, box, near, widest, end);
+        half[widest] *= 0.5;
+        memcpy(near + b->padded, centre, 2 * b->d * sizeof *c);
+        near[b->padded + widest] += end * half[widest];
+        centre[widest] -= end * half[widest];
+        used += 2;
+        continue;
+      }
+    }
+    if (!(bound >= e->bound)) e->bound = bound;
+  }
+  if (!(e->best >= e->bound)) e->bound = e->best;
+  return 1;
+}
+
+/* C (m, padded) -> bounds (m), points (m, d) where they are nearly taken, and what is not proved (m). */
+void ranges(const Search *s, long m, double *C, double *lower, double *upper, double *at_lower, double *at_upper,
+            double *gap) {
+  const Basis *b = s->basis;
+  for (long i = 0; i < m; ++i) {
+    double *c = C + i * b->padded, floor = 0.0;
+    Extreme two[] = {{0.0, 0.0, at_lower + i * b->d}, {0.0, 0.0, at_upper + i * b->d}};
+    for (long j = 0; j < b->n; ++j) floor = fmax(floor, 1e-13 * fabs(c[j]));
+    for (long k = 0; k < b->d; ++k) {
+      two[0].at[k] = c[b->linear[k]] > 0.0 ? -1.0 : 1.0;
+      two[1].at[k] = -two[0].at[k];
+    }
+    double y[] = {value(s, c, two[0].at), value(s, c, two[1].at)};
+    if (y[0] > y[1]) {
+      for (long k = 0; k < b->d; ++k) two[0].at[k] *= -1.0, two[1].at[k] *= -1.0;
+      const double other = y[0];
+      y[0] = y[1], y[1] = other;
+    }
+    two[0].best = y[0];
+    two[1].best = -y[1];
+    gap[i] = 0.0;
+    for (int side = 0; side < 2; ++side) {
+      Extreme *e = two + side, *other = two + 1 - side;
+      double loose = 1.0;
+      while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) loose *= 4.0;
+      if (loose > 1.0) gap[i] = fmax(gap[i], e->best - e->bound);
+      for (long j = 0; j < b->n; ++j) c[j] = -c[j];
+    }
+    lower[i] = two[0].bound;
+    upper[i] = -two[1].bound;
+  }
+}
