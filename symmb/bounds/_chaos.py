@@ -34,8 +34,8 @@ class PolynomialChaos(Method):
     Parameters
     ----------
     order : highest degree; None chooses it, and with it the nodes
-    nodes : ClenshawCurtis(), Gauss() or SparseGrid(...)
-    basis : TensorDegree() or TotalDegree()
+    nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
+    basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), or LegendreInclusion() as in the paper
     tolerance : without order: change of the bounds between levels at which to stop, as a share of the
         response width
