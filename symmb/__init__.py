@@ -10,12 +10,14 @@ from symmb.bounds import Bounds as Bounds
 from symmb.bounds import ChebyshevGauss as ChebyshevGauss
 from symmb.bounds import ClenshawCurtis as ClenshawCurtis
 from symmb.bounds import Exact as Exact
+from symmb.bounds import Expansion as Expansion
 from symmb.bounds import Gauss as Gauss
 from symmb.bounds import HyperbolicCross as HyperbolicCross
 from symmb.bounds import IntervalArithmetic as IntervalArithmetic
 from symmb.bounds import LatinHypercube as LatinHypercube
 from symmb.bounds import LegendreInclusion as LegendreInclusion
 from symmb.bounds import Leja as Leja
+from symmb.bounds import Moments as Moments
 from symmb.bounds import MonteCarlo as MonteCarlo
 from symmb.bounds import PolynomialChaos as PolynomialChaos
 from symmb.bounds import Random as Random

@@ -10,6 +10,8 @@ from symmb.bounds._exact import Exact as Exact
 from symmb.bounds._inclusion import LegendreInclusion as LegendreInclusion
 from symmb.bounds._inclusion import Range as Range
 from symmb.bounds._method import Method as Method
+from symmb.bounds._moments import Expansion as Expansion
+from symmb.bounds._moments import Moments as Moments
 from symmb.bounds._natural import IntervalArithmetic as IntervalArithmetic
 from symmb.bounds._nodes import ChebyshevGauss as ChebyshevGauss
 from symmb.bounds._nodes import ClenshawCurtis as ClenshawCurtis
