@@ -19,15 +19,20 @@ from models import (
 )
 from symmb import CVODES, HHT, IDAS, NSTIFFSI2, Collocation, DormandPrince, GeneralizedAlpha, RungeKutta
 from symmb.bounds import (
+    ChebyshevGauss,
+    ClenshawCurtis,
     Gauss,
+    HyperbolicCross,
     IntervalArithmetic,
     LatinHypercube,
+    Leja,
     MonteCarlo,
     PolynomialChaos,
     Scanning,
     Sobol,
     SparseGrid,
     Taylor,
+    TensorDegree,
     TotalDegree,
     Vertex,
 )
@@ -44,11 +49,19 @@ ALL_SOLVERS = (
     HHT(step=1e-3),
 )
 
+ALL_RULES = (Gauss(), ClenshawCurtis(), ChebyshevGauss(), Leja())
+
+ALL_NODES = (*ALL_RULES, *(SparseGrid(rule) for rule in ALL_RULES))
+
+ALL_BASES = (TotalDegree(), TensorDegree(), HyperbolicCross(), HyperbolicCross(q=0.75))
+
 ALL_METHODS = (
     PolynomialChaos(),
     PolynomialChaos(budget=30),
     PolynomialChaos(order=4),
     PolynomialChaos(order=4, nodes=Gauss(), basis=TotalDegree()),
+    PolynomialChaos(order=4, nodes=Leja()),
+    PolynomialChaos(order=6, nodes=ChebyshevGauss(), basis=HyperbolicCross(q=0.75)),
     PolynomialChaos.paper(order=2),
     PolynomialChaos.paper(order=4, lockstep=True),
     PolynomialChaos.paper(order=3, nodes=SparseGrid()),

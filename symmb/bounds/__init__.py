@@ -2,6 +2,7 @@
 
 from symmb._box import Box as Box
 from symmb.bounds._basis import Basis as Basis
+from symmb.bounds._basis import HyperbolicCross as HyperbolicCross
 from symmb.bounds._basis import TensorDegree as TensorDegree
 from symmb.bounds._basis import TotalDegree as TotalDegree
 from symmb.bounds._bernstein import Bernstein as Bernstein
@@ -12,9 +13,13 @@ from symmb.bounds._inclusion import ChebyshevInclusion as ChebyshevInclusion
 from symmb.bounds._inclusion import LegendreInclusion as LegendreInclusion
 from symmb.bounds._inclusion import Range as Range
 from symmb.bounds._method import Method as Method
+from symmb.bounds._moments import Expansion as Expansion
+from symmb.bounds._moments import Moments as Moments
 from symmb.bounds._natural import IntervalArithmetic as IntervalArithmetic
+from symmb.bounds._nodes import ChebyshevGauss as ChebyshevGauss
 from symmb.bounds._nodes import ClenshawCurtis as ClenshawCurtis
 from symmb.bounds._nodes import Gauss as Gauss
+from symmb.bounds._nodes import Leja as Leja
 from symmb.bounds._nodes import Nodes as Nodes
 from symmb.bounds._nodes import SparseGrid as SparseGrid
 from symmb.bounds._propagate import propagate as propagate

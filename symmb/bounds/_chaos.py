@@ -15,12 +15,16 @@ from symmb.bounds._exact import Exact
 from symmb.bounds._fit import Fit
 from symmb.bounds._inclusion import LegendreInclusion, Range
 from symmb.bounds._method import Method, constructor_text, parameter_samples, require_whole
+from symmb.bounds._moments import Expansion
 from symmb.bounds._nodes import ClenshawCurtis, Gauss, Nodes
 from symmb.bounds._reductions import extremes, failure_records, failures, projection, together
 from symmb.bounds._result import Bounds, Failure, Kind
 from symmb.simulate import March, Mask, Progress, Simulator
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
+
+_Found = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
+"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), and the failed runs."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +38,13 @@ class PolynomialChaos(Method):
     Parameters
     ----------
     order : highest degree; None chooses it, and with it the nodes
-    nodes : ClenshawCurtis(), Gauss() or SparseGrid(...)
-    basis : TensorDegree() or TotalDegree()
+    nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
+    basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
     tolerance : without order: change of the bounds between levels at which to stop, as a share of the
         response width
     budget : without order: most runs allowed
-    lockstep : advance all nodes together from one output time to the next and bound at once (Fig. 4), which
+    lockstep : advance all nodes together from one output time to the next and expand at once (Fig. 4), which
         needs a simulator that can march; else each node runs by itself, sampled at the output times (Fig.
         5). The executor is not used then.
 
@@ -100,24 +104,49 @@ class PolynomialChaos(Method):
         fit = Fit.of(self.nodes, self.basis, len(box), self.order)
         P = parameter_samples(simulator, box, fit.nodes)
         if self.lockstep:
-            return self._marched(fit, P, simulator, box, progress)
+            coefficients, inner, failed = self._marched(fit, P, simulator, box, progress)
+        else:
+            coefficients, inner, failed = self._streamed(fit, P, simulator, box, executor, progress)
+        lower, upper = self.range.bounds(fit.alpha, coefficients)
+        shape = len(simulator.times), len(simulator.outputs)
+        return Bounds(
+            simulator.times,
+            simulator.outputs,
+            lower.reshape(shape),
+            upper.reshape(shape),
+            self.kind,
+            repr(self),
+            len(P),
+            inner=inner,
+            failed=failed,
+            expansion=Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names),
+        )
+
+    def _streamed(
+        self,
+        fit: Fit,
+        P: Array,
+        simulator: Simulator,
+        box: Box,
+        executor: Executor | None,
+        progress: Progress | None,
+    ) -> _Found:
         reduction = together(projection(fit.functionals, simulator), extremes(simulator), failures())
         sums, inner, bad = simulator.stream(P, reduction, executor, progress)
         failed = failure_records(simulator, box, P, bad)
         ok = np.ones(len(P), dtype=bool)
         ok[[index for index, _, _ in bad]] = False
-        lower, upper = self._range(fit, sums, ok, failed)
-        shape = len(simulator.times), len(simulator.outputs)
-        return self._result(simulator, lower.reshape(shape), upper.reshape(shape), inner, failed, len(P))
+        return self._coefficients(fit, sums, ok, failed), inner, failed
 
-    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> Bounds:
+    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Found:
         if not isinstance(simulator, March):
             raise PropagationError(
                 f"{self!r}: it advances all nodes together, but {simulator!r} runs each sample by itself. "
                 "Leave lockstep out."
             )
         n_t, n_y = len(simulator.times), len(simulator.outputs)
-        lower, upper, inner_lower, inner_upper = np.empty((4, n_t, n_y))
+        coefficients = np.empty((len(fit.alpha), n_t, n_y))
+        inner_lower, inner_upper = np.empty((2, n_t, n_y))
         ok = np.ones(len(P), dtype=bool)
         failed: tuple[Failure, ...] = ()
         for i, Y in simulator.march(P):
@@ -126,40 +155,19 @@ class PolynomialChaos(Method):
             new = tuple((int(n), time, "not finite") for n in np.flatnonzero(lost))
             failed += failure_records(simulator, box, P, new)
             ok &= ~lost
-            lower[i], upper[i] = self._range(fit, fit.functionals[:, ok] @ Y[ok], ok, failed)
+            coefficients[:, i] = self._coefficients(fit, fit.functionals[:, ok] @ Y[ok], ok, failed)
             inner_lower[i], inner_upper[i] = Y[ok].min(axis=0), Y[ok].max(axis=0)
             if progress is not None:
                 progress(i + 1, n_t)
-        return self._result(simulator, lower, upper, (inner_lower, inner_upper), failed, len(P))
+        return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), failed
 
-    def _range(self, fit: Fit, sums: Array, ok: Mask, failed: tuple[Failure, ...]) -> tuple[Array, Array]:
+    def _coefficients(self, fit: Fit, sums: Array, ok: Mask, failed: tuple[Failure, ...]) -> Array:
         if not fit.determined(ok):
             raise PropagationError(
                 f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the others do not determine "
                 f"{len(fit.alpha)} coefficients.\n{failure_text(failed)}"
             )
-        return self.range.bounds(fit.alpha, fit.coefficients(sums, ok))
-
-    def _result(
-        self,
-        simulator: Simulator,
-        lower: Array,
-        upper: Array,
-        inner: tuple[Array, Array],
-        failed: tuple[Failure, ...],
-        runs: int,
-    ) -> Bounds:
-        return Bounds(
-            simulator.times,
-            simulator.outputs,
-            lower,
-            upper,
-            self.kind,
-            repr(self),
-            runs,
-            inner=inner,
-            failed=failed,
-        )
+        return fit.coefficients(sums, ok)
 
     def __repr__(self) -> str:
         order = "" if self.order is None else f"order={self.order}"

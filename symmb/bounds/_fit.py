@@ -16,15 +16,21 @@ SMALLEST_EIGENVALUE = 0.01
 """Of the normalised Gram matrix, 1 for an undisturbed quadrature. Below it the remaining nodes leave some
 polynomial ten times less certain than the others, and a fit around failed nodes is refused."""
 
+LARGEST_INVERSE = 1e8
+"""Largest entry of V^-1. Beyond it interpolation has no solution but for rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The linear map from node values to coefficients.
 
-    With V the basis at the nodes and W the weights, only the sums V^T W y are accumulated. Projection
-    divides them by the mean squares, eqs. (30)-(34); least squares solves (V^T W V) a = V^T W y, over the
-    nodes that did not fail. Both are the same where the quadrature is exact for products of basis
-    polynomials.
+    With V the basis at the nodes and W the weights, projection divides V^T W y by the mean squares, eqs.
+    (30)-(34); least squares solves (V^T W V) a = V^T W y. Both are the same where the quadrature is exact
+    for products of basis polynomials. With as many nodes as polynomials least squares is interpolation,
+    whatever the weights, and V a = y is solved: the product V^T W V would lose twice as many digits.
+
+    Each is one matrix, whose product with the node values is accumulated. Where nodes failed, the sums over
+    the others are turned into their least squares fit.
 
     Attributes
     ----------
@@ -49,14 +55,17 @@ class Fit:
             If the nodes cannot tell the polynomials of the basis apart.
         """
         fit = cls(basis.indices(d, order), *rule.points(d, order), rule.projects)
-        gram = fit._gram(np.ones(len(fit.nodes), dtype=bool))
-        determined = np.abs(gram - np.eye(len(gram))).max() < 1e-8 if rule.projects else _regular(gram)
-        if not determined:
+        if not fit._possible():
             raise PropagationError(
-                f"{len(fit.nodes)} nodes of {rule!r} do not determine the {len(gram)} polynomials of "
+                f"{len(fit.nodes)} nodes of {rule!r} do not determine the {len(fit.alpha)} polynomials of "
                 f"{basis!r} of order {order} in {d} parameters. Use TotalDegree() or more nodes."
             )
         return fit
+
+    @property
+    def interpolates(self) -> bool:
+        """As many nodes as polynomials, and no projection."""
+        return not self.projects and len(self.nodes) == len(self.alpha)
 
     @cached_property
     def values(self) -> Array:
@@ -65,29 +74,45 @@ class Fit:
 
     @cached_property
     def functionals(self) -> Array:
-        """V^T W (n_b, N): what node values are multiplied with, in any order and in parts."""
-        return self.values.T * self.weights
+        """(n_b, N) matrix that makes coefficients of node values, in any order and in parts."""
+        if self.interpolates:
+            return np.asarray(np.linalg.inv(self.values), dtype=float)
+        sums = self._scaled.T * self.weights
+        return (sums if self.projects else np.linalg.solve(self._gram(), sums)) / self._norms[:, None]
 
     def determined(self, ok: Mask) -> bool:
         """Whether the nodes marked in ok (N,) are enough to fit all coefficients."""
-        return bool(ok.all()) or (self.weights.min() > 0 and _regular(self._gram(ok)))
+        return bool(ok.all()) or (not self.interpolates and self.weights.min() > 0 and _regular(self._gram(ok)))
 
     def coefficients(self, sums: Array, ok: Mask) -> Array:
-        """Coefficients (n_b, m) from V^T W y (n_b, m) over the nodes marked in ok (N,)."""
-        norms = np.sqrt(mean_squares(self.alpha))[:, None]
+        """Coefficients (n_b, m) from ``functionals @ y`` (n_b, m) over the nodes marked in ok (N,)."""
         if ok.all():
-            return sums / norms**2 if self.projects else self._inverse @ (sums / norms) / norms
-        return np.linalg.solve(self._gram(ok), sums / norms) / norms
+            return sums
+        norms = self._norms[:, None]
+        return np.linalg.solve(self._gram(ok), self._gram() @ (sums * norms)) / norms
+
+    def _possible(self) -> bool:
+        """Whether all nodes together tell the polynomials apart."""
+        if self.interpolates:
+            try:
+                return bool(np.abs(self.functionals).max() < LARGEST_INVERSE)
+            except np.linalg.LinAlgError:  # singular
+                return False
+        gram = self._gram()
+        return bool(np.abs(gram - np.eye(len(gram))).max() < 1e-8) if self.projects else _regular(gram)
 
     @cached_property
-    def _inverse(self) -> Array:
-        gram = self._gram(np.ones(len(self.nodes), dtype=bool))
-        return np.asarray(np.linalg.inv(gram), dtype=float)
+    def _norms(self) -> Array:
+        return np.sqrt(mean_squares(self.alpha))
 
-    def _gram(self, ok: Mask) -> Array:
+    @cached_property
+    def _scaled(self) -> Array:
+        """V of polynomials with mean square 1 (N, n_b)."""
+        return self.values / self._norms
+
+    def _gram(self, ok: Mask | slice = slice(None)) -> Array:
         """V^T W V over nodes marked in ok, for polynomials of mean square 1."""
-        scaled: Array = self.values[ok] / np.sqrt(mean_squares(self.alpha))
-        return (scaled.T * self.weights[ok]) @ scaled
+        return (self._scaled[ok].T * self.weights[ok]) @ self._scaled[ok]
 
 
 def _regular(gram: Array) -> bool:

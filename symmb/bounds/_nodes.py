@@ -1,6 +1,7 @@
 """Collocation nodes and weights on [-1, 1]^d; the weights carry the density 2^-d, so they sum to 1."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds._legendre import homogeneous
+from symmb.bounds._leja import symmetric_leja
 from symmb.bounds._method import constructor_text, require_whole
 
 
@@ -23,8 +25,26 @@ class Nodes(Protocol):
         ...
 
 
+class Rule(ABC):
+    """A rule on [-1, 1] for each degree, and its tensor grids of order + 1 nodes a parameter."""
+
+    projects: ClassVar[bool] = False
+
+    def points(self, d: int, order: int) -> tuple[Array, Array]:
+        """Nodes ((order + 1)^d, d) and weights."""
+        return tensor([self.line(order)] * d)
+
+    @abstractmethod
+    def line(self, degree: int) -> tuple[Array, Array]:
+        """degree + 1 nodes and weights, exact at least to that degree."""
+
+    @abstractmethod
+    def degree(self, level: int) -> int:
+        """Degree of a level of a sparse grid, whose rule is exact at least to 2 level + 1."""
+
+
 @dataclass(frozen=True)
-class Gauss:
+class Gauss(Rule):
     """Tensor grid of order + 1 Gauss-Legendre nodes a parameter, eq. (33): the paper's choice.
 
     Examples
@@ -36,22 +56,18 @@ class Gauss:
 
     projects: ClassVar[bool] = True
 
-    def points(self, d: int, order: int) -> tuple[Array, Array]:
-        """Nodes ((order + 1)^d, d) and weights."""
-        return tensor([self.line(order)] * d)
-
     def line(self, degree: int) -> tuple[Array, Array]:
         """degree + 1 nodes and weights, exact to degree 2 degree + 1."""
         nodes, weights = np.polynomial.legendre.leggauss(degree + 1)
         return nodes, 0.5 * weights
 
     def degree(self, level: int) -> int:
-        """Degree of a level of a sparse grid: one node more each level."""
+        """One node more each level."""
         return level
 
 
 @dataclass(frozen=True)
-class ClenshawCurtis:
+class ClenshawCurtis(Rule):
     """Tensor grid of the order + 1 extremes of the Chebyshev polynomial: faces and corners are among the
     nodes.
 
@@ -64,24 +80,75 @@ class ClenshawCurtis:
     (array([-1.,  0.,  1.]), array([0.1667, 0.6667, 0.1667]))
     """
 
-    projects: ClassVar[bool] = False
-
-    def points(self, d: int, order: int) -> tuple[Array, Array]:
-        """Nodes ((order + 1)^d, d) and weights."""
-        return tensor([self.line(order)] * d)
-
     def line(self, degree: int) -> tuple[Array, Array]:
         """degree + 1 nodes and weights, exact to that degree; every second one is a node of degree / 2."""
-        if degree == 0:
-            return np.zeros(1), np.ones(1)
-        nodes = np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / degree)
-        moments = np.eye(degree + 1)[0]
-        weights: Array = np.linalg.solve(np.polynomial.legendre.legvander(nodes, degree).T, moments)
-        return nodes, weights
+        return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / max(degree, 1)))
 
     def degree(self, level: int) -> int:
-        """Degree of a level of a sparse grid: doubled each level, so that levels are nested."""
+        """Doubled each level, so that levels are nested."""
         return 0 if level == 0 else 2**level
+
+
+@dataclass(frozen=True)
+class ChebyshevGauss(Rule):
+    """Tensor grid of the order + 1 roots of the Chebyshev polynomial T_(order + 1), with the weights of
+    Fejér's first rule, all positive.
+
+    Interpolation there is hardly worse than the best approximation by polynomials, but for the ends of the
+    intervals it extrapolates.
+
+    Examples
+    --------
+    >>> nodes, weights = ChebyshevGauss().points(1, order=2)
+    >>> nodes.ravel().round(4), weights.round(4)
+    (array([-0.866,  0.   ,  0.866]), array([0.2222, 0.5556, 0.2222]))
+
+    References
+    ----------
+    Waldvogel, BIT Numerical Mathematics 46 (2006), Fejér's rules.
+    """
+
+    def line(self, degree: int) -> tuple[Array, Array]:
+        """degree + 1 nodes and weights, exact to that degree."""
+        return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / (degree + 1)))
+
+    def degree(self, level: int) -> int:
+        """Two nodes more each level. Three times as many would be nested, and yet more runs."""
+        return 2 * level
+
+
+@dataclass(frozen=True)
+class Leja(Rule):
+    """Tensor grid of the first order + 1 nodes of the sequence 0, 1, -1, x, -x, ... that keeps them farthest
+    apart: nodes of an order are nodes of every higher one.
+
+    Even orders are symmetric. Their Lebesgue constants up to order 20 are at most 8.9, those of odd orders
+    18.4; sparse grids take the even ones, two nodes more each level.
+
+    Examples
+    --------
+    >>> nodes, weights = Leja().points(1, order=4)
+    >>> nodes.ravel().round(4), weights.round(4)
+    (array([ 0.    ,  1.    , -1.    ,  0.6547, -0.6547]), array([0.2, 0.2, 0.2, 0.2, 0.2]))
+
+    References
+    ----------
+    Narayan and Jakeman, SIAM J. Sci. Comput. 36 (2014), sparse grids of Leja sequences.
+    """
+
+    def points(self, d: int, order: int) -> tuple[Array, Array]:
+        """Nodes ((order + 1)^d, d) and equal weights: interpolatory ones are 0 at the last node of an odd
+        order, and a fit would lose it."""
+        nodes, weights = super().points(d, order)
+        return nodes, np.full_like(weights, 1.0 / len(weights))
+
+    def line(self, degree: int) -> tuple[Array, Array]:
+        """degree + 1 nodes and weights, exact to that degree."""
+        return _interpolatory(symmetric_leja(degree + 1))
+
+    def degree(self, level: int) -> int:
+        """Two nodes more each level: nested, symmetric and therefore exact to one degree more."""
+        return 2 * level
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,11 +157,12 @@ class SparseGrid:
 
     Exact for total degree 2 level + 1. Weights may be negative; with Gauss nodes they grow large (the sum of
     magnitudes is 681 for 6 parameters at level 4, 34 with Clenshaw-Curtis), which amplifies integration
-    errors.
+    errors. Leja nodes take the fewest runs: 33 for 2 parameters at level 4, where Gauss nodes take 53 and
+    Clenshaw-Curtis nodes 65.
 
     Parameters
     ----------
-    rule : Gauss() as in the paper, or ClenshawCurtis()
+    rule : Gauss() as in the paper, ClenshawCurtis(), Leja() or ChebyshevGauss()
     level : the order of the expansion where left out
 
     Examples
@@ -108,7 +176,7 @@ class SparseGrid:
     Smolyak (1963); Gerstner and Griebel, Numerical Algorithms 18 (1998), combination formula.
     """
 
-    rule: Gauss | ClenshawCurtis = Gauss()
+    rule: Rule = Gauss()
     level: int | None = None
 
     projects: ClassVar[bool] = True
@@ -131,6 +199,13 @@ class SparseGrid:
 
     def __repr__(self) -> str:
         return constructor_text(self)
+
+
+def _interpolatory(nodes: Array) -> tuple[Array, Array]:
+    """Nodes (n,) and the weights that integrate the interpolant through them."""
+    means = np.eye(len(nodes))[0]  # of Legendre polynomials: 0 but for the constant
+    weights: Array = np.linalg.solve(np.polynomial.legendre.legvander(nodes, len(nodes) - 1).T, means)
+    return nodes, weights
 
 
 def tensor(lines: list[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -11,10 +11,11 @@ from zipfile import BadZipFile
 import numpy as np
 
 from symmb import plot
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._names import did_you_mean
 from symmb._types import Array
 from symmb.bounds._describe import describe
+from symmb.bounds._moments import Expansion, Moments, moments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,6 +57,7 @@ class Bounds:
     inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
     failed : the runs that failed
     seconds : wall time of runs and bounding [s]
+    expansion : polynomial chaos of a given order, or None
 
     Examples
     --------
@@ -75,6 +77,7 @@ class Bounds:
     inner: tuple[Array, Array] | None = None
     failed: tuple[Failure, ...] = ()
     seconds: float = field(default=float("nan"))
+    expansion: Expansion | None = None
 
     @property
     def outer(self) -> tuple[Array, Array]:
@@ -89,6 +92,20 @@ class Bounds:
             raise DeclarationError(f"Bounds: no output '{name}'.{did_you_mean(name, self.names)}")
         column = self.names.index(name)
         return self.lower[:, column], self.upper[:, column]
+
+    def moments(self) -> Moments:
+        """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
+
+        Raises
+        ------
+        PropagationError
+            If the method leaves no expansion.
+        """
+        if self.expansion is None:
+            raise PropagationError(
+                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4)."
+            )
+        return moments(self.expansion, self.t, self.names)
 
     def save(self, path: str | Path) -> None:
         """Write an .npz file.
@@ -107,6 +124,7 @@ class Bounds:
             "evaluations": self.evaluations,
             "failed": [[run.parameters, run.time, run.message] for run in self.failed],
             "seconds": self.seconds,
+            "parameters": () if self.expansion is None else self.expansion.parameters,
         }
         none = np.empty((0, 0))
         inner_lower, inner_upper = (none, none) if self.inner is None else self.inner
@@ -120,6 +138,8 @@ class Bounds:
                 estimate=none if self.estimate is None else self.estimate,
                 inner_lower=inner_lower,
                 inner_upper=inner_upper,
+                alpha=none if self.expansion is None else self.expansion.alpha,
+                coefficients=none if self.expansion is None else self.expansion.coefficients,
             )
 
     @classmethod
@@ -152,6 +172,9 @@ class Bounds:
             inner=(arrays["inner_lower"], arrays["inner_upper"]) if arrays["inner_lower"].size else None,
             failed=tuple(Failure(*run) for run in about["failed"]),
             seconds=about["seconds"],
+            expansion=Expansion(arrays["alpha"].astype(np.intp), arrays["coefficients"], tuple(about["parameters"]))
+            if arrays["alpha"].size
+            else None,
         )
 
     def plot(self, path: str | Path | None = None) -> "Figure":

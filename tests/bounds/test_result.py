@@ -44,6 +44,17 @@ def test_save_and_load(tmp_path, simulator, method):
         assert getattr(loaded, name) == getattr(bounds, name)
 
 
+def test_save_and_load_an_expansion(tmp_path):
+    bounds = propagate(Wave(), PolynomialChaos(order=3), BOX)
+    bounds.save(tmp_path / "wave.npz")
+    loaded = Bounds.load(tmp_path / "wave.npz").expansion
+    assert loaded.parameters == ("amplitude", "w") and loaded.alpha.dtype == bounds.expansion.alpha.dtype
+    np.testing.assert_array_equal(loaded.alpha, bounds.expansion.alpha)
+    np.testing.assert_array_equal(loaded.coefficients, bounds.expansion.coefficients)
+    propagate(Wave(), Vertex(), BOX).save(tmp_path / "wave.npz")
+    assert Bounds.load(tmp_path / "wave.npz").expansion is None
+
+
 def test_outer_is_wider_by_the_estimate():
     bounds = propagate(Wave(), PolynomialChaos(), BOX)
     np.testing.assert_array_equal(bounds.outer[0], bounds.lower - bounds.estimate)

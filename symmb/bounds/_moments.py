@@ -1,0 +1,84 @@
+"""Legendre expansions of the responses, and the mean, variance and Sobol indices that they give."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bounds._legendre import MultiIndices, mean_squares
+
+ROUNDING = 1e-12
+"""Share of an output's largest root mean square below which its standard deviation counts as none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Responses as sums of Legendre products, y(xi) = sum a_i phi_i(xi) over [-1, 1]^d, eq. (20).
+
+    Attributes
+    ----------
+    alpha : (n_b, d) degrees of the products, the constant first; phi_n(1) = 1
+    coefficients : (n_b, n_t, n_y)
+    parameters : d names, in the order of the columns of ``alpha``
+    """
+
+    alpha: MultiIndices
+    coefficients: Array
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
+    intervals.
+
+    An index is the share of the variance that a parameter explains: alone (first), or alone and together
+    with others (total). It is nan where the variance is 0 but for rounding.
+
+    Attributes
+    ----------
+    t : (n_t,) times [s]
+    names : n_y outputs
+    parameters : d names
+    mean, variance : (n_t, n_y)
+    first, total : (d, n_t, n_y)
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    mean: Array
+    variance: Array
+    first: Array
+    total: Array
+
+
+def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
+    """Moments of an expansion: the variance is the sum of squared coefficients times the mean squares of
+    their polynomials, an index its part over polynomials in a parameter alone, or in it and others.
+
+    Examples
+    --------
+    2 + 3 x + 4 x y has the variance 3^2 / 3 + 4^2 / 9:
+
+    >>> alpha, coefficients = np.array([[0, 0], [1, 0], [1, 1]]), np.array([2.0, 3.0, 4.0])
+    >>> result = moments(Expansion(alpha, coefficients[:, None, None], ("x", "y")), np.zeros(1), ("f",))
+    >>> result.mean[0, 0].round(6), result.variance[0, 0].round(6)
+    (np.float64(2.0), np.float64(4.777778))
+    >>> result.first[:, 0, 0].round(4), result.total[:, 0, 0].round(4)
+    (array([0.6279, 0.    ]), array([1.    , 0.3721]))
+
+    References
+    ----------
+    Sudret, Reliability Engineering and System Safety 93 (2008), Sobol indices from polynomial chaos.
+    """
+    involved = expansion.alpha.T > 0
+    varies, alone = involved.any(axis=0), involved & (involved.sum(axis=0) == 1)
+    parts = mean_squares(expansion.alpha)[:, None, None] * expansion.coefficients**2
+    mean = expansion.coefficients[~varies].sum(axis=0)
+    variance = parts[varies].sum(axis=0)
+    least = ROUNDING**2 * parts.sum(axis=0).max(axis=0)
+    shares = np.full((2, len(involved), *variance.shape), np.nan)
+    for share, chosen in zip(shares, (alone, involved), strict=True):
+        np.divide(np.tensordot(chosen.astype(float), parts, axes=1), variance, out=share, where=variance > least)
+    return Moments(t, names, expansion.parameters, mean, variance, *shares)
