@@ -162,7 +162,7 @@ def adaptive_bounds(
         kind="estimate",
         method=text,
         evaluations=len(runs),
-        estimate=estimate + fitted.gap,
+        estimate=estimate + fitted.gap + range_.tolerance * (fitted.upper - fitted.lower),
         inner=inner,
     )
 
