@@ -21,6 +21,7 @@ from symmb.bounds._nodes import ClenshawCurtis as ClenshawCurtis
 from symmb.bounds._nodes import Gauss as Gauss
 from symmb.bounds._nodes import Leja as Leja
 from symmb.bounds._nodes import Nodes as Nodes
+from symmb.bounds._nodes import Rule as Rule
 from symmb.bounds._nodes import SparseGrid as SparseGrid
 from symmb.bounds._propagate import propagate as propagate
 from symmb.bounds._result import Bounds as Bounds
