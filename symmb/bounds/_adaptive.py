@@ -28,9 +28,9 @@ _REFINED = 0.25
 """Directions of a tensor whose errors are at least this share of the largest are refined together."""
 _GROWTH = 0.25
 """A sparse grid grows by about this share at a time."""
-_SAFETY = 1.5
+_SAFETY = 2.0
 """What the errors seen by check runs are multiplied with: they are those at a few of the extremes."""
-_TRUST = 0.2
+_TRUST = 0.4
 """Least share of its estimated error that an interpolant keeps when check runs see less."""
 _CANDIDATES = 400
 """Extremes among which check runs are chosen."""
@@ -126,7 +126,7 @@ def adaptive_bounds(
     tensor = d <= TENSOR_PARAMETERS
     runs, grid = _Runs(simulator, box, executor, progress), Grid(d)
     axes = [tuple(2 * (i == j) for j in range(d)) for i in range(d)]
-    step = grid.missing([(2,) * d] if tensor else axes)
+    step = grid.missing([(4,) if d == 1 else (2,) * d] if tensor else axes)
     if len(step) > most:
         raise PropagationError(f"{text}: the first level takes {len(step)} runs, more than the budget of {most}.")
     while True:
@@ -139,12 +139,12 @@ def adaptive_bounds(
         sizes = (_rms(coefficients.swapaxes(0, 1)) / unit).max(axis=1)
         step = _next_tensor(grid, tails, unit) if tensor else _next_sparse(grid, sizes)
         last = len(runs) + len(step) > most
-        checked = tolerance if tensor else 3 * tolerance  # checks may show that a sparse grid does better
-        if not last and _share(tails.least(), unit) > checked:
+        enough = tolerance / _TRUST  # checks may show that much less
+        if not last and _share(tails.least(), unit) > enough:
             continue  # too large wherever the extremes are
         fitted = _Fitted.of(grid.alpha, coefficients, range_)
         estimate = np.maximum(*(tails.at(x) for x in fitted.places))
-        if not last and _share(estimate, unit) > checked:
+        if not last and _share(estimate, unit) > enough:
             continue
         number = min(max(2 * d, 4), most - len(runs))
         if tensor:
@@ -182,14 +182,14 @@ def _next_sparse(grid: Grid, sizes: Array) -> set[Index]:
 
 
 def _checked(runs: _Runs, fitted: _Fitted, tails: Tails, estimate: Array, unit: Array, number: int) -> Array:
-    """The estimate (n_t, n_y), raised where runs at some of the extremes see larger errors."""
+    """The estimate (n_t, n_y), changed where runs at some of the extremes see other errors than expected there."""
     if number < 1:
         return estimate
     points = _spread(fitted.places, estimate / unit, number)
     errors = runs.check(points) - fitted.values(points)
     expected = np.max([tails.at(np.broadcast_to(x, (*runs.shape, len(x)))) for x in points], axis=0)
     seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
-    return estimate * np.maximum(np.divide(seen, expected, out=np.ones_like(seen), where=expected > 0), 1.0)
+    return estimate * np.maximum(np.divide(seen, expected, out=np.ones_like(seen), where=expected > 0), _TRUST)
 
 
 def _corrected(

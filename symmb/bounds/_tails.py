@@ -10,8 +10,9 @@ from symmb.bounds._legendre import MultiIndices
 
 _WINDOW = 0.02
 """Share of the times over which coefficients are averaged: they pass through zero as the response swings."""
-_NEAR_NODES = 0.05
-"""Share of the largest error that is expected even at nodes, since extremes are not found exactly where they are."""
+_NEAR_NODES = 1.2
+"""Over the square of the degree, counted as 4 at most: share of the largest error that is expected even at nodes, since
+extremes are found only near to where they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +61,20 @@ class Tails:
     def at(self, x: Array) -> Array:
         """Expected error (...) at points x (..., d) that belong to the times and outputs, or (d,) for all of them."""
         if self.degrees is None:
-            return self.directions.sum(axis=0) * (1 + _NEAR_NODES) + self.mixed
+            return self.least()
         angles = np.arccos(np.clip(x, -1.0, 1.0))
-        shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + _NEAR_NODES
-        return np.einsum(
-            "iab,abi->ab", self.directions, np.broadcast_to(shares, (*self.mixed.shape, len(self.degrees)))
-        )
+        shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + self._near_nodes()
+        shares = np.broadcast_to(shares, (*self.mixed.shape, len(self.degrees)))
+        return np.einsum("iab,abi->ab", self.directions, shares)
 
     def least(self) -> Array:
         """Expected error (n_t, n_y) wherever the extremes are."""
-        factor = 1 + _NEAR_NODES if self.degrees is None else _NEAR_NODES
-        return self.directions.sum(axis=0) * factor + self.mixed
+        if self.degrees is None:
+            return self.directions.sum(axis=0) + self.mixed
+        return np.tensordot(self._near_nodes(), self.directions, axes=1)
+
+    def _near_nodes(self) -> Array:
+        return _NEAR_NODES / np.clip(self.degrees, 1, 4) ** 2
 
 
 def smooth(powers: Array) -> Array:
