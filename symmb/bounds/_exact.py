@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.bounds._chebyshev import LowerSet
@@ -52,12 +50,13 @@ class Exact:
     Notes
     -----
     A few boxes suffice for up to three parameters, some hundreds for six, and for ten or more the budget may run out.
-    Compiled C takes 1 to 10 microseconds for each polynomial in two parameters; without a compiler NumPy takes its place.
+    Without a C compiler NumPy takes its place and about ten times as long.
 
     Examples
     --------
     The cubic of eq. (13), expanded in eq. (25), has the range [0, 4/27], with the maximum at x = 1/3, xi = -1/3:
 
+    >>> import numpy as np
     >>> coefficients = np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
     >>> found = Exact(tolerance=1e-12).search(np.arange(4)[:, None], coefficients)
     >>> bool(abs(found.lower[0]) < 1e-12), bool(abs(found.upper[0] - 4 / 27) < 1e-12)

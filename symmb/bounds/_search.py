@@ -20,7 +20,7 @@ class _Basis(ctypes.Structure):
     """Basis of ranges.h."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("d", "n", "padded", "order", "n_pairs", "n_samples")),
+        *((name, ctypes.c_long) for name in ("d", "n", "n_low", "padded", "order", "n_pairs", "n_samples")),
         *((name, ctypes.c_void_p) for name in ("linear", "square", "pairs", "parent", "factor", "fibres", "first")),
         *((name, ctypes.c_void_p) for name in ("weights", "halving", "samples")),
     ]
@@ -51,7 +51,7 @@ def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tu
     tables = _tables(terms.products)
     b, m = tables.basis, len(C)
     depth = _LEVELS * b.d
-    work = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d), b.padded, b.d * (b.order + 1), b.d, b.d)]
+    work = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d)]
     search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in work))
     found = np.empty(m), np.empty(m), np.empty((m, b.d)), np.empty((m, b.d)), np.empty(m)
     pointers = (ctypes.c_void_p(a.ctypes.data) for a in (C, *found))
@@ -84,7 +84,7 @@ def _tables(products: LowerSet) -> _Tables:
         *(np.ascontiguousarray(a, dtype=np.int32) for a in whole),
         *(np.ascontiguousarray(a, dtype=float) for a in (terms.weights, halving(order), samples)),
     )
-    sizes = d, n, terms.padded, order, len(terms.pairs), len(x)
+    sizes = d, n, int((alpha.sum(axis=1) <= 2).sum()), terms.padded, order, len(terms.pairs), len(x)
     return _Tables(_Basis(*sizes, *(a.ctypes.data for a in arrays)), arrays)
 
 

@@ -24,10 +24,11 @@ class _Boxes:
     half: Array
     owner: Indices
 
-    def __getitem__(self, rows: Mask | slice) -> "_Boxes":
+    def __getitem__(self, rows: Mask | Indices | slice) -> "_Boxes":
         return _Boxes(self.C[rows], self.centre[rows], self.half[rows], self.owner[rows])
 
 
+@np.errstate(invalid="ignore")
 def array_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, Array, Array, Array, Array]:
     """Bounds, points and gaps of polynomials with coefficients C (m, n_padded), as in ``Extremes``."""
     floor = 1e-13 * np.abs(C).max(axis=1)
@@ -86,7 +87,7 @@ def _fixed(terms: Terms, boxes: _Boxes) -> tuple[_Boxes, Array]:
         C[rows[:, None, None], fibres[:, 1:]] = 0.0
         C[rows[:, None], fibres[:, 0]] = own.sum(axis=2)
     inside = monotone & (np.abs(centre) < 1) & (np.abs(linear) > slope)
-    kept = ~inside.any(axis=1)
+    kept = np.flatnonzero(~inside.any(axis=1))
     return _Boxes(C, centre, half, boxes.owner)[kept], np.where(half > 0, slope, -1.0)[kept]
 
 

@@ -9,7 +9,7 @@ from symmb._types import Array, Indices
 from symmb.bounds._chebyshev import LowerSet
 
 LANES = 8
-"""Coefficients are padded to multiples of it, with at least one zero, for which all products stand that there are not."""
+"""Coefficients are padded to multiples of it, with at least one zero: that of all products that there are not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,8 @@ class Terms:
     products : the expansion's
     linear, square : (d,) numbers of T_1 and T_2 of each parameter
     pairs : (n_pairs, 3) two parameters and the number of the product of both
-    weights : (d + 1, n_padded) of terms of degree 3 and more, as |T_j| <= 1; then along each parameter of terms but T_1,
-        as |T_j'| <= j^2
+    weights : (d + 1, n_padded) of terms of degree 3 and more, as |T_j| <= 1; then along each parameter of all but
+        those of degree 1, as |T_j'| <= j^2
     """
 
     products: LowerSet

@@ -7,11 +7,13 @@
 #include <string.h>
 
 enum { W = 8, PATIENCE = 50 }; /* boxes before a descent from a better point pays */
+#define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
+#define PRUNED 0.9
 typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 
 typedef struct {
-  long d, n, padded, order, n_pairs, n_samples;
+  long d, n, n_low, padded, order, n_pairs, n_samples; /* n_low products are of degree 2 at most */
   const int *linear, *square; /* (d) numbers of T_1 and T_2 of each parameter */
   const int *pairs;           /* (n_pairs, 3): two parameters and the number of the product of both */
   const int *parent, *factor; /* (n) a product is its parent times a value of a single parameter */
@@ -26,7 +28,8 @@ typedef struct {
   const Basis *basis;
   double tolerance;        /* largest excess, as a share of the range */
   long budget, depth;
-  double *stack;           /* (depth, padded + 2 d): coefficients, centre and half widths of boxes; 0 where fixed */
+  double *stack;           /* (depth, padded + 2 d + 2) of boxes: coefficients, centre, half widths, which are 0 where
+                              fixed, how many coefficients are left, and the sum of those left out */
   double *values, *powers; /* (n), (d, order + 1): of all products, and of the T_j of each parameter */
   double *x, *z;           /* (d) */
 } Search;
@@ -43,24 +46,20 @@ static double weighted(const double *w, const double *c, long n) {
   return total(sum);
 }
 
-static double dot(const double *a, const double *b, long n) {
-  V sum = {0};
-  for (long i = 0; i < n; i += W) sum += *(const V *)(a + i) * *(const V *)(b + i);
-  return total(sum);
-}
-
 static void chebyshev(double x, double *T, long order) {
   T[0] = 1.0;
   if (order) T[1] = x;
   for (long j = 2; j <= order; ++j) T[j] = 2.0 * x * T[j - 1] - T[j - 2];
 }
 
-static double value(const Search *s, const double *c, const double *x) {
+static double value(const Search *s, const double *c, const double *x, long n) {
   const Basis *b = s->basis;
   for (long k = 0; k < b->d; ++k) chebyshev(x[k], s->powers + k * (b->order + 1), b->order);
   s->values[0] = 1.0;
-  for (long i = 1; i < b->n; ++i) s->values[i] = s->values[b->parent[i]] * s->powers[b->factor[i]];
-  return dot(c, s->values, b->padded);
+  for (long i = 1; i < n; ++i) s->values[i] = s->values[b->parent[i]] * s->powers[b->factor[i]];
+  double y = 0.0;
+  for (long i = 0; i < n; ++i) y += c[i] * s->values[i];
+  return y;
 }
 
 /* The least value of g x + h x^2 on [-1, 1], and where. */
@@ -73,12 +72,22 @@ static double parabola(double g, double h, double *x) {
   return h - fabs(g);
 }
 
+/* Leave out coefficients of high degree as far as allowed, and return how many there are, padded. */
+static long trim(const Basis *b, double *c, double *left, double allowed) {
+  long n = (long)left[0];
+  for (; n > b->n_low && left[1] + fabs(c[n - 1]) <= allowed; --n) left[1] += fabs(c[n - 1]);
+  left[0] = (double)n;
+  for (; n % W; ++n) c[n] = 0.0;
+  return n;
+}
+
 /* Put a parameter to the end of its range. */
-static void fix(const Basis *b, double *c, long k, double end) {
+static void fix(const Basis *b, double *c, long k, double end, long n) {
   for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
     const int *at = b->fibres + f * (b->order + 1);
+    if (at[1] >= n) continue;
     double sum = c[at[0]];
-    for (long j = 1; j <= b->order && at[j] < b->n; ++j) {
+    for (long j = 1; j <= b->order && at[j] < n; ++j) {
       sum += j % 2 ? end * c[at[j]] : c[at[j]];
       c[at[j]] = 0.0;
     }
@@ -87,19 +96,20 @@ static void fix(const Basis *b, double *c, long k, double end) {
 }
 
 /* Coefficients on the half that lies towards end, in ``near``, and on the other, in place. */
-static void halve(const Basis *b, double *c, double *near, long k, double end) {
+static void halve(const Basis *b, double *c, double *near, long k, double end, long n) {
   const long size = b->order + 1;
   double own[size];
-  memcpy(near, c, b->padded * sizeof *c);
+  memcpy(near, c, (n + W - 1) / W * W * sizeof *c);
   for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
     const int *at = b->fibres + f * size;
-    long n = 0;
-    for (; n < size && at[n] < b->n; ++n) own[n] = c[at[n]];
-    for (long i = 0; i < n; ++i) {
+    if (at[1] >= n) continue;
+    long m = 0;
+    for (; m < size && at[m] < n; ++m) own[m] = c[at[m]];
+    for (long i = 0; i < m; ++i) {
       const double *row = b->halving + i * size;
       double even = 0.0, odd = 0.0;
-      for (long j = i; j < n; j += 2) even += row[j] * own[j];
-      for (long j = i + 1; j < n; j += 2) odd += row[j] * own[j];
+      for (long j = i; j < m; j += 2) even += row[j] * own[j];
+      for (long j = i + 1; j < m; j += 2) odd += row[j] * own[j];
       near[at[i]] = even + end * odd;
       c[at[i]] = even - end * odd;
     }
@@ -108,24 +118,26 @@ static void halve(const Basis *b, double *c, double *near, long k, double end) {
 
 /* A lower bound of the polynomial on a box, with the point z where it would be taken; infinite if no minimum lies in it.
    Parameters along which the polynomial is monotone are fixed. */
-static double lower_bound(const Basis *b, double *box, double *z, long *widest) {
-  double *c = box, *centre = box + b->padded, *half = centre + b->d, slope[b->d];
+static double lower_bound(const Basis *b, double *box, double *z, long *widest, double allowed) {
+  double *c = box, *centre = box + b->padded, *half = centre + b->d, *left = half + b->d, slope[b->d];
+  long n = 0;
   for (int again = 1; again;) {
     again = 0;
+    n = trim(b, c, left, allowed);
     for (long k = 0; k < b->d; ++k) {
       if (half[k] == 0.0) continue;
       const double linear = c[b->linear[k]];
-      slope[k] = weighted(b->weights + (k + 1) * b->padded, c, b->padded);
+      slope[k] = weighted(b->weights + (k + 1) * b->padded, c, n);
       if (fabs(linear) < slope[k]) continue;
       const double end = linear > 0.0 ? -1.0 : 1.0, face = centre[k] + end * half[k];
-      if (fabs(face) < 1.0 && fabs(linear) > slope[k]) return INFINITY;
-      fix(b, c, k, end);
+      if (fabs(face) < 1.0 && fabs(linear) > slope[k] + b->order * b->order * left[1]) return INFINITY;
+      fix(b, c, k, end, n);
       centre[k] = face;
       half[k] = 0.0;
       again = 1;
     }
   }
-  double h[b->d], bound = c[0] - weighted(b->weights, c, b->padded), most = -1.0;
+  double h[b->d], bound = c[0] - left[1] - weighted(b->weights, c, n), most = -1.0;
   for (long k = 0; k < b->d; ++k) h[k] = 2.0 * c[b->square[k]];
   for (const int *p = b->pairs; p < b->pairs + 3 * b->n_pairs; p += 3) {
     const double mixed = 0.5 * fabs(c[p[2]]);
@@ -180,7 +192,7 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
   const long size = b->order + 1;
   double T[size], g[size], gain = INFINITY;
   memcpy(s->x, e->at, b->d * sizeof *s->x);
-  value(s, c, s->x);
+  value(s, c, s->x, b->n);
   for (int sweep = 0; sweep < 20 && gain > enough; ++sweep) {
     gain = 0.0;
     for (long k = 0; k < b->d; ++k) {
@@ -199,7 +211,7 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
       }
     }
   }
-  const double y = value(s, c, s->x);
+  const double y = value(s, c, s->x, b->n);
   if (y < e->best) {
     e->best = y;
     memcpy(e->at, s->x, b->d * sizeof *s->x);
@@ -209,28 +221,33 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
 /* Whether the least value lies within ``share`` of the range, up to top, and ``floor`` below the best one known. */
 static int search(const Search *s, const double *c, Extreme *e, double top, double share, double floor) {
   const Basis *b = s->basis;
-  const long stride = b->padded + 2 * b->d, size = b->padded * sizeof *c;
+  const long own = 2 * b->d + 2, stride = b->padded + own;
   long used = 1, widest = 0, count = 0;
-  memcpy(s->stack, c, size);
+  memcpy(s->stack, c, b->padded * sizeof *c);
   for (long k = 0; k < b->d; ++k) s->stack[b->padded + k] = 0.0, s->stack[b->padded + b->d + k] = 1.0;
+  s->stack[stride - 2] = (double)b->n;
+  s->stack[stride - 1] = 0.0;
   e->bound = INFINITY;
   while (used) {
     double *box = s->stack + --used * stride, *centre = box + b->padded, *half = centre + b->d;
     if (++count > s->budget || used + 2 > s->depth) return 0;
-    const double bound = lower_bound(b, box, s->z, &widest);
-    if (bound < e->best - share * (top - e->best) - floor) {
-      const double y = value(s, box, s->z);
+    double slack = share * (top - e->best) + floor;
+    const double bound = lower_bound(b, box, s->z, &widest, LEFT_OUT * slack);
+    if (bound < e->best - PRUNED * slack) {
+      const long n = (long)half[b->d];
+      const double y = value(s, box, s->z, n);
       if (y < e->best) {
         e->best = y;
         for (long k = 0; k < b->d; ++k) e->at[k] = centre[k] + half[k] * s->z[k];
-        if (count > PATIENCE) descend(s, c, e, 0.1 * (share * (top - y) + floor));
+        if (count > PATIENCE) descend(s, c, e, 0.1 * slack);
+        slack = share * (top - e->best) + floor;
       }
-      if (bound < e->best - share * (top - e->best) - floor) {
+      if (bound < e->best - PRUNED * slack) {
         double *near = box + stride;
         const double end = s->z[widest] > 0.0 ? 1.0 : -1.0;
-        halve(b, box, near, widest, end);
+        halve(b, box, near, widest, end, n);
         half[widest] *= 0.5;
-        memcpy(near + b->padded, centre, 2 * b->d * sizeof *c);
+        memcpy(near + b->padded, centre, own * sizeof *c);
         near[b->padded + widest] += end * half[widest];
         centre[widest] -= end * half[widest];
         used += 2;
@@ -255,7 +272,7 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
       two[0].at[k] = c[b->linear[k]] > 0.0 ? -1.0 : 1.0;
       two[1].at[k] = -two[0].at[k];
     }
-    double y[] = {value(s, c, two[0].at), value(s, c, two[1].at)};
+    double y[] = {value(s, c, two[0].at, b->n), value(s, c, two[1].at, b->n)};
     if (y[0] > y[1]) {
       for (long k = 0; k < b->d; ++k) two[0].at[k] *= -1.0, two[1].at[k] *= -1.0;
       const double other = y[0];
@@ -268,7 +285,7 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
       Extreme *e = two + side, *other = two + 1 - side;
       double loose = 1.0;
       while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) loose *= 4.0;
-      if (loose > 1.0) gap[i] = fmax(gap[i], e->best - e->bound);
+      if (loose > 1.0) gap[i] = fmax(gap[i], value(s, c, e->at, b->n) - e->bound);
       for (long j = 0; j < b->n; ++j) c[j] = -c[j];
     }
     lower[i] = two[0].bound;
