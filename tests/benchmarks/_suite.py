@@ -9,9 +9,8 @@ import casadi as ca
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from models import cubic, double_pendulum, four_bar, heavy_top, slider_crank, spherical_pendulum
-
 import symmb as mb
+from models import cubic, double_pendulum, four_bar, heavy_top, slider_crank, spherical_pendulum
 from symmb.bounds import Method
 from symmb.simulate._dae import DAESimulator
 
