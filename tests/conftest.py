@@ -63,7 +63,7 @@ ALL_METHODS = (
     Scanning(21),
     Vertex(),
     Optimization(),
-    Optimization(budget=60),
+    Optimization(budget=30),
     Swarm(particles=5, steps=10),
     IntervalArithmetic(),
 )

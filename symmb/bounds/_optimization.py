@@ -1,6 +1,5 @@
 """Bounds by optimising the responses themselves, every output and time at once, with derivatives of the runs."""
 
-import itertools
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,11 +10,14 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor
 from symmb.bounds._jets import unit_jets
 from symmb.bounds._method import Method, constructor_text, parameter_samples, require_whole
-from symmb.bounds._quadratic import quadratics
+from symmb.bounds._quadratic import Quadratics, quadratics
 from symmb.bounds._reductions import extremes, failure_records, failures, together
 from symmb.bounds._result import Bounds, Kind
+from symmb.bounds._samplers import grid
 from symmb.simulate import Progress, Simulator
 
+_SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
+"""Of what is minimised: a response, and its negative."""
 _BATCH = 8
 """Runs with derivatives between two fits: fewer runs serve more, but every fit takes its time."""
 _NARROW = 1e-2
@@ -32,7 +34,7 @@ class Optimization(Method):
     minimum or maximum a quadratic with secant curvature predicts a better point of the box; the next runs are
     those whose prediction promises most, each taken to serve all others as far as their own quadratics say. The
     first half of the budget is spent so; the other half on runs without derivatives where the last quadratics
-    point. The bounds are attained. Their ``estimate`` is the improvement still predicted plus the last change of
+    point. The bounds are attained. Their ``estimate`` is their distance from the prediction plus the last change of
     the prediction; an extreme far from every run may be missed. The executor serves the runs without derivatives.
 
     Parameters
@@ -57,7 +59,7 @@ class Optimization(Method):
 
     References
     ----------
-    Nocedal and Wright, Numerical Optimization (2006), eq. (6.6), secant condition, and section 16.7, bounds.
+    Nocedal and Wright, Numerical Optimization (2006), eq. (6.6), the secant equation.
     """
 
     budget: int = 300
@@ -71,39 +73,14 @@ class Optimization(Method):
             raise DeclarationError(f"Optimization: tolerance must be between 0 and 1, got {self.tolerance!r}.")
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        d, shape = len(box), (len(simulator.times), len(simulator.outputs))
-        most = self.budget // 2 // (1 + d)
-        if not most:
-            raise PropagationError(
-                f"{self!r}: a run with derivatives in {d} parameters counts {1 + d}, more than half the budget. "
-                f"Give a budget of at least {2 * (1 + d)}."
-            )
-        center = np.zeros((1, d))
-        new = np.concatenate([center, _corners(d)]) if 2**d < most else center
-        X, F, G = np.empty((0, d)), np.empty((0, 2 * shape[0] * shape[1])), np.empty((0, d, 2 * shape[0] * shape[1]))
-        predicted = None
-        while True:
-            jets = [unit_jets(self, simulator, box, x, np.eye(d), 1) for x in new]
-            # A maximum of y is a minimum of -y: columns of both.
-            F = np.concatenate([F, *(_both(J[0, :1].reshape(1, -1)) for J in jets)])
-            G = np.concatenate([G, *(_both(J[1].reshape(1, d, -1)) for J in jets)])
-            X = np.concatenate([X, new])
-            if progress is not None:
-                progress(len(X) * (1 + d), self.budget)
-            models = quadratics(X, F, G)
-            found = F.min(axis=0)
-            before = found if predicted is None else predicted
-            predicted = found - models.gain
-            least = self.tolerance * _widths(found, shape)
-            new = models.promising(least, min(_BATCH, most - len(X)))
-            if not len(new):
-                break
-        runs = len(X) * (1 + d)
+        shape = len(simulator.times), len(simulator.outputs)
+        models, found, least, before, runs = self._descended(simulator, box, progress)
+        predicted = found - models.gain
         P = parameter_samples(simulator, box, models.promising(least, self.budget - runs))
         (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
         found = np.minimum(found, np.concatenate([lower.ravel(), -upper.ravel()]))
         estimate = np.abs(found - predicted) + np.abs(predicted - before)
-        lower, upper = found[: found.size // 2].reshape(shape), -found[found.size // 2 :].reshape(shape)
+        lower, upper = found.reshape(2, *shape) * _SIGNS
         return Bounds(
             t=simulator.times,
             names=simulator.outputs,
@@ -117,23 +94,47 @@ class Optimization(Method):
             failed=failure_records(simulator, box, P, bad),
         )
 
+    def _descended(
+        self, simulator: Simulator, box: Box, progress: Progress | None
+    ) -> tuple[Quadratics, Array, Array, Array, int]:
+        """Last quadratics of the runs with derivatives, least values found, gains that count, prediction before,
+        evaluations. A maximum of y is a minimum of -y: the arrays are of all y, then of all -y."""
+        d, shape = len(box), (len(simulator.times), len(simulator.outputs))
+        cost = 1 + d
+        most = self.budget // 2 // cost
+        if not most:
+            raise PropagationError(
+                f"{self!r}: a run with derivatives in {d} parameters counts {cost}, more than half the budget. "
+                f"Give a budget of at least {2 * cost}."
+            )
+        new = grid(np.array([-1.0, 1.0]), d) if 2**d < most else np.empty((0, d))
+        new = np.concatenate([np.zeros((1, d)), new])
+        X, Y, G = np.empty((0, d)), np.empty((0, *shape)), np.empty((0, d, *shape))
+        predicted = None
+        while True:
+            jets = [unit_jets(self, simulator, box, x, np.eye(d), 1) for x in new]
+            X = np.concatenate([X, new])
+            Y = np.concatenate([Y, *(J[0, :1] for J in jets)])
+            G = np.concatenate([G, *(J[1:] for J in jets)])
+            if progress is not None:
+                progress(len(X) * cost, self.budget)
+            F = (Y[:, None] * _SIGNS).reshape(len(X), -1)
+            models = quadratics(X, F, (G[:, :, None] * _SIGNS).reshape(len(X), d, -1))
+            found = F.min(axis=0)
+            least = self.tolerance * np.tile(_widths(Y).ravel(), 2)
+            before = found if predicted is None else predicted
+            predicted = found - models.gain
+            new = models.promising(least, min(_BATCH, most - len(X)))
+            if not len(new):
+                return models, found, least, before, len(X) * cost
+
     def __repr__(self) -> str:
         return constructor_text(self)
 
 
-def _corners(d: int) -> Array:
-    """(2^d, d) corners of [-1, 1]^d."""
-    return np.array(list(itertools.product((-1.0, 1.0), repeat=d)))
-
-
-def _both(values: Array) -> Array:
-    return np.concatenate([values, -values], axis=-1)
-
-
-def _widths(found: Array, shape: tuple[int, int]) -> Array:
-    """Widths (2 n_t n_y,) that predicted improvements are measured by, from the extremes found."""
-    lower, upper = found.reshape(2, *shape) * np.array([1.0, -1.0])[:, None, None]
-    width = upper - lower
-    least = np.maximum(_NARROW * width.max(axis=0), _ROUNDING * np.maximum(abs(lower), abs(upper)).max(axis=0))
-    widths = np.tile(np.maximum(width, least).ravel(), 2)
+def _widths(Y: Array) -> Array:
+    """Widths (n_t, n_y) of responses (N, n_t, n_y) that gains are measured by; inf where an output is 0 throughout."""
+    width = np.ptp(Y, axis=0)
+    least = np.maximum(_NARROW * width.max(axis=0), _ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)

@@ -39,7 +39,7 @@ class Swarm(Method):
 
     References
     ----------
-    Clerc and Kennedy, IEEE Transactions on Evolutionary Computation 6 (2002), constriction of type 1''.
+    Clerc and Kennedy, IEEE Transactions on Evolutionary Computation 6 (2002), the constricted swarm.
     """
 
     particles: int = 10
@@ -95,13 +95,11 @@ class Swarm(Method):
 
 
 def _watched(pairs: int, particles: int) -> Reduction[tuple[Array, ...]]:
-    """What each run is to lower: one response or, in the second half of the swarms, its negative; inf where it failed."""
+    """What each run is to lower: one response, in the second half of the swarms its negative; inf where it failed."""
     return Reduction(tuple, partial(_watch, pairs, particles), _chain)
 
 
-def _watch(
-    pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices
-) -> tuple[Array, ...]:
+def _watch(pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices) -> tuple[Array, ...]:
     swarm = indices // particles
     values = block.Y.reshape(len(indices), -1)[np.arange(len(indices)), swarm % pairs]
     return (*state, np.where(block.ok, np.where(swarm < pairs, values, -values), np.inf))

@@ -12,6 +12,7 @@ from symmb.bounds._jets import unit_jets
 from symmb.bounds._legendre import MultiIndices, homogeneous
 from symmb.bounds._method import Method, constructor_text, require_whole
 from symmb.bounds._result import Bounds, Kind
+from symmb.bounds._samplers import grid
 from symmb.simulate import Progress, Simulator
 
 
@@ -44,8 +45,8 @@ class Taylor(Method):
     ----------
     Wu, Zhang, Chen and Luo, Computer Methods in Applied Mechanics and Engineering (2013), Taylor inclusion
     functions. Griewank, Utke and Walther, Mathematics of Computation 69 (2000), mixed derivatives from
-    univariate ones. Moore, Kearfott and Cloud, Introduction to Interval Analysis (2009), section 6.3, unions
-    over subintervals.
+    univariate ones. Moore, Kearfott and Cloud, Introduction to Interval Analysis (2009), chapter 6,
+    refinement.
     """
 
     order: int = 2
@@ -62,8 +63,9 @@ class Taylor(Method):
         unit = np.array(homogeneous(d, self.order)) / self.order
         radius = 1.0 / self.subintervals
         middles = radius * np.arange(1.0 - self.subintervals, self.subintervals, 2.0)
-        centers = middles[np.indices((self.subintervals,) * d).reshape(d, -1).T]
-        lower, upper = np.inf, -np.inf
+        centers = grid(middles, d)
+        lower = np.full((len(simulator.times), len(simulator.outputs)), np.inf)
+        upper = -lower
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
             below, above = self._part(jets, unit)
