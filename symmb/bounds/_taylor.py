@@ -23,7 +23,7 @@ class Taylor(Method):
     Natural interval arithmetic with even powers taken as [0, 1]; the remainder is left out, so nothing is
     proved. The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| =
     order: the j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d +
-    order, d) evaluations, the coefficients of one expansion. The executor is not used.
+    order, d) evaluations a part, the coefficients of its expansion. The executor is not used.
 
     Parameters
     ----------
