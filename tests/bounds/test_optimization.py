@@ -159,7 +159,7 @@ def test_bounds_of_the_double_pendulum():
     data = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
     true = data["cases"]["5%"]["true"]
     lower, upper = np.array(true["lower"]).T, np.array(true["upper"]).T
-    simulator = mb.DAESimulator(scene().with_times(data["times"]), mb.DormandPrince(rtol=1e-9))
+    simulator = mb.DAESimulator(scene().with_times(data["times"]), mb.CVODES(rtol=1e-8))
     result = propagate(simulator, Optimization(), Box.around(simulator.parameters, 0.05))
     width = np.maximum(upper - lower, 1e-2 * (upper - lower).max(axis=0))
     missed = np.stack([result.lower - lower, upper - result.upper])
