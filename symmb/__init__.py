@@ -21,11 +21,13 @@ from symmb.bounds import LegendreInclusion as LegendreInclusion
 from symmb.bounds import Leja as Leja
 from symmb.bounds import Moments as Moments
 from symmb.bounds import MonteCarlo as MonteCarlo
+from symmb.bounds import Optimization as Optimization
 from symmb.bounds import PolynomialChaos as PolynomialChaos
 from symmb.bounds import Random as Random
 from symmb.bounds import Scanning as Scanning
 from symmb.bounds import Sobol as Sobol
 from symmb.bounds import SparseGrid as SparseGrid
+from symmb.bounds import Swarm as Swarm
 from symmb.bounds import Taylor as Taylor
 from symmb.bounds import TensorDegree as TensorDegree
 from symmb.bounds import TotalDegree as TotalDegree

@@ -23,6 +23,7 @@ from symmb.bounds._nodes import Leja as Leja
 from symmb.bounds._nodes import Nodes as Nodes
 from symmb.bounds._nodes import Rule as Rule
 from symmb.bounds._nodes import SparseGrid as SparseGrid
+from symmb.bounds._optimization import Optimization as Optimization
 from symmb.bounds._propagate import propagate as propagate
 from symmb.bounds._result import Bounds as Bounds
 from symmb.bounds._result import Failure as Failure
@@ -33,4 +34,5 @@ from symmb.bounds._samplers import Sobol as Sobol
 from symmb.bounds._sampling import MonteCarlo as MonteCarlo
 from symmb.bounds._sampling import Scanning as Scanning
 from symmb.bounds._sampling import Vertex as Vertex
+from symmb.bounds._swarm import Swarm as Swarm
 from symmb.bounds._taylor import Taylor as Taylor

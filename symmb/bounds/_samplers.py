@@ -1,4 +1,4 @@
-"""Points of the unit box: random, low-discrepancy, stratified."""
+"""Points of the unit box: regular, random, low-discrepancy, stratified."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,6 +14,11 @@ class Sampler(Protocol):
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""
         ...
+
+
+def grid(line: Array, d: int) -> Array:
+    """(len(line)**d, d) points whose coordinates are all combinations of those of ``line``."""
+    return line[np.indices((len(line),) * d).reshape(d, -1).T]
 
 
 @dataclass(frozen=True)

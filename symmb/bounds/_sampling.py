@@ -10,7 +10,7 @@ from symmb._types import Array, Executor
 from symmb.bounds._method import Method, constructor_text, parameter_samples, require_whole
 from symmb.bounds._reductions import extremes, failure_records, failures, require_some, together
 from symmb.bounds._result import Bounds, Kind
-from symmb.bounds._samplers import Random, Sampler
+from symmb.bounds._samplers import Random, Sampler, grid
 from symmb.simulate import Progress, Simulator
 
 _RANDOM = Random()
@@ -77,7 +77,7 @@ class Scanning(Method):
         require_whole("Scanning", "points", self.points, 2)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _sampled(self, _grid(self.points, len(box)), simulator, box, executor, progress)
+        return _sampled(self, grid(np.linspace(-1.0, 1.0, self.points), len(box)), simulator, box, executor, progress)
 
     def __repr__(self) -> str:
         return constructor_text(self, str(self.points))
@@ -96,13 +96,7 @@ class Vertex(Method):
     kind: ClassVar[Kind] = "sampled"
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _sampled(self, _grid(2, len(box)), simulator, box, executor, progress)
-
-
-def _grid(points: int, d: int) -> Array:
-    """(points**d, d) regular grid of [-1, 1]^d."""
-    line = np.linspace(-1.0, 1.0, points)
-    return line[np.indices((points,) * d).reshape(d, -1).T]
+        return _sampled(self, grid(np.array([-1.0, 1.0]), len(box)), simulator, box, executor, progress)
 
 
 def _sampled(

@@ -1,4 +1,4 @@
-"""Taylor expansion of the responses about the box's centre, bounded by interval arithmetic."""
+"""Taylor expansions of the responses about the centres of subintervals, bounded by interval arithmetic."""
 
 import math
 from dataclasses import dataclass
@@ -7,18 +7,13 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._box import Box
-from symmb._errors import PropagationError
 from symmb._types import Array, Executor
+from symmb.bounds._jets import unit_jets
 from symmb.bounds._legendre import MultiIndices, homogeneous
-from symmb.bounds._method import (
-    Method,
-    constructor_text,
-    parameter_columns,
-    parameter_samples,
-    require_whole,
-)
+from symmb.bounds._method import Method, constructor_text, require_whole
 from symmb.bounds._result import Bounds, Kind
-from symmb.simulate import Jets, Progress, Simulator
+from symmb.bounds._samplers import grid
+from symmb.simulate import Progress, Simulator
 
 
 @dataclass(frozen=True)
@@ -28,11 +23,13 @@ class Taylor(Method):
     Natural interval arithmetic with even powers taken as [0, 1]; the remainder is left out, so nothing is
     proved. The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| =
     order: the j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d +
-    order, d) evaluations, the coefficients of one expansion. The executor is not used.
+    order, d) evaluations a part, the coefficients of its expansion. The executor is not used.
 
     Parameters
     ----------
     order : highest total degree
+    subintervals : equal parts that each parameter's interval is cut into; the bounds are the union of those of all
+        ``subintervals**d`` parts, each with its own expansion
 
     Raises
     ------
@@ -48,36 +45,33 @@ class Taylor(Method):
     ----------
     Wu, Zhang, Chen and Luo, Computer Methods in Applied Mechanics and Engineering (2013), Taylor inclusion
     functions. Griewank, Utke and Walther, Mathematics of Computation 69 (2000), mixed derivatives from
-    univariate ones.
+    univariate ones. Moore, Kearfott and Cloud, Introduction to Interval Analysis (2009), chapter 6,
+    refinement.
     """
 
     order: int = 2
+    subintervals: int = 1
 
     kind: ClassVar[Kind] = "estimate"
 
     def __post_init__(self) -> None:
         require_whole("Taylor", "order", self.order, 1)
+        require_whole("Taylor", "subintervals", self.subintervals, 1)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        if not isinstance(simulator, Jets):
-            raise PropagationError(
-                f"{self!r}: it needs derivatives of the trajectory, but {simulator!r} gives values only. "
-                "Use MonteCarlo or PolynomialChaos."
-            )
         d = len(box)
-        center = parameter_samples(simulator, box, np.zeros((1, d)))[0]
         unit = np.array(homogeneous(d, self.order)) / self.order
-        directions = np.zeros((len(unit), len(center)))
-        directions[:, parameter_columns(simulator, box)] = unit * box.radius
-        jets = np.asarray(simulator.jets(center, directions, self.order), dtype=float)
-        if not np.isfinite(jets).all():
-            raise PropagationError(f"{self!r}: {simulator!r} gives derivatives that are not finite.")
-        lower = upper = jets[0, 0]
-        for degree in range(1, self.order + 1):
-            beta = np.array(homogeneous(d, degree))
-            coefficients = _mixed(beta, unit, jets[degree])
-            below, above = _power_ranges(beta, coefficients)
-            lower, upper = lower + below, upper + above
+        radius = 1.0 / self.subintervals
+        middles = radius * np.arange(1.0 - self.subintervals, self.subintervals, 2.0)
+        centers = grid(middles, d)
+        lower = np.full((len(simulator.times), len(simulator.outputs)), np.inf)
+        upper = -lower
+        for done, center in enumerate(centers, start=1):
+            jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
+            below, above = self._part(jets, unit)
+            lower, upper = np.minimum(lower, below), np.maximum(upper, above)
+            if progress is not None:
+                progress(done, len(centers))
         return Bounds(
             t=simulator.times,
             names=simulator.outputs,
@@ -85,8 +79,17 @@ class Taylor(Method):
             upper=upper,
             kind=self.kind,
             method=repr(self),
-            evaluations=math.comb(d + self.order, d),
+            evaluations=len(centers) * math.comb(d + self.order, d),
         )
+
+    def _part(self, jets: Array, unit: Array) -> tuple[Array, Array]:
+        """Bounds (n_t, n_y) of one expansion from its jets along the directions ``unit`` (m, d)."""
+        lower = upper = jets[0, 0]
+        for degree in range(1, self.order + 1):
+            beta = np.array(homogeneous(unit.shape[1], degree))
+            below, above = _power_ranges(beta, _mixed(beta, unit, jets[degree]))
+            lower, upper = lower + below, upper + above
+        return lower, upper
 
     def __repr__(self) -> str:
         return constructor_text(self, f"order={self.order}")

@@ -7,12 +7,22 @@ from typing import Any
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb.bounds import IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
+from symmb.bounds import (
+    IntervalArithmetic,
+    Method,
+    MonteCarlo,
+    Optimization,
+    PolynomialChaos,
+    Scanning,
+    Swarm,
+    Taylor,
+    Vertex,
+)
 from symmb.solve.compiled import DormandPrince, RungeKutta
 from symmb.solve.implicit_solvers import HHT, NSTIFFSI2, GeneralizedAlpha
 from symmb.solve.solvers import CVODES, IDAS, Collocation
 
-_WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS"}
+_WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES"}
 """The numbers of the forms that are whole; any other is a real one."""
 
 
@@ -59,9 +69,12 @@ METHODS = (
     Spec("pce:ORDER:paper", "PolynomialChaos.paper(order=ORDER)", PolynomialChaos.paper),
     Spec("pce:ORDER", "PolynomialChaos(order=ORDER)", lambda order: PolynomialChaos(order=order)),
     Spec("taylor[:ORDER]", "Taylor(order=ORDER)", Taylor),
+    Spec("taylor:ORDER:PARTS", "Taylor(order=ORDER, subintervals=PARTS)", Taylor),
     Spec("mc[:SAMPLES]", "MonteCarlo(SAMPLES)", MonteCarlo),
     Spec("scan[:POINTS]", "Scanning(POINTS)", Scanning),
     Spec("vertex", "Vertex()", Vertex),
+    Spec("opt[:RUNS]", "Optimization(budget=RUNS)", Optimization),
+    Spec("swarm[:PARTICLES]", "Swarm(particles=PARTICLES)", Swarm),
     Spec("interval", "IntervalArithmetic()", IntervalArithmetic),
 )
 SOLVERS = (

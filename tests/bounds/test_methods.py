@@ -8,7 +8,7 @@ from conftest import ALL_METHODS
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
 from symmb import _errors as errors
-from symmb.bounds import Box, Method, MonteCarlo, PolynomialChaos, Taylor, Vertex, propagate
+from symmb.bounds import Box, Method, MonteCarlo, Optimization, PolynomialChaos, Swarm, Taylor, Vertex, propagate
 from symmb.simulate import FunctionSimulator
 
 # Largest root mean square error over root mean square width; 2e-4 where nothing is said.
@@ -18,6 +18,7 @@ LARGEST_ERROR = {
     "PolynomialChaos.paper(order=4, lockstep=True)": 0.07,
     "Taylor(order=2)": 0.07,
     "Taylor(order=5)": 0.07,
+    "Taylor(order=2, subintervals=4)": 5e-3,
     "MonteCarlo(2000)": 0.02,
     "MonteCarlo(500, sampler=LatinHypercube())": 0.03,
     "MonteCarlo(500, sampler=Sobol())": 0.03,
@@ -77,7 +78,7 @@ def test_taylor_with_parameters_out_of_the_box():
 @pytest.mark.parametrize("method", ALL_METHODS, ids=repr)
 def test_function_simulator_serves_every_method_or_says_why_not(method):
     simulator = FunctionSimulator(wave, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
-    if isinstance(method, Taylor):
+    if isinstance(method, Taylor | Optimization):
         message = r"needs derivatives of the trajectory, but FunctionSimulator\(wave\) gives values only"
     elif getattr(method, "lockstep", False):
         message = r"FunctionSimulator\(wave\) runs each sample by itself"
@@ -114,6 +115,12 @@ def test_not_a_method():
         (lambda: PolynomialChaos(lockstep=True), "give order"),
         (lambda: PolynomialChaos(tolerance=0.0), "tolerance must be between 0 and 1"),
         (lambda: Taylor(0), "order must be an integer of at least 1"),
+        (lambda: Taylor(subintervals=0), "subintervals must be an integer of at least 1"),
+        (lambda: Optimization(budget=0), "budget must be an integer of at least 1"),
+        (lambda: Optimization(tolerance=1), "tolerance must be between 0 and 1, got 1"),
+        (lambda: Swarm(particles=0), "particles must be an integer of at least 1"),
+        (lambda: Swarm(steps=0), "steps must be an integer of at least 1"),
+        (lambda: Swarm(seed=-1), "seed must be an integer of at least 0"),
     ],
 )
 def test_options_out_of_range(make, message):

@@ -87,6 +87,20 @@ def test_any_order_and_number_of_parameters(names, order):
     assert result.evaluations == comb(len(names) + order, order)
 
 
+@pytest.mark.parametrize(("names", "order", "subintervals"), [("ab", 2, 3), ("c", 3, 4), ("abd", 1, 2)])
+def test_union_over_subintervals(names, order, subintervals):
+    box = Box(**{name: (FOUR.parameters[name] - 0.1, FOUR.parameters[name] + 0.3) for name in names})
+    result = propagate(FOUR, Taylor(order, subintervals), box)
+    cuts = [np.linspace(low, high, subintervals + 1) for low, high in box.bounds]
+    parts = [
+        _reference(FOUR, Box(**{name: (c[i], c[i + 1]) for name, c, i in zip(names, cuts, part, strict=True)}), order)
+        for part in np.ndindex(*(subintervals,) * len(names))
+    ]
+    np.testing.assert_allclose(result.lower, np.min([lower for lower, _ in parts], axis=0), atol=1e-11)
+    np.testing.assert_allclose(result.upper, np.max([upper for _, upper in parts], axis=0), atol=1e-11)
+    assert result.evaluations == len(parts) * comb(len(names) + order, order)
+
+
 def test_equation_27_range_of_the_paper_s_cubic():
     x = sp.Symbol("x")
     cubic = Symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0})

@@ -1,0 +1,169 @@
+"""Optimisation of the responses: quadratics against brute force, bounds against closed forms and the pendulum's."""
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oscillators import BOX, TIMES, Wave, wave_bounds
+
+import symmb as mb
+from models.double_pendulum import scene
+from symmb.bounds import Box, Optimization, propagate
+from symmb.bounds._quadratic import _box_minima, quadratics
+from symmb.simulate import Ensemble, stream
+
+
+def _quadratic(rng, d, m):
+    """Values and gradients, as functions of points (N, d), of m random quadratics."""
+    H = rng.normal(size=(d, d, m))
+    H += H.transpose(1, 0, 2)
+    g = rng.normal(size=(d, m))
+    value = lambda X: X @ g + np.einsum("ni,ijm,nj->nm", X, H, X) / 2  # noqa: E731
+    return H, value, lambda X: g + np.einsum("ijm,nj->nim", H, X)
+
+
+@pytest.mark.parametrize(("d", "N"), [(1, 2), (2, 4), (3, 8), (6, 20)])
+def test_curvatures_of_quadratics_are_exact(d, N):
+    rng = np.random.default_rng(d)
+    H, value, gradient = _quadratic(rng, d, 50)
+    X = rng.uniform(-1, 1, (N, d))
+    models = quadratics(X, value(X), gradient(X))
+    np.testing.assert_allclose(models.hessian, np.broadcast_to(H, models.hessian.shape), atol=1e-9)
+    np.testing.assert_allclose(models.change(models.step), _change(models, value), atol=1e-9)
+    assert (np.abs(models.origin + models.step) <= 1 + 1e-12).all() and models.gain.max() > 0.1
+
+
+def _change(models, value):
+    ends = (models.origin + models.step).T
+    return np.diag(value(ends) - value(models.origin.T))
+
+
+def test_one_point_predicts_the_corner_of_steepest_descent():
+    models = quadratics(np.zeros((1, 2)), np.zeros((1, 3)), np.array([[[1.0, -2.0, 0.5], [1.0, 3.0, -4.0]]]))
+    np.testing.assert_array_equal(models.step, [[-1, 1, -1], [-1, -1, 1]])
+    np.testing.assert_array_equal(models.gain, [2.0, 5.0, 4.5])
+
+
+def test_steps_minimise_convex_quadratics_over_the_box():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(2, 2, 40))
+    H = np.einsum("ikm,jkm->ijm", root, root) + 0.5 * np.eye(2)[..., None]
+    g = 2 * rng.normal(size=(2, 40))
+    line = np.linspace(-1, 1, 201)
+    grid = np.stack(np.meshgrid(line, line)).reshape(2, -1)
+    values = grid.T @ g + np.einsum("in,ijm,jn->nm", grid, H, grid) / 2
+    s = _box_minima(g, H, -np.ones((2, 40)), np.ones((2, 40)))
+    least = (g * s).sum(0) + np.einsum("im,ijm,jm->m", s, H, s) / 2
+    assert (least <= values.min(axis=0) + 1e-4).all() and (np.abs(s) <= 1).all()
+
+
+def test_a_point_is_not_chosen_twice():
+    X = np.array([[-0.5], [0.5]])
+    F, G = np.array([[1.0, 1.0, 0.1], [2.0, 2.0, 2.0]]), np.array([[[-4.0, -4.0, 0.2]], [[4.0, 4.0, 4.0]]])
+    models = quadratics(X, F, G)
+    points = models.promising(np.full(3, 1e-6), 5)
+    assert len(points) == 2 and points[0] != points[1]
+    assert len(models.promising(np.full(3, 1e-6), 1)) == 1 and len(models.promising(np.full(3, 1e6), 5)) == 0
+
+
+@dataclass
+class Valley:
+    """y_k = (a - c_k)^2 + (b - c_k a)^2, its least value 0 where a = c_k, b = c_k^2; counts what it is asked for."""
+
+    centers: np.ndarray = field(default_factory=lambda: np.linspace(-0.8, 0.8, 9))
+    broken: float = np.inf
+    parameters: dict = field(default_factory=lambda: {"a": 0.0, "b": 0.0})
+    outputs: tuple = ("y",)
+    runs: int = 0
+
+    @property
+    def times(self):
+        return np.arange(len(self.centers), dtype=float)
+
+    def _y(self, a, b):
+        return (a - self.centers) ** 2 + (b - self.centers * a) ** 2
+
+    def run(self, P):
+        self.runs += len(P)
+        Y = self._y(P[:, :1], P[:, 1:])[..., None]
+        ok = P[:, 0] < self.broken
+        Y[~ok] = np.nan
+        return Ensemble(Y, ok, np.where(ok, np.nan, 0.0), ("broken",) * int((~ok).sum()))
+
+    def stream(self, P, reduction, executor=None, progress=None):
+        return stream(self, P, reduction, executor, progress)
+
+    def jets(self, p0, directions, order):
+        assert order == 1
+        self.runs += 1 + len(directions)
+        (a, b), c = p0, self.centers
+        gradient = np.stack([2 * (a - c) - 2 * c * (b - c * a), 2 * (b - c * a)])
+        return np.stack([np.tile(self._y(a, b), (len(directions), 1)), directions @ gradient])[..., None]
+
+
+def test_minima_inside_are_found_and_every_run_is_counted():
+    valley = Valley()
+    result = propagate(valley, Optimization(), Box(a=(-1, 1), b=(-1, 1)))
+    assert result.evaluations == valley.runs <= 300
+    highest = np.max([valley._y(a, b) for a in (-1, 1) for b in (-1, 1)], axis=0)
+    np.testing.assert_allclose(result.upper[:, 0], highest, rtol=1e-14)
+    assert (result.lower >= 0).all() and (result.lower[:, 0] <= 1e-4 * highest).all()
+    assert (result.lower - result.estimate <= 0).all() and result.inner[0] is result.lower
+
+
+def test_the_estimate_falls_with_the_budget():
+    box = Box(a=(-1, 1), b=(-1, 1))
+    few, more = (propagate(Valley(), Optimization(budget), box) for budget in (20, 100))
+    assert few.evaluations <= 20 and more.evaluations <= 100
+    assert more.estimate.max() < 0.1 * few.estimate.max()
+
+
+def test_a_looser_tolerance_spends_less():
+    loose, tight = (propagate(Wave(), Optimization(tolerance=share), BOX) for share in (1e-2, 1e-4))
+    assert loose.evaluations < tight.evaluations
+    exact = wave_bounds()
+    assert (loose.upper >= exact[1] - 0.02).all() and (tight.upper >= exact[1] - 2e-4).all()
+
+
+def test_outputs_without_width_promise_nothing():
+    @dataclass(frozen=True)
+    class Constant(Wave):
+        def jets(self, p0, directions, order):
+            return 0 * super().jets(p0, directions, order) + np.array([5.0, 0.0])[:, None, None, None]
+
+        def run(self, P):
+            return replace(super().run(P), Y=np.full((len(P), len(TIMES), 1), 5.0))
+
+    result = propagate(Constant(), Optimization(), BOX)
+    assert result.evaluations == 15  # the centre and the corners
+    np.testing.assert_array_equal(
+        [result.lower, result.upper, result.estimate], np.full((3, 61, 1), [[[5]], [[5]], [[0]]])
+    )
+
+
+def test_failed_runs_are_told():
+    result = propagate(Valley(broken=0.1), Optimization(budget=40), Box(a=(-1, 1), b=(-1, 1)))
+    assert result.failed and all(run.parameters["a"] >= 0.1 for run in result.failed)
+    assert np.isfinite(result.lower).all() and np.isfinite(result.upper).all()
+
+
+def test_a_budget_below_one_run_with_derivatives():
+    with pytest.raises(mb.PropagationError, match=r"in 2 parameters counts 3.*Give a budget of at least 6"):
+        propagate(Wave(), Optimization(budget=5), BOX)
+    assert propagate(Wave(), Optimization(budget=6), BOX).evaluations <= 6
+
+
+def test_bounds_of_the_double_pendulum():
+    data = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
+    true = data["cases"]["5%"]["true"]
+    lower, upper = np.array(true["lower"]).T, np.array(true["upper"]).T
+    simulator = mb.DAESimulator(scene().with_times(data["times"]), mb.CVODES(rtol=1e-8))
+    result = propagate(simulator, Optimization(), Box.around(simulator.parameters, 0.05))
+    width = np.maximum(upper - lower, 1e-2 * (upper - lower).max(axis=0))
+    missed = np.stack([result.lower - lower, upper - result.upper])
+    assert missed.min() > -2e-5  # the digits of the stored bounds
+    assert (missed < 1e-4 * width + 1e-5).mean() > 0.98
+    assert (missed < result.estimate + 1e-5).mean() > 0.98
+    assert result.evaluations <= 300
