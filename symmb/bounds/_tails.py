@@ -63,7 +63,7 @@ class Tails:
         if self.degrees is None:
             return self.least()
         angles = np.arccos(np.clip(x, -1.0, 1.0))
-        shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + self._near_nodes()
+        shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + _near_nodes(self.degrees)
         shares = np.broadcast_to(shares, (*self.mixed.shape, len(self.degrees)))
         return np.einsum("iab,abi->ab", self.directions, shares)
 
@@ -71,10 +71,11 @@ class Tails:
         """Expected error (n_t, n_y) wherever the extremes are."""
         if self.degrees is None:
             return self.directions.sum(axis=0) + self.mixed
-        return np.tensordot(self._near_nodes(), self.directions, axes=1)
+        return np.tensordot(_near_nodes(self.degrees), self.directions, axes=1)
 
-    def _near_nodes(self) -> Array:
-        return _NEAR_NODES / np.clip(self.degrees, 1, 4) ** 2
+
+def _near_nodes(degrees: Indices) -> Array:
+    return _NEAR_NODES / np.clip(degrees, 1, 4) ** 2
 
 
 def smooth(powers: Array) -> Array:

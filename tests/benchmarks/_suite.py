@@ -33,7 +33,7 @@ def chain(n: int, end: float) -> mb.Scene:
         mb.Body(f"rod{i}", m, m * length**2 / 12, mb.Planar())
         for i, (length, m) in enumerate(zip(lengths, masses, strict=True))
     ]
-    ends = [mb.Ground().point(0, 0), *(rod.point(0, -l / 2) for rod, l in zip(rods, lengths, strict=True))]
+    ends = [mb.Ground().point(0, 0), *(rod.point(0, -length / 2) for rod, length in zip(rods, lengths, strict=True))]
     joints = [mb.Revolute(f"joint{i}", ends[i], rod.point(0, lengths[i] / 2)) for i, rod in enumerate(rods)]
     return mb.Scene(
         mb.System(*rods, *joints, mb.Gravity(0, -9.81), parameters=p),
