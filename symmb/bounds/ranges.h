@@ -9,6 +9,7 @@
 enum { W = 8, PATIENCE = 50 }; /* boxes before a descent from a better point pays */
 #define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
 #define PRUNED 0.9
+#define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
 typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 
@@ -284,7 +285,8 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
     for (int side = 0; side < 2; ++side) {
       Extreme *e = two + side, *other = two + 1 - side;
       double loose = 1.0;
-      while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) loose *= 4.0;
+      while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor))
+        loose = fmax(4.0 * loose, RELAXED / s->tolerance);
       if (loose > 1.0) gap[i] = fmax(gap[i], value(s, c, e->at, b->n) - e->bound);
       for (long j = 0; j < b->n; ++j) c[j] = -c[j];
     }
