@@ -1,6 +1,6 @@
 """Polynomial chaos that chooses its nodes: tensor grids of few parameters, sparse grids of many, and check runs."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
 from symmb.bounds._legendre import MultiIndices, basis_values
 from symmb.bounds._method import parameter_samples
+from symmb.bounds._moments import Expansion
 from symmb.bounds._reductions import failure_records
 from symmb.bounds._result import Bounds
 from symmb.bounds._tails import Tails, smooth
@@ -32,6 +33,10 @@ _SAFETY = 2.0
 """What the errors seen by check runs are multiplied with: they are those at a few of the extremes."""
 _TRUST = 0.4
 """Least share of its estimated error that an interpolant keeps when check runs see less."""
+_RANGE = 0.02
+"""Share of the tolerance to which ranges are found."""
+_WORK, _FEWEST_BOXES = 200_000, 20
+"""Coefficients in all boxes that a range may take, where many parameters leave it unproved anyway; boxes at least."""
 _CANDIDATES = 400
 """Extremes among which check runs are chosen."""
 
@@ -84,22 +89,25 @@ class _Runs:
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """An expansion, multi-indices (N, d) and Legendre coefficients (N, n_t, n_y), and where it is extreme."""
+    """An expansion, multi-indices (N, d) and Legendre coefficients (N, n_t, n_y), and its range (n_t, n_y).
+
+    Where the range could not be proved, in many parameters, it is the widest that was found.
+    """
 
     alpha: MultiIndices
     coefficients: Array
     lower: Array
     upper: Array
-    gap: Array
     places: Array  # (2, n_t, n_y, d) of its minima and maxima
 
     @classmethod
     def of(cls, alpha: MultiIndices, coefficients: Array, range_: Exact) -> "_Fitted":
         shape = coefficients.shape[1:]
-        found = range_.search(alpha, coefficients.reshape(len(alpha), -1))
-        lower, upper, gap = (a.reshape(shape) for a in (found.lower, found.upper, found.gap))
+        boxes = max(_FEWEST_BOXES, _WORK // len(alpha))
+        found = replace(range_, budget=min(range_.budget, boxes)).search(alpha, coefficients.reshape(len(alpha), -1))
+        lower, upper = (found.lower + found.below).reshape(shape), (found.upper - found.above).reshape(shape)
         places = np.stack([found.at_lower, found.at_upper]).reshape(2, *shape, alpha.shape[1])
-        return cls(alpha, coefficients, lower, upper, gap, places)
+        return cls(alpha, coefficients, lower, upper, places)
 
     def values(self, points: Array) -> Array:
         """(C, n_t, n_y) at points (C, d)."""
@@ -123,6 +131,8 @@ def adaptive_bounds(
     check the estimate and, on sparse grids, correct the expansion.
     """
     d, most = len(box), MOST_RUNS if budget is None else budget
+    range_ = replace(range_, tolerance=max(range_.tolerance, _RANGE * tolerance))
+    checks = max(2 * d, 4)
     tensor = d <= TENSOR_PARAMETERS
     runs, grid = _Runs(simulator, box, executor, progress), Grid(d)
     axes = [tuple(2 * (i == j) for j in range(d)) for i in range(d)]
@@ -137,8 +147,9 @@ def adaptive_bounds(
         tails = Tails.of(grid.alpha, coefficients)
         unit = _unit(*runs.extremes())
         sizes = (_rms(coefficients.swapaxes(0, 1)) / unit).max(axis=1)
-        step = _next_tensor(grid, tails, unit) if tensor else _next_sparse(grid, sizes)
-        last = len(runs) + len(step) > most
+        room = most - len(runs) - checks
+        step = _next_tensor(grid, tails, unit) if tensor else _next_sparse(grid, sizes, room)
+        last = not step or len(runs) + len(step) > most
         enough = tolerance / _TRUST  # checks may show that much less
         if not last and _share(tails.least(), unit) > enough:
             continue  # too large wherever the extremes are
@@ -146,7 +157,7 @@ def adaptive_bounds(
         estimate = np.maximum(*(tails.at(x) for x in fitted.places))
         if not last and _share(estimate, unit) > enough:
             continue
-        number = min(max(2 * d, 4), most - len(runs))
+        number = min(checks, most - len(runs))
         if tensor:
             estimate = _checked(runs, fitted, tails, estimate, unit, number)
         else:
@@ -162,8 +173,9 @@ def adaptive_bounds(
         kind="estimate",
         method=text,
         evaluations=len(runs),
-        estimate=estimate + fitted.gap + range_.tolerance * (fitted.upper - fitted.lower),
+        estimate=estimate + range_.tolerance * (fitted.upper - fitted.lower),
         inner=inner,
+        expansion=Expansion(fitted.alpha, fitted.coefficients, box.names),
     )
 
 
@@ -174,10 +186,10 @@ def _next_tensor(grid: Grid, tails: Tails, unit: Array) -> set[Index]:
     return grid.missing([tuple(2 * k if more else k for k, more in zip(max(grid.row), refined, strict=True))])
 
 
-def _next_sparse(grid: Grid, sizes: Array) -> set[Index]:
-    """The indices whose coefficients are likely to be the largest."""
+def _next_sparse(grid: Grid, sizes: Array, room: int) -> set[Index]:
+    """The indices whose coefficients are likely to be the largest, at most as many as there is room for."""
     likely = likely_ahead(grid, sizes)
-    number = max(grid.d, int(_GROWTH * len(grid.row)))
+    number = min(max(grid.d, int(_GROWTH * len(grid.row))), max(room, 0))
     return set(sorted(likely, key=lambda a: (-likely[a], a))[:number])
 
 

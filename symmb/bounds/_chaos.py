@@ -1,7 +1,7 @@
 """Polynomial chaos: Legendre expansions of the responses from runs at nodes, then their ranges."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 
@@ -31,8 +31,10 @@ _Found = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
 class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
-    ``PolynomialChaos()`` raises the order until the bounds settle. ``PolynomialChaos(order=4)`` keeps to
-    one order: interpolation at Clenshaw-Curtis nodes and the exact range of the interpolant.
+    ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids of up to three
+    parameters, sparse grids that grow where the response varies of more, and check runs at its own extremes.
+    ``PolynomialChaos(order=4)`` keeps to one order: interpolation at Clenshaw-Curtis nodes and the exact range of the
+    interpolant.
     ``PolynomialChaos.paper(order=2)`` is the method of the paper.
 
     Parameters
@@ -41,8 +43,7 @@ class PolynomialChaos(Method):
     nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
     basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
-    tolerance : without order: change of the bounds between levels at which to stop, as a share of the
-        response width
+    tolerance : without order: estimated error at which to stop, as a share of the response width
     budget : without order: most runs allowed
     lockstep : advance all nodes together from one output time to the next and expand at once (Fig. 4), which
         needs a simulator that can march; else each node runs by itself, sampled at the output times (Fig.
@@ -86,6 +87,8 @@ class PolynomialChaos(Method):
             return
         if self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.lockstep:
             raise DeclarationError("PolynomialChaos without order chooses nodes and basis itself; give order=... .")
+        if not isinstance(self.range, Exact):
+            raise DeclarationError(f"PolynomialChaos without order needs an Exact(...) range, got {self.range!r}.")
         if self.budget is not None:
             require_whole("PolynomialChaos", "budget", self.budget, 1)
         if not 0 < self.tolerance < 1:
@@ -99,7 +102,7 @@ class PolynomialChaos(Method):
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None:
             return adaptive_bounds(
-                repr(self), self.range, self.tolerance, self.budget, simulator, box, executor, progress
+                repr(self), cast(Exact, self.range), self.tolerance, self.budget, simulator, box, executor, progress
             )
         fit = Fit.of(self.nodes, self.basis, len(box), self.order)
         P = parameter_samples(simulator, box, fit.nodes)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.bounds._chebyshev import LowerSet
@@ -21,15 +23,21 @@ class Extremes:
     ----------
     lower, upper : (m,) never narrower than the range, but for rounding
     at_lower, at_upper : (m, d) points of [-1, 1]^d with values within tolerance and gap of the bounds
-    gap : (m,) how far a bound lies beyond the value at its point where the budget ran out, the larger of both; 0 where
-        both are within tolerance
+    below, above : (m,) how far lower and upper lie beyond the values at their points where the budget ran out; 0 where
+        they are within tolerance
     """
 
     lower: Array
     upper: Array
     at_lower: Array
     at_upper: Array
-    gap: Array
+    below: Array
+    above: Array
+
+    @property
+    def gap(self) -> Array:
+        """What is not proved (m,), the larger of both sides."""
+        return np.maximum(self.below, self.above)
 
 
 @dataclass(frozen=True)

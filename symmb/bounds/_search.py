@@ -46,14 +46,14 @@ class _Tables:
     arrays: tuple[np.ndarray, ...]
 
 
-def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, Array, Array, Array, Array]:
+def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
     """Bounds, points and gaps of polynomials with coefficients C (m, n_padded), as in ``Extremes``."""
     tables = _tables(terms.products)
     b, m = tables.basis, len(C)
     depth = _LEVELS * b.d
     work = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d)]
     search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in work))
-    found = np.empty(m), np.empty(m), np.empty((m, b.d)), np.empty((m, b.d)), np.empty(m)
+    found = np.empty(m), np.empty(m), np.empty((m, b.d)), np.empty((m, b.d)), np.empty(m), np.empty(m)
     pointers = (ctypes.c_void_p(a.ctypes.data) for a in (C, *found))
     load(_SOURCE).ranges(ctypes.byref(search), ctypes.c_long(m), *pointers)
     return found

@@ -29,7 +29,7 @@ class _Boxes:
 
 
 @np.errstate(invalid="ignore")
-def array_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, Array, Array, Array, Array]:
+def array_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
     """Bounds, points and gaps of polynomials with coefficients C (m, n_padded), as in ``Extremes``."""
     floor = 1e-13 * np.abs(C).max(axis=1)
     at_lower = np.where(C[:, terms.linear] > 0, -1.0, 1.0)
@@ -39,7 +39,7 @@ def array_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple
     points[:, swap], y[:, swap] = points[::-1, swap], y[::-1, swap]
     lower, at_lower, gap = _minima(terms, C, points[0], y[0], y[1], tolerance, floor, budget)
     upper, at_upper, other = _minima(terms, -C, points[1], -y[1], -y[0], tolerance, floor, budget)
-    return lower, -upper, at_lower, at_upper, np.maximum(gap, other)
+    return lower, -upper, at_lower, at_upper, gap, other
 
 
 def _minima(

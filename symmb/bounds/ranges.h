@@ -261,9 +261,10 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   return 1;
 }
 
-/* C (m, padded) -> bounds (m), points (m, d) where they are nearly taken, and what is not proved (m). */
+/* C (m, padded) -> bounds (m), points (m, d) where they are nearly taken, and how far beyond the values there a bound lies
+   where the budget ran out (m), else 0. */
 void ranges(const Search *s, long m, double *C, double *lower, double *upper, double *at_lower, double *at_upper,
-            double *gap) {
+            double *below, double *above) {
   const Basis *b = s->basis;
   for (long i = 0; i < m; ++i) {
     double *c = C + i * b->padded, floor = 0.0;
@@ -281,13 +282,13 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
     }
     two[0].best = y[0];
     two[1].best = -y[1];
-    gap[i] = 0.0;
+    double *gaps[] = {below + i, above + i};
     for (int side = 0; side < 2; ++side) {
       Extreme *e = two + side, *other = two + 1 - side;
       double loose = 1.0;
       while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor))
         loose = fmax(4.0 * loose, RELAXED / s->tolerance);
-      if (loose > 1.0) gap[i] = fmax(gap[i], value(s, c, e->at, b->n) - e->bound);
+      *gaps[side] = loose > 1.0 ? value(s, c, e->at, b->n) - e->bound : 0.0;
       for (long j = 0; j < b->n; ++j) c[j] = -c[j];
     }
     lower[i] = two[0].bound;

@@ -204,7 +204,8 @@ def test_levels_repeat_no_run_and_stop_at_the_tolerance():
     f = _Counted()
     simulator = FunctionSimulator(f, {"a": 0.0, "b": 0.0}, [0.0], ["f"])
     result = propagate(simulator, PolynomialChaos(tolerance=1e-4), Box(a=(-1, 1), b=(-1, 1)))
-    assert len(f.calls) == len(set(f.calls)) == result.evaluations == 289
+    assert len(f.calls) == result.evaluations
+    assert len(set(f.calls[:-4])) == len(f.calls) - 4 < 300  # the last four check extremes, which may be nodes
     # exp(a) cos(3b): the maximum e at (1, 0), the minimum e cos 3 at (1, ±1).
     error = max(abs(result.upper[0, 0] - np.e), abs(result.lower[0, 0] - np.e * np.cos(3)))
     assert error < 1e-4 * (result.upper - result.lower)[0, 0]
@@ -212,8 +213,8 @@ def test_levels_repeat_no_run_and_stop_at_the_tolerance():
 
 
 def test_budget_is_kept():
-    result = propagate(Wave(), PolynomialChaos(budget=24), BOX)
-    assert result.evaluations == 9 and result.estimate is None
+    result = propagate(Wave(), PolynomialChaos(budget=11), BOX)
+    assert result.evaluations == 11 and (result.estimate > 0).any()  # 9 nodes, 2 checks
     with pytest.raises(PropagationError, match="the first level takes 9 runs, more than the budget of 8"):
         propagate(Wave(), PolynomialChaos(budget=8), BOX)
 
@@ -224,8 +225,9 @@ def test_many_parameters_take_sparse_grids():
     result = propagate(simulator, PolynomialChaos(budget=1000), Box(**dict.fromkeys(names, (-1.0, 1.0))))
     width = np.e - 1 / np.e
     assert abs(result.upper[0, 0] - np.e) < 0.01 * width and abs(result.lower[0, 0] - 1 / np.e) < 0.01 * width
-    # Levels of 11, 61, 241 and 801 runs: Smolyak grids of nested Clenshaw-Curtis rules.
-    assert result.evaluations == 801
+    assert result.evaluations < 100  # a Smolyak grid of total level 3 takes 241
+    truth = np.array([[1 / np.e], [np.e]])
+    assert (np.abs(np.array([result.lower[0], result.upper[0]]) - truth) <= result.estimate[0]).all()
 
 
 def test_tensor_basis_keeps_the_constant_first():
