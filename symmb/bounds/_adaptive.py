@@ -199,7 +199,7 @@ def _checked(runs: _Runs, fitted: _Fitted, tails: Tails, estimate: Array, unit: 
         return estimate
     points = _spread(fitted.places, estimate / unit, number)
     errors = runs.check(points) - fitted.values(points)
-    expected = np.max([tails.at(np.broadcast_to(x, (*runs.shape, len(x)))) for x in points], axis=0)
+    expected = np.max([tails.at(x) for x in points], axis=0)
     seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
     return estimate * np.maximum(np.divide(seen, expected, out=np.ones_like(seen), where=expected > 0), _TRUST)
 

@@ -7,6 +7,7 @@ has one node for each of its polynomials, with the same numbers.
 """
 
 import itertools
+import math
 from collections.abc import Iterable
 from functools import cache
 
@@ -67,10 +68,10 @@ class Grid:
         for index, sign in self._signs().items():
             shape = tuple(k + 1 for k in index)
             rows = np.array([self.row[n] for n in itertools.product(*map(range, shape))])
-            block = Y[rows].reshape(*shape, -1)
+            block = Y[rows]
             for axis, n in enumerate(shape):
                 if n > 1:
-                    block = np.moveaxis(np.tensordot(_fit(n), block, axes=(1, axis)), 0, axis)
+                    block = _fit(n) @ block.reshape(math.prod(shape[:axis]), n, -1)
             total[rows] += sign * block.reshape(len(rows), -1)
         return total
 

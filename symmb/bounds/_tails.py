@@ -40,10 +40,9 @@ class Tails:
         """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y)."""
         d = alpha.shape[1]
         degrees = alpha.max(axis=0)
-        powers = smooth(np.square(coefficients))
 
         def size(rows: Indices) -> Array:
-            return np.sqrt(powers[rows].sum(axis=0))
+            return np.sqrt(smooth(np.einsum("iab,iab->ab", coefficients[rows], coefficients[rows])))
 
         directions, mixed = np.zeros((d, *coefficients.shape[1:])), np.zeros(coefficients.shape[1:])
         total = size(np.flatnonzero(alpha.sum(axis=1) == 1))
@@ -59,13 +58,12 @@ class Tails:
         return cls(directions, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
-        """Expected error (...) at points x (..., d) that belong to the times and outputs, or (d,) for all of them."""
+        """Expected error (n_t, n_y) at points x (n_t, n_y, d), or (d,) for all times and outputs."""
         if self.degrees is None:
             return self.least()
         angles = np.arccos(np.clip(x, -1.0, 1.0))
         shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + _near_nodes(self.degrees)
-        shares = np.broadcast_to(shares, (*self.mixed.shape, len(self.degrees)))
-        return np.einsum("iab,abi->ab", self.directions, shares)
+        return sum((e * shares[..., i] for i, e in enumerate(self.directions)), np.zeros(self.mixed.shape))
 
     def least(self) -> Array:
         """Expected error (n_t, n_y) wherever the extremes are."""
