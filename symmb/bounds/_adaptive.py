@@ -1,6 +1,6 @@
 """Polynomial chaos that chooses its nodes: tensor grids of few parameters, sparse grids of many, and check runs."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from symmb._box import Box
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor
 from symmb.bounds._continuation import Continuation, likely_ahead
+from symmb.bounds._dense import HIGHEST_DEGREE, dense_extremes
 from symmb.bounds._describe import failure_text
 from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
@@ -17,6 +18,7 @@ from symmb.bounds._moments import Expansion
 from symmb.bounds._reductions import failure_records
 from symmb.bounds._result import Bounds
 from symmb.bounds._tails import Tails, smooth
+from symmb.codegen.build import has_compiler
 from symmb.simulate import Progress, Simulator, run_blocks
 
 MOST_RUNS = 5000
@@ -31,13 +33,13 @@ _GROWTH = 0.25
 """A sparse grid grows by about this share at a time."""
 _SAFETY = 2.0
 """What the errors seen by check runs are multiplied with: they are those at a few of the extremes."""
-_TRUST = 0.4
+_TRUST = 0.6
 """Least share of its estimated error that an interpolant keeps when check runs see less."""
 _RANGE = 0.02
 """Share of the tolerance to which ranges are found."""
 _WORK, _FEWEST_BOXES = 200_000, 20
 """Coefficients in all boxes that a range may take, where many parameters leave it unproved anyway; boxes at least."""
-_CANDIDATES = 400
+_CANDIDATES = 150
 """Extremes among which check runs are chosen."""
 
 
@@ -91,7 +93,7 @@ class _Runs:
 class _Fitted:
     """An expansion, multi-indices (N, d) and Legendre coefficients (N, n_t, n_y), and its range (n_t, n_y).
 
-    Where the range could not be proved, in many parameters, it is the widest that was found.
+    The range is the widest that was found: proofs take longer than the runs, and prove nothing of the responses.
     """
 
     alpha: MultiIndices
@@ -101,13 +103,17 @@ class _Fitted:
     places: Array  # (2, n_t, n_y, d) of its minima and maxima
 
     @classmethod
-    def of(cls, alpha: MultiIndices, coefficients: Array, range_: Exact) -> "_Fitted":
-        shape = coefficients.shape[1:]
-        boxes = max(_FEWEST_BOXES, _WORK // len(alpha))
-        found = replace(range_, budget=min(range_.budget, boxes)).search(alpha, coefficients.reshape(len(alpha), -1))
-        lower, upper = (found.lower + found.below).reshape(shape), (found.upper - found.above).reshape(shape)
-        places = np.stack([found.at_lower, found.at_upper]).reshape(2, *shape, alpha.shape[1])
-        return cls(alpha, coefficients, lower, upper, places)
+    def of(cls, alpha: MultiIndices, coefficients: Array, share: float) -> "_Fitted":
+        """With the range to a share of itself."""
+        shape, flat = coefficients.shape[1:], coefficients.reshape(len(alpha), -1)
+        if alpha.shape[1] <= TENSOR_PARAMETERS and alpha.max() <= HIGHEST_DEGREE and has_compiler():
+            lower, upper, *places = dense_extremes(alpha, flat)
+        else:
+            found = Exact(share, max(_FEWEST_BOXES, _WORK // len(alpha))).search(alpha, flat)
+            lower, upper = found.lower + found.below, found.upper - found.above
+            places = [found.at_lower, found.at_upper]
+        points = np.stack(places).reshape(2, *shape, alpha.shape[1])
+        return cls(alpha, coefficients, lower.reshape(shape), upper.reshape(shape), points)
 
     def values(self, points: Array) -> Array:
         """(C, n_t, n_y) at points (C, d)."""
@@ -116,7 +122,6 @@ class _Fitted:
 
 def adaptive_bounds(
     text: str,
-    range_: Exact,
     tolerance: float,
     budget: int | None,
     simulator: Simulator,
@@ -131,7 +136,7 @@ def adaptive_bounds(
     check the estimate and, on sparse grids, correct the expansion.
     """
     d, most = len(box), MOST_RUNS if budget is None else budget
-    range_ = replace(range_, tolerance=max(range_.tolerance, _RANGE * tolerance))
+    share = _RANGE * tolerance
     checks = max(2 * d, 4)
     tensor = d <= TENSOR_PARAMETERS
     runs, grid = _Runs(simulator, box, executor, progress), Grid(d)
@@ -153,7 +158,7 @@ def adaptive_bounds(
         enough = tolerance / _TRUST  # checks may show that much less
         if not last and _share(tails.least(), unit) > enough:
             continue  # too large wherever the extremes are
-        fitted = _Fitted.of(grid.alpha, coefficients, range_)
+        fitted = _Fitted.of(grid.alpha, coefficients, share)
         estimate = np.maximum(*(tails.at(x) for x in fitted.places))
         if not last and _share(estimate, unit) > enough:
             continue
@@ -161,7 +166,7 @@ def adaptive_bounds(
         if tensor:
             estimate = _checked(runs, fitted, tails, estimate, unit, number)
         else:
-            fitted, estimate = _corrected(runs, grid, fitted, sizes, range_, estimate, unit, number)
+            fitted, estimate = _corrected(runs, grid, fitted, sizes, share, estimate, unit, number)
         if last or _share(estimate, unit) <= tolerance:
             break
     inner = runs.extremes()
@@ -173,7 +178,7 @@ def adaptive_bounds(
         kind="estimate",
         method=text,
         evaluations=len(runs),
-        estimate=estimate + range_.tolerance * (fitted.upper - fitted.lower),
+        estimate=estimate + share * (fitted.upper - fitted.lower),
         inner=inner,
         expansion=Expansion(fitted.alpha, fitted.coefficients, box.names),
     )
@@ -205,7 +210,7 @@ def _checked(runs: _Runs, fitted: _Fitted, tails: Tails, estimate: Array, unit: 
 
 
 def _corrected(
-    runs: _Runs, grid: Grid, fitted: _Fitted, sizes: Array, range_: Exact, estimate: Array, unit: Array, number: int
+    runs: _Runs, grid: Grid, fitted: _Fitted, sizes: Array, share: float, estimate: Array, unit: Array, number: int
 ) -> tuple[_Fitted, Array]:
     """The expansion continued through runs at some of its extremes, twice; and its error as the second ones see it."""
     base, seen = fitted, estimate
@@ -220,7 +225,7 @@ def _corrected(
         change, further = continuation.through(base.alpha, runs.points, known)
         coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])
         alpha = np.concatenate([base.alpha, continuation.alpha])
-        fitted = _Fitted.of(alpha, coefficients.reshape(len(alpha), *runs.shape), range_)
+        fitted = _Fitted.of(alpha, coefficients.reshape(len(alpha), *runs.shape), share)
     return fitted, np.maximum(seen, _TRUST * estimate)
 
 

@@ -1,7 +1,7 @@
 """Polynomial chaos: Legendre expansions of the responses from runs at nodes, then their ranges."""
 
 from dataclasses import dataclass
-from typing import ClassVar, cast
+from typing import ClassVar
 
 import numpy as np
 
@@ -85,10 +85,11 @@ class PolynomialChaos(Method):
             if self.budget is not None or self.tolerance != 1e-2:
                 raise DeclarationError("PolynomialChaos: tolerance and budget choose the order; leave order out.")
             return
-        if self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.lockstep:
-            raise DeclarationError("PolynomialChaos without order chooses nodes and basis itself; give order=... .")
-        if not isinstance(self.range, Exact):
-            raise DeclarationError(f"PolynomialChaos without order needs an Exact(...) range, got {self.range!r}.")
+        chosen = self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.range != _EXACT
+        if chosen or self.lockstep:
+            raise DeclarationError(
+                "PolynomialChaos without order chooses nodes, basis and range itself; give order=... ."
+            )
         if self.budget is not None:
             require_whole("PolynomialChaos", "budget", self.budget, 1)
         if not 0 < self.tolerance < 1:
@@ -101,9 +102,7 @@ class PolynomialChaos(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None:
-            return adaptive_bounds(
-                repr(self), cast(Exact, self.range), self.tolerance, self.budget, simulator, box, executor, progress
-            )
+            return adaptive_bounds(repr(self), self.tolerance, self.budget, simulator, box, executor, progress)
         fit = Fit.of(self.nodes, self.basis, len(box), self.order)
         P = parameter_samples(simulator, box, fit.nodes)
         if self.lockstep:

@@ -72,7 +72,8 @@ class Grid:
             for axis, n in enumerate(shape):
                 if n > 1:
                     block = _fit(n) @ block.reshape(math.prod(shape[:axis]), n, -1)
-            total[rows] += sign * block.reshape(len(rows), -1)
+            block = block.reshape(len(rows), -1)
+            total[rows] += block if sign == 1 else sign * block
         return total
 
     def _signs(self) -> dict[Index, int]:

@@ -208,12 +208,12 @@ def _source(f: ca.Function, fixed: bool) -> str:
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
-            _header("lanes"),
+            header("lanes"),
             *(f"static const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             model,
-            _header("study"),
+            header("study"),
             tableau.classical() if fixed else tableau.pair(),
-            _header("fixed" if fixed else "pair"),
+            header("fixed" if fixed else "pair"),
         ]
     )
 
@@ -235,5 +235,5 @@ def _order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
     return [*own, *integral.values()], len(own)
 
 
-def _header(name: str) -> str:
+def header(name: str) -> str:
     return (Path(__file__).parent / f"{name}.h").read_text(encoding="utf-8")

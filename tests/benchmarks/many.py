@@ -9,9 +9,9 @@ import time
 
 import numpy as np
 from _suite import boxed, chain
-from models import double_pendulum
 
 import symmb as mb
+from models import double_pendulum
 from symmb.simulate._dae import DAESimulator
 
 
@@ -23,7 +23,9 @@ def attained(simulator: DAESimulator, box: mb.Box, finest: mb.Bounds) -> tuple[n
     """Extremes over corners, samples near them, and the expansion's own extremes."""
     d, rng = len(box), np.random.default_rng(0)
     corners = rng.choice([-1.0, 1.0], (4000, d)) if d > 12 else np.indices((2,) * d).reshape(d, -1).T * 2.0 - 1.0
-    near = np.where(rng.uniform(size=(8000, d)) < 0.8, rng.choice([-1.0, 1.0], (8000, d)), rng.uniform(-1, 1, (8000, d)))
+    near = np.where(
+        rng.uniform(size=(8000, d)) < 0.8, rng.choice([-1.0, 1.0], (8000, d)), rng.uniform(-1, 1, (8000, d))
+    )
     expansion = finest.expansion
     found = mb.Exact(1e-3, budget=20).search(expansion.alpha, expansion.coefficients.reshape(len(expansion.alpha), -1))
     points = np.concatenate([corners, near, found.at_lower, found.at_upper])
@@ -48,7 +50,9 @@ def show(name: str, simulator: DAESimulator, box: mb.Box, methods: list[mb.Polyn
     for bounds, seconds, running in found:
         outside = np.maximum(np.maximum(lower - bounds.lower, bounds.upper - upper), 0.0)
         inside = np.maximum(np.maximum(bounds.lower - lower, upper - bounds.upper), 0.0)
-        covered = (bounds.estimate + 1e-6 * np.where(np.isfinite(width), width, 1.0) >= np.maximum(outside, inside))[last]
+        covered = (bounds.estimate + 1e-6 * np.where(np.isfinite(width), width, 1.0) >= np.maximum(outside, inside))[
+            last
+        ]
         over, under, estimate = (float(np.mean(rms(a[last]) / width)) for a in (outside, inside, bounds.estimate))
         print(f"{name:26s}{bounds.method:38s}{bounds.evaluations:6d}{over:10.1e}{under:10.1e}{estimate:10.1e}"
               f"{covered.mean():9.1%}{running:9.3f}{seconds - running:9.3f}", flush=True)  # fmt: skip

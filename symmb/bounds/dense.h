@@ -1,0 +1,128 @@
+/* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, then Newton's steps along
+   one parameter after the other. One lane for each polynomial. Given before: lanes.h. */
+
+enum { SWEEPS = 3, ORDERS = 65, DIRECTIONS = 3 };
+
+typedef struct {
+  long n[DIRECTIONS], K[DIRECTIONS];     /* polynomials and samples along each parameter; 1 along missing ones */
+  const double *x[DIRECTIONS];           /* (K) samples */
+  const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials there */
+} Grid;
+
+/* Legendre polynomials at x, with their first two derivatives. */
+static void legendre(V x, long n, V *f, V *first, V *second) {
+  f[0] = each(1.0);
+  first[0] = second[0] = zero();
+  if (n > 1) f[1] = x, first[1] = each(1.0), second[1] = zero();
+  for (long j = 1; j + 1 < n; ++j) {
+    const double a = (2.0 * j + 1.0) / (j + 1.0), b = j / (j + 1.0);
+    f[j + 1] = a * x * f[j] - b * f[j - 1];
+    first[j + 1] = first[j - 1] + (2.0 * j + 1.0) * f[j];
+    second[j + 1] = second[j - 1] + (2.0 * j + 1.0) * first[j];
+  }
+}
+
+/* The polynomial in x_k alone, all others being where their values f are. */
+static void along(const Grid *g, const V *c, V f[DIRECTIONS][ORDERS], int k, V *w) {
+  for (long j = 0; j < g->n[k]; ++j) w[j] = zero();
+  for (long a = 0; a < g->n[0]; ++a)
+    for (long b = 0; b < g->n[1]; ++b)
+      for (long e = 0; e < g->n[2]; ++e) {
+        const long at[] = {a, b, e};
+        V term = c[(a * g->n[1] + b) * g->n[2] + e];
+        for (int i = 0; i < DIRECTIONS; ++i)
+          if (i != k && g->n[i] > 1) term *= f[i][at[i]];
+        w[at[k]] += term;
+      }
+}
+
+static V sum(const V *w, const V *f, long n) {
+  V y = zero();
+  for (long j = 0; j < n; ++j) y += w[j] * f[j];
+  return y;
+}
+
+/* From the best sample x to the extreme near it; sign is 1 for minima and -1 for maxima. */
+static V polish(const Grid *g, const V *c, V *x, V best, double sign) {
+  V f[DIRECTIONS][ORDERS], further[DIRECTIONS][ORDERS], first[ORDERS], second[ORDERS], w[ORDERS], there[ORDERS], unused[ORDERS];
+  for (int i = 0; i < DIRECTIONS; ++i) legendre(x[i], g->n[i], f[i], unused, unused);
+  for (int sweep = 0; sweep < SWEEPS; ++sweep) {
+    V before[DIRECTIONS];
+    memcpy(before, x, sizeof before);
+    for (int k = 0; k < DIRECTIONS; ++k) {
+      if (g->n[k] == 1) continue;
+      along(g, c, f, k, w);
+      legendre(x[k], g->n[k], f[k], first, second);
+      const V slope = sign * sum(w, first, g->n[k]), bend = sign * sum(w, second, g->n[k]);
+      const double gap = 3.14159265358979 / (g->K[k] - 1);
+      const V reach = gap * v_sqrt(v_larger(1.0 - x[k] * x[k], zero())) + 0.5 * gap * gap;
+      V step = choose(bend > 0.0, -slope / bend, choose(slope > 0.0, -reach, reach));
+      step = v_larger(v_smaller(step, reach), -reach);
+      const V to = v_larger(v_smaller(x[k] + step, each(1.0)), each(-1.0));
+      legendre(to, g->n[k], there, unused, unused);
+      const V y = sign * sum(w, there, g->n[k]);
+      const M better = (M)(y < best);
+      best = blend(better, y, best);
+      x[k] = blend(better, to, x[k]);
+      for (long j = 0; j < g->n[k]; ++j) f[k][j] = blend(better, there[j], f[k][j]);
+    }
+    /* Along a valley the sweeps go in one direction, which leads further. */
+    for (double far = 4.0; far >= 1.0; far *= 0.5) {
+      V to[DIRECTIONS];
+      for (int k = 0; k < DIRECTIONS; ++k) {
+        to[k] = v_larger(v_smaller(x[k] + far * (x[k] - before[k]), each(1.0)), each(-1.0));
+        legendre(to[k], g->n[k], further[k], unused, unused);
+      }
+      along(g, c, further, 0, w);
+      const V y = sign * sum(w, further[0], g->n[0]);
+      const M better = (M)(y < best);
+      best = blend(better, y, best);
+      for (int k = 0; k < DIRECTIONS; ++k) {
+        x[k] = blend(better, to[k], x[k]);
+        for (long j = 0; j < g->n[k]; ++j) f[k][j] = blend(better, further[k][j], f[k][j]);
+      }
+    }
+  }
+  return best;
+}
+
+/* C (n0 n1 n2, m) by rows, m a multiple of W -> values (2, m) and points (2, 3, m) of minima and maxima. */
+void dense(const Grid *g, long m, const double *C, double *values, double *points) {
+  const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
+  V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), *plane = c + n, *row = plane + n12;
+  for (long i = 0; c && i < m; i += W) {
+    for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
+    V low = each(INFINITY), high = each(-INFINITY), at[2][DIRECTIONS];
+    for (long p = 0; p < g->K[0]; ++p) {
+      for (long j = 0; j < n12; ++j) {
+        plane[j] = zero();
+        for (long a = 0; a < g->n[0]; ++a) plane[j] += g->values[0][p * g->n[0] + a] * c[a * n12 + j];
+      }
+      for (long q = 0; q < g->K[1]; ++q) {
+        for (long j = 0; j < g->n[2]; ++j) {
+          row[j] = zero();
+          for (long b = 0; b < g->n[1]; ++b) row[j] += g->values[1][q * g->n[1] + b] * plane[b * g->n[2] + j];
+        }
+        for (long r = 0; r < g->K[2]; ++r) {
+          V y = zero();
+          for (long e = 0; e < g->n[2]; ++e) y += g->values[2][r * g->n[2] + e] * row[e];
+          const M less = (M)(y < low), more = (M)(y > high);
+          low = v_smaller(y, low);
+          high = v_larger(y, high);
+          const double x[] = {g->x[0][p], g->x[1][q], g->x[2][r]};
+          for (int k = 0; k < DIRECTIONS; ++k) {
+            at[0][k] = blend(less, each(x[k]), at[0][k]);
+            at[1][k] = blend(more, each(x[k]), at[1][k]);
+          }
+        }
+      }
+    }
+    low = polish(g, c, at[0], low, 1.0);
+    high = -polish(g, c, at[1], -high, -1.0);
+    memcpy(values + i, &low, sizeof(V));
+    memcpy(values + m + i, &high, sizeof(V));
+    for (int side = 0; side < 2; ++side)
+      for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, &at[side][k], sizeof(V));
+  }
+  free(c);
+}

@@ -1,0 +1,164 @@
+"""Growing grids, their estimated errors, and bounds that choose their own runs."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+from models import double_pendulum
+from symmb.bounds._continuation import Continuation, likely_ahead
+from symmb.bounds._dense import dense_extremes
+from symmb.bounds._exact import Exact
+from symmb.bounds._grid import Grid, line
+from symmb.bounds._legendre import basis_values, tensor_degree
+from symmb.bounds._nodes import ClenshawCurtis
+from symmb.bounds._tails import Tails
+from symmb.codegen.build import has_compiler
+from symmb.study.metrics import Yardstick
+
+RNG = np.random.default_rng(7)
+DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
+
+
+def grown(d, indices):
+    grid = Grid(d)
+    grid.add(grid.missing(indices))
+    return grid
+
+
+# -- Grids -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degree", [2, 4, 8, 16, 32])
+def test_the_first_nodes_are_those_of_clenshaw_and_curtis(degree):
+    assert_allclose(np.sort(line(degree + 1)), ClenshawCurtis().line(degree)[0], atol=1e-15)
+
+
+def test_the_nodes_are_spread_at_every_degree():
+    x = np.linspace(-1, 1, 2001)
+    for n in range(2, 34):
+        nodes = line(n)
+        cardinals = [np.prod([(x - b) / (a - b) for b in nodes if b != a], axis=0) for a in nodes]
+        assert np.abs(cardinals).sum(axis=0).max() < 4 * n  # Lebesgue's constant
+
+
+@pytest.mark.parametrize(
+    ("d", "indices"), [(1, [(7,)]), (2, [(4, 4)]), (2, [(5, 0), (2, 3), (0, 6)]), (4, [(2, 1, 0, 3), (0, 0, 2, 2)])]
+)
+def test_polynomials_of_a_grid_are_found_again(d, indices):
+    grid = grown(d, indices)
+    assert all(b in grid.row for a in grid.row for b in [(*a[:i], max(a[i] - 1, 0), *a[i + 1 :]) for i in range(d)])
+    expected = RNG.normal(size=(len(grid.row), 3))
+    assert_allclose(grid.coefficients(basis_values(grid.alpha, grid.nodes) @ expected), expected, atol=1e-12)
+
+
+def test_grids_grow_by_indices_whose_lower_ones_are_there():
+    grid = grown(2, [(2, 0), (0, 1)])
+    assert grid.ahead() == {(3, 0), (1, 1), (0, 2)}
+
+
+# -- What is left out --------------------------------------------------------------------------------------
+
+
+def test_expected_errors_are_of_the_size_of_true_ones_and_small_at_nodes():
+    grid = grown(2, [(6, 6)])
+    c = np.linspace(0.3, 0.7, 41)
+    points = RNG.uniform(-1, 1, (4000, 2))
+
+    def f(x):
+        return np.stack([1 / (1.6 + c + x[:, :1] - c * x[:, 1:])], axis=2)
+
+    coefficients = grid.coefficients(f(grid.nodes).reshape(49, -1)).reshape(49, 41, 1)
+    tails = Tails.of(grid.alpha, coefficients)
+    errors = np.abs(f(points) - np.tensordot(basis_values(grid.alpha, points), coefficients, axes=1)).max(axis=0)
+    largest = tails.at(np.array([0.26, 0.26]))
+    assert (largest > 0.5 * errors).all() and (largest < 20 * errors).all()
+    assert (tails.at(np.array([1.0, 1.0])) < 0.2 * largest).all() and (tails.least() <= largest).all()
+
+
+def test_a_grid_continues_most_likely_through_other_points():
+    """Errors are laid to the parameter along which coefficients fall off slowly."""
+    grid = grown(2, [(3, 3)])
+    size = np.array([2.0 ** -a[0] * 8.0 ** -a[1] for a in grid.row])
+    continuation = Continuation.of(grid, likely_ahead(grid, size))
+    assert dict(zip(map(tuple, continuation.alpha.tolist()), continuation.sizes, strict=True))[4, 0] == 2.0**-4
+    points = np.array([[0.4, 0.9]])
+    errors = np.array([[0.1, -0.2]])
+    change, further = continuation.through(grid.alpha, points, errors)
+    alpha = np.concatenate([grid.alpha, continuation.alpha])
+    coefficients = np.concatenate([change, further])
+    assert_allclose(basis_values(alpha, points) @ coefficients, errors, rtol=1e-4)
+    assert_allclose(basis_values(alpha, grid.nodes) @ coefficients, 0.0, atol=1e-12)
+    first = {tuple(a): abs(f[0]) for a, f in zip(continuation.alpha.tolist(), further, strict=True)}
+    assert first[4, 0] > 10 * first[0, 4]
+
+
+@pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")
+@pytest.mark.parametrize(("d", "order"), [(1, 9), (2, 4), (2, 9), (3, 3)])
+def test_dense_search_finds_the_extremes_that_branch_and_bound_proves(d, order):
+    alpha = RNG.permutation(tensor_degree(d, order))
+    coefficients = RNG.normal(size=(len(alpha), 203)) * 0.5 ** alpha.sum(axis=1)[:, None]
+    lower, upper, at_lower, at_upper = dense_extremes(alpha, coefficients)
+    proved = Exact(1e-7).search(alpha, coefficients)
+    width = proved.upper - proved.lower
+    values = [np.einsum("mb,bm->m", basis_values(alpha, at), coefficients) for at in (at_lower, at_upper)]
+    assert_allclose(values, [lower, upper], atol=1e-12)
+    short = np.maximum(lower - proved.lower, proved.upper - upper) / width
+    assert short.min() > -1e-9 and np.quantile(short, 0.9) < 1e-5 and short.max() < 2e-2
+
+
+# -- Bounds ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("spread", "tolerance", "most", "mean", "worst", "outer"),
+    [(5, 1e-2, 30, 1e-3, 3e-3, 5e-3), (20, 1e-1, 100, 1e-2, 3e-2, 5e-2), (20, 3e-2, 450, 1e-3, 3e-3, 5e-2)],
+)
+def test_the_paper_s_pendulum(spread, tolerance, most, mean, worst, outer):
+    """Against bounds from 641,601 runs, all 12 states: runs, errors, and what the estimates cover."""
+    scene = double_pendulum.scene().with_times(np.array(DATA["times"]))
+    box = mb.Box.around(scene.system.parameters, spread / 100)
+    bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=tolerance), box)
+    true = DATA["cases"][f"{spread}%"]["true"]
+    lower, upper = np.array(true["lower"]).T, np.array(true["upper"]).T
+    doubt = np.full(12, 1e-5) / np.sqrt(np.mean((upper - lower) ** 2, axis=0))
+    score = Yardstick(lower, upper, doubt).score(bounds.lower, bounds.upper, bounds.estimate)
+    assert bounds.evaluations <= most
+    assert score.error.mean() <= mean and score.error.max() <= worst and score.outer_error.mean() <= outer
+    assert score.coverage.mean() >= 0.99
+    assert (bounds.inner[0] >= lower - 2e-5).all() and (bounds.inner[1] <= upper + 2e-5).all()
+
+
+def test_many_parameters_with_few_runs():
+    """Ten parameters, of which products of three matter: exp and its extremes are known."""
+    names = [f"p{i}" for i in range(10)]
+    weights = 0.7 ** np.arange(10)
+
+    def f(**p):
+        return [[np.exp(weights @ [p[name] for name in names])], [0.0]]
+
+    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0, 1.0], ["f"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=2e-2), mb.Box(**dict.fromkeys(names, (-0.5, 0.5))))
+    extremes = np.exp(np.array([-0.5, 0.5]) * weights.sum())
+    errors = np.abs([bounds.lower[0, 0] - extremes[0], bounds.upper[0, 0] - extremes[1]])
+    assert bounds.evaluations < 400 and errors.max() < 0.02 * np.ptp(extremes)
+    assert errors.max() <= bounds.estimate[0, 0]
+    moments = bounds.moments()
+    assert_allclose(moments.mean[0, 0], np.prod(np.sinh(weights / 2) / (weights / 2)), rtol=1e-2)
+
+
+def test_budgets_are_spent_on_nodes_and_checks():
+    names = [f"p{i}" for i in range(5)]
+    simulator = mb.FunctionSimulator(
+        lambda **p: [[np.sin(3 * sum(p.values()))]], dict.fromkeys(names, 0.0), [0.0], ["f"]
+    )
+    box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    for budget in (11, 40, 41, 100):
+        assert 0.8 * budget <= mb.propagate(simulator, mb.PolynomialChaos(budget=budget), box).evaluations <= budget
+    with pytest.raises(mb.PropagationError, match="the first level takes 11 runs, more than the budget of 10"):
+        mb.propagate(simulator, mb.PolynomialChaos(budget=10), box)
+    with pytest.raises(mb.DeclarationError, match="chooses nodes, basis and range itself"):
+        mb.PolynomialChaos(range=mb.LegendreInclusion())
