@@ -28,6 +28,9 @@ def describe(bounds: "Bounds") -> str:
     if bounds.failed:
         lines[-1] += "; the bounds are those of the other runs:"
         lines.append(failure_text(bounds.failed, 3, indent="    "))
+    doubtful = [f"{name} from {since:g} s" for name, since in bounds.doubtful().items()]
+    if doubtful:
+        lines.append(f"  doubtful     estimated error above 10 % of the width: {', '.join(doubtful)}")
     return "\n".join([*lines, *(f"  {line}" for line in aligned(_widest(bounds)))])
 
 

@@ -86,6 +86,21 @@ class Bounds:
             return self.lower, self.upper
         return self.lower - self.estimate, self.upper + self.estimate
 
+    def doubtful(self, share: float = 0.1) -> dict[str, float]:
+        """Outputs not to be trusted, and from which time on [s]: the estimated error exceeds a share of the width.
+
+        Both are taken as root mean squares from a time to the end; empty without an estimate.
+        """
+        if self.estimate is None:
+            return {}
+        error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (self.estimate, self.upper - self.lower))
+        bad = error > share**2 * width
+        return {
+            name: float(self.t[int(np.argmax(rest))])
+            for name, rest in zip(self.names, bad.T, strict=True)
+            if rest.any()
+        }
+
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """(lower, upper) of one output, each (n_t,)."""
         if name not in self.names:

@@ -55,6 +55,16 @@ def test_save_and_load_an_expansion(tmp_path):
     assert Bounds.load(tmp_path / "wave.npz").expansion is None
 
 
+def test_outputs_are_doubtful_from_where_the_error_outgrows_the_width():
+    t, width = np.linspace(0.0, 10.0, 11), np.ones((11, 3))
+    estimate = np.column_stack([np.full(11, 0.05), np.where(t < 6, 0.01, 0.2), np.where(t < 6, 0.2, 0.0)])
+    bounds = Bounds(t, ("good", "late", "early"), -width / 2, width / 2, "estimate", "test", 1, estimate)
+    assert bounds.doubtful() == {"late": 0.0, "early": 0.0}
+    assert bounds.doubtful(0.15) == {"late": 3.0}
+    assert "doubtful     estimated error above 10 % of the width: late from 0 s, early from 0 s" in str(bounds)
+    assert Bounds(t, ("x",), width[:, :1], width[:, :1], "sampled", "test", 1).doubtful() == {}
+
+
 def test_outer_is_wider_by_the_estimate():
     bounds = propagate(Wave(), PolynomialChaos(), BOX)
     np.testing.assert_array_equal(bounds.outer[0], bounds.lower - bounds.estimate)
