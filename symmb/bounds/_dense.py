@@ -13,8 +13,11 @@ from symmb.codegen.engine import header
 
 MOST_PARAMETERS = 3
 HIGHEST_DEGREE = 64
-_SAMPLES = 8
-"""Samples beyond two for each degree: enough to start from the deepest of several valleys, unless they are as deep."""
+_SAMPLES = 4
+"""Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
+_FEWEST = 12
+_WAVY = 8
+"""Above this degree the parameter of the highest one gets twice as many: its valleys may all be alike."""
 
 
 class _Grid(ctypes.Structure):
@@ -37,11 +40,14 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     coefficients : (n_b, m)      Legendre coefficients
     """
     d, m = alpha.shape[1], coefficients.shape[1]
-    shape = tuple(int(k) + 1 for k in alpha.max(axis=0))
+    degrees = alpha.max(axis=0)
+    order = np.argsort(degrees, kind="stable")
     lanes = -(-m // 8) * 8
-    C = np.zeros((*shape, lanes))
-    C[(*alpha.T, slice(0, m))] = coefficients
-    tables = [_samples(n) for n in (*shape, *(1,) * (MOST_PARAMETERS - d))]
+    C = np.zeros((*(degrees[order] + 1), lanes))
+    C[(*alpha[:, order].T, slice(0, m))] = coefficients
+    per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if degrees.max() > _WAVY else _SAMPLES]
+    tables = [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
+    tables += [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
     grid = _Grid()
     for k, (x, values) in enumerate(tables):
         grid.n[k], grid.K[k] = values.shape[1], len(x)
@@ -49,14 +55,15 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     found, points = np.empty((2, lanes)), np.empty((2, MOST_PARAMETERS, lanes))
     pointers = (ctypes.c_void_p(a.ctypes.data) for a in (C, found, points))
     load(_SOURCE).dense(ctypes.byref(grid), ctypes.c_long(lanes), *pointers)
-    at_lower, at_upper = (points[side, :d, :m].T for side in (0, 1))
-    return found[0, :m], found[1, :m], at_lower, at_upper
+    at = np.empty((2, m, d))
+    at[:, :, order] = points[:, :d, :m].swapaxes(1, 2)
+    return found[0, :m], found[1, :m], at[0], at[1]
 
 
 @cache
-def _samples(n: int) -> tuple[Array, Array]:
+def _samples(n: int, per_degree: int) -> tuple[Array, Array]:
     """Samples of one parameter and the n Legendre polynomials there."""
-    intervals = 2 * (n - 1) + _SAMPLES
+    intervals = max(per_degree * (n - 1), _FEWEST)
     x: Array = np.cos(np.pi * np.arange(intervals + 1) / intervals) if n > 1 else np.zeros(1)
     return x, np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
 
