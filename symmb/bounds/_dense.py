@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds._legendre import MultiIndices
+from symmb.bounds._parts import in_parts
 from symmb.codegen.build import load
 from symmb.codegen.engine import header
 
@@ -53,8 +54,14 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
     found, points = np.empty((2, lanes)), np.empty((2, MOST_PARAMETERS, lanes))
-    pointers = (ctypes.c_void_p(a.ctypes.data) for a in (C, found, points))
-    load(_SOURCE).dense(ctypes.byref(grid), ctypes.c_long(lanes), *pointers)
+    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
+    library = load(_SOURCE)
+
+    def work(part: slice) -> None:
+        numbers = (ctypes.c_long(i) for i in (lanes, part.start, part.stop))
+        library.dense(ctypes.byref(grid), *numbers, *pointers)
+
+    in_parts(work, lanes, 8)
     at = np.empty((2, m, d))
     at[:, :, order] = points[:, :d, :m].swapaxes(1, 2)
     return found[0, :m], found[1, :m], at[0], at[1]

@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds._chebyshev import LowerSet, halving
+from symmb.bounds._parts import in_parts
 from symmb.bounds._terms import Terms, terms_of
 from symmb.codegen.build import load
 
@@ -51,11 +52,16 @@ def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tu
     tables = _tables(terms.products)
     b, m = tables.basis, len(C)
     depth = _LEVELS * b.d
-    work = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d)]
-    search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in work))
     found = np.empty(m), np.empty(m), np.empty((m, b.d)), np.empty((m, b.d)), np.empty(m), np.empty(m)
-    pointers = (ctypes.c_void_p(a.ctypes.data) for a in (C, *found))
-    load(_SOURCE).ranges(ctypes.byref(search), ctypes.c_long(m), *pointers)
+    library = load(_SOURCE)
+
+    def work(part: slice) -> None:
+        own = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d)]
+        search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
+        pointers = (ctypes.c_void_p(a[part].ctypes.data) for a in (C, *found))
+        library.ranges(ctypes.byref(search), ctypes.c_long(part.stop - part.start), *pointers)
+
+    in_parts(work, m)
     return found
 
 

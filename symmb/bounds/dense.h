@@ -86,11 +86,12 @@ static V polish(const Grid *g, const V *c, V *x, V best, double sign) {
   return best;
 }
 
-/* C (n0 n1 n2, m) by rows, m a multiple of W -> values (2, m) and points (2, 3, m) of minima and maxima. */
-void dense(const Grid *g, long m, const double *C, double *values, double *points) {
+/* C (n0 n1 n2, m) by rows -> values (2, m) and points (2, 3, m) of minima and maxima, of polynomials from number begin to
+   end, multiples of W. */
+void dense(const Grid *g, long m, long begin, long end, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
   V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), *plane = c + n, *row = plane + n12;
-  for (long i = 0; c && i < m; i += W) {
+  for (long i = begin; c && i < end; i += W) {
     for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
     V low = each(INFINITY), high = each(-INFINITY), at[2][DIRECTIONS];
     for (long p = 0; p < g->K[0]; ++p) {
