@@ -12,14 +12,13 @@ from symmb.bounds._dense import HIGHEST_DEGREE, dense_extremes
 from symmb.bounds._describe import failure_text
 from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
-from symmb.bounds._legendre import MultiIndices, basis_values
 from symmb.bounds._method import parameter_samples
 from symmb.bounds._moments import Expansion
 from symmb.bounds._reductions import failure_records
-from symmb.bounds._result import Bounds
+from symmb.bounds._result import Bounds, Failure
 from symmb.bounds._tails import Tails, smooth
 from symmb.codegen.build import has_compiler
-from symmb.simulate import Progress, Simulator, run_blocks
+from symmb.simulate import Mask, Progress, Simulator, run_blocks
 
 MOST_RUNS = 5000
 """Without a budget: where to stop although the tolerance is not met; ``estimate`` tells how far off."""
@@ -45,7 +44,10 @@ _CANDIDATES = 150
 
 @dataclass
 class _Runs:
-    """All runs made so far: at the nodes of the grid, in its order, and at other points."""
+    """All runs made so far: at the nodes of the grid, in its order, and at other points.
+
+    Nodes whose runs failed hold what the interpolant before them predicts; other points that failed are left out.
+    """
 
     simulator: Simulator
     box: Box
@@ -54,58 +56,76 @@ class _Runs:
     nodes: Array = field(init=False)
     checks: Array = field(init=False)
     points: Array = field(init=False)  # of the checks
+    attained: Mask = field(init=False)  # which of the nodes have been run
+    failed: tuple[Failure, ...] = ()
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
         self.nodes = self.checks = np.empty((0, *self.shape))
         self.points = np.empty((0, len(self.box)))
+        self.attained = np.empty(0, dtype=bool)
 
     def __len__(self) -> int:
-        return len(self.nodes) + len(self.checks)
+        """Runs that were made, failed ones included."""
+        return len(self.attained) + len(self.checks) + len(self.failed) - int((~self.attained).sum())
 
-    def at(self, points: Array) -> Array:
-        """Responses (N, n_t, n_y) at points (N, d) of the unit box."""
+    def at(self, points: Array) -> tuple[Array, Mask]:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, and which did not fail (N,)."""
         P = parameter_samples(self.simulator, self.box, points)
         ensemble = run_blocks(self.simulator, P, self.executor, self.progress)
-        if not ensemble.ok.all():
-            bad = np.flatnonzero(~ensemble.ok)
-            runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
-            failed = failure_records(self.simulator, self.box, P, runs)
-            raise PropagationError(
-                f"Interpolation needs all its nodes, but {len(failed)} of {len(points)} runs failed. "
-                "PolynomialChaos(order=..., basis=TotalDegree()) can fit around them.\n" + failure_text(failed)
-            )
-        return ensemble.Y
+        bad = np.flatnonzero(~ensemble.ok)
+        told = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
+        self.failed += failure_records(self.simulator, self.box, P, told)
+        return ensemble.Y, ensemble.ok
 
-    def check(self, points: Array) -> Array:
-        """Responses at points beside the grid, which are kept."""
-        Y = self.at(points)
+    def add(self, nodes: Array, before: Expansion | None) -> None:
+        """Run new nodes (N, d), of which the interpolant before predicts those that fail.
+
+        Raises
+        ------
+        PropagationError        if there is none before
+        """
+        Y, ok = self.at(nodes)
+        if not ok.all():
+            if before is None:
+                raise PropagationError(
+                    f"{len(self.failed)} of the first {len(nodes)} runs failed, too many to go on from. "
+                    "PolynomialChaos(order=..., basis=TotalDegree()) can fit around some.\n" + failure_text(self.failed)
+                )
+            Y[~ok] = before.values(nodes[~ok])
+        self.nodes, self.attained = np.concatenate([self.nodes, Y]), np.concatenate([self.attained, ok])
+
+    def check(self, points: Array) -> tuple[Array, Array]:
+        """Those of the points (C, d) beside the grid that do not fail, and the responses there, which are kept."""
+        Y, ok = self.at(points)
+        Y, points = Y[ok], points[ok]
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
-        return Y
+        return points, Y
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest responses of all runs (n_t, n_y)."""
-        both = [Y for Y in (self.nodes, self.checks) if len(Y)]
+        nodes = self.nodes if self.attained.all() else self.nodes[self.attained]
+        both = [Y for Y in (nodes, self.checks) if len(Y)]
         return np.min([Y.min(axis=0) for Y in both], axis=0), np.max([Y.max(axis=0) for Y in both], axis=0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """An expansion, multi-indices (N, d) and Legendre coefficients (N, n_t, n_y), and its range (n_t, n_y).
+    """An expansion and its range (n_t, n_y), with the places (2, n_t, n_y, d) of its minima and maxima.
 
     The range is the widest that was found: proofs take longer than the runs, and prove nothing of the responses.
     """
 
-    alpha: MultiIndices
-    coefficients: Array
+    expansion: Expansion
     lower: Array
     upper: Array
-    places: Array  # (2, n_t, n_y, d) of its minima and maxima
+    places: Array
 
     @classmethod
-    def of(cls, alpha: MultiIndices, coefficients: Array, share: float) -> "_Fitted":
+    def of(cls, expansion: Expansion, share: float) -> "_Fitted":
         """With the range to a share of itself."""
-        shape, flat = coefficients.shape[1:], coefficients.reshape(len(alpha), -1)
+        alpha, shape = expansion.alpha, expansion.coefficients.shape[1:]
+        flat = expansion.coefficients.reshape(len(alpha), -1)
         if alpha.shape[1] <= TENSOR_PARAMETERS and alpha.max() <= HIGHEST_DEGREE and has_compiler():
             lower, upper, *places = dense_extremes(alpha, flat)
         else:
@@ -113,11 +133,7 @@ class _Fitted:
             lower, upper = found.lower + found.below, found.upper - found.above
             places = [found.at_lower, found.at_upper]
         points = np.stack(places).reshape(2, *shape, alpha.shape[1])
-        return cls(alpha, coefficients, lower.reshape(shape), upper.reshape(shape), points)
-
-    def values(self, points: Array) -> Array:
-        """(C, n_t, n_y) at points (C, d)."""
-        return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
+        return cls(expansion, lower.reshape(shape), upper.reshape(shape), points)
 
 
 def adaptive_bounds(
@@ -144,11 +160,13 @@ def adaptive_bounds(
     step = grid.missing([(4,) if d == 1 else (2,) * d] if tensor else axes)
     if len(step) > most:
         raise PropagationError(f"{text}: the first level takes {len(step)} runs, more than the budget of {most}.")
+    expansion = None
     while True:
         known = len(grid.row)
         grid.add(step)
-        runs.nodes = np.concatenate([runs.nodes, runs.at(grid.nodes[known:])])
+        runs.add(grid.nodes[known:], expansion)
         coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1)).reshape(runs.nodes.shape)
+        expansion = Expansion(grid.alpha, coefficients, box.names)
         tails = Tails.of(grid.alpha, coefficients)
         unit = _unit(*runs.extremes())
         sizes = (_rms(coefficients.swapaxes(0, 1)) / unit).max(axis=1)
@@ -158,7 +176,7 @@ def adaptive_bounds(
         enough = tolerance / _TRUST  # checks may show that much less
         if not last and _share(tails.least(), unit) > enough:
             continue  # too large wherever the extremes are
-        fitted = _Fitted.of(grid.alpha, coefficients, share)
+        fitted = _Fitted.of(expansion, share)
         estimate = np.maximum(*(tails.at(x) for x in fitted.places))
         if not last and _share(estimate, unit) > enough:
             continue
@@ -180,7 +198,8 @@ def adaptive_bounds(
         evaluations=len(runs),
         estimate=estimate + share * (fitted.upper - fitted.lower),
         inner=inner,
-        expansion=Expansion(fitted.alpha, fitted.coefficients, box.names),
+        failed=runs.failed,
+        expansion=fitted.expansion,
     )
 
 
@@ -200,10 +219,10 @@ def _next_sparse(grid: Grid, sizes: Array, room: int) -> set[Index]:
 
 def _checked(runs: _Runs, fitted: _Fitted, tails: Tails, estimate: Array, unit: Array, number: int) -> Array:
     """The estimate (n_t, n_y), changed where runs at some of the extremes see other errors than expected there."""
-    if number < 1:
+    points, Y = runs.check(_spread(fitted.places, estimate / unit, number))
+    if not len(points):
         return estimate
-    points = _spread(fitted.places, estimate / unit, number)
-    errors = runs.check(points) - fitted.values(points)
+    errors = Y - fitted.expansion.values(points)
     expected = np.max([tails.at(x) for x in points], axis=0)
     seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
     return estimate * np.maximum(np.divide(seen, expected, out=np.ones_like(seen), where=expected > 0), _TRUST)
@@ -213,19 +232,19 @@ def _corrected(
     runs: _Runs, grid: Grid, fitted: _Fitted, sizes: Array, share: float, estimate: Array, unit: Array, number: int
 ) -> tuple[_Fitted, Array]:
     """The expansion continued through runs at some of its extremes, twice; and its error as the second ones see it."""
-    base, seen = fitted, estimate
+    base, seen = fitted.expansion, estimate
     continuation = Continuation.of(grid, likely_ahead(grid, sizes))
     for some in (number // 2, number - number // 2):
-        if some < 1:
+        points, Y = runs.check(_spread(fitted.places, estimate / unit, some))
+        if not len(points):
             continue
-        points = _spread(fitted.places, estimate / unit, some)
-        errors = runs.check(points) - fitted.values(points)
+        errors = Y - fitted.expansion.values(points)
         seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
         known = (runs.checks - base.values(runs.points)).reshape(len(runs.points), -1)
         change, further = continuation.through(base.alpha, runs.points, known)
         coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])
         alpha = np.concatenate([base.alpha, continuation.alpha])
-        fitted = _Fitted.of(alpha, coefficients.reshape(len(alpha), *runs.shape), share)
+        fitted = _Fitted.of(Expansion(alpha, coefficients.reshape(len(alpha), *runs.shape), base.parameters), share)
     return fitted, np.maximum(seen, _TRUST * estimate)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds._legendre import MultiIndices, mean_squares
+from symmb.bounds._legendre import MultiIndices, basis_values, mean_squares
 
 ROUNDING = 1e-12
 """Share of an output's largest root mean square below which its standard deviation counts as none."""
@@ -25,6 +25,10 @@ class Expansion:
     alpha: MultiIndices
     coefficients: Array
     parameters: tuple[str, ...]
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""
+        return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
 
 @dataclass(frozen=True, eq=False)

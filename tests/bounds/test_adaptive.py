@@ -162,3 +162,35 @@ def test_budgets_are_spent_on_nodes_and_checks():
         mb.propagate(simulator, mb.PolynomialChaos(budget=10), box)
     with pytest.raises(mb.DeclarationError, match="chooses nodes, basis and range itself"):
         mb.PolynomialChaos(range=mb.LegendreInclusion())
+
+
+@pytest.mark.parametrize("names", ["ab", "abcd"])
+def test_nodes_that_fail_are_told_and_predicted(names):
+    """A run fails close to one corner: the other ones still give the bounds of a response that goes on smoothly."""
+
+    def f(**p):
+        if np.abs(np.array(list(p.values())) - 0.7).max() < 0.1:
+            raise ValueError("no convergence")
+        return [[np.exp(sum(p.values()) / 4)]]
+
+    box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["f"])
+    if names == "ab":
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-4), box)
+        assert "no convergence" in str(bounds)
+        assert len(bounds.failed) == 1 and bounds.failed[0].parameters == pytest.approx({"a": 0.5**0.5, "b": 0.5**0.5})
+    else:
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-3), box)
+    extremes = np.exp(np.array([-1, 1]) * len(names) / 4)
+    assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], extremes, atol=1e-3 * np.ptp(extremes))
+
+
+def test_too_many_failures_at_first_are_an_error():
+    def f(a, b):
+        if a > 0.5:
+            raise ValueError("no convergence")
+        return [[a + b]]
+
+    simulator = mb.FunctionSimulator(f, {"a": 0.0, "b": 0.0}, [0.0], ["f"])
+    with pytest.raises(mb.PropagationError, match=r"3 of the first 9 runs failed(.|\n)*no convergence"):
+        mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0)))
