@@ -20,8 +20,9 @@ from symmb.bounds._tails import Tails, smooth
 from symmb.codegen.build import has_compiler
 from symmb.simulate import Mask, Progress, Simulator, run_blocks
 
-MOST_RUNS = 5000
-"""Without a budget: where to stop although the tolerance is not met; ``estimate`` tells how far off."""
+MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
+"""Without a budget: where to stop although the tolerance is not met, since ``estimate`` tells how far off; and how many
+responses are kept, 0.3 GB, as many coefficients beside them."""
 TENSOR_PARAMETERS = 3
 """Up to so many parameters grids are tensors: extremes lie at corners and edges, where sparse grids are weakest."""
 ROUNDING = 1e-9
@@ -151,7 +152,9 @@ def adaptive_bounds(
     estimated from the interpolant's last coefficients, at the places of its extremes. Runs at some of these places then
     check the estimate and, on sparse grids, correct the expansion.
     """
-    d, most = len(box), MOST_RUNS if budget is None else budget
+    d = len(box)
+    numbers = len(simulator.times) * len(simulator.outputs)
+    most = max(min(MOST_RUNS, MOST_NUMBERS // max(numbers, 1)), 5**d if d < 4 else 4 * d) if budget is None else budget
     share = _RANGE * tolerance
     checks = max(2 * d, 4)
     tensor = d <= TENSOR_PARAMETERS

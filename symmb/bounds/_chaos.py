@@ -54,8 +54,9 @@ class PolynomialChaos(Method):
     DeclarationError
         If an option is out of its range, or given where it has no meaning.
     PropagationError
-        From ``bounds``: too many nodes failed for least squares over the others; the nodes do not determine
-        the basis; lockstep without a simulator that can march; the budget is below the first level.
+        From ``bounds``: too many nodes failed for least squares over the others, or without order some of the first
+        ones, since later ones are predicted; the nodes do not determine the basis; lockstep without a simulator that
+        can march; the budget is below the first level.
 
     Examples
     --------
