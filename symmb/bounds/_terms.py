@@ -1,7 +1,7 @@
 """What branch and bound looks up about the products of an expansion, once for all polynomials."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from symmb.bounds._chebyshev import LowerSet
 
 LANES = 8
 """Coefficients are padded to multiples of it, with at least one zero: that of all products that there are not."""
+_FEW = 64
+"""Coefficients that change basis fastest by one full matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +40,17 @@ class Terms:
 
     def coefficients(self, legendre: Array) -> Array:
         """Padded Chebyshev coefficients (m, n_padded) of polynomials with Legendre coefficients (n_b, m)."""
+        if len(legendre) <= _FEW:
+            return legendre.T @ self._change
         C = np.zeros((legendre.shape[1], self.padded))
         C[:, : len(self.products.alpha)] = self.products.from_legendre(legendre).T
         return C
+
+    @cached_property
+    def _change(self) -> Array:
+        """(n_b, n_padded) from Legendre to padded Chebyshev coefficients."""
+        change = self.products.from_legendre(np.eye(len(self.products.given)))
+        return np.pad(change.T, ((0, 0), (0, self.padded - len(change))))
 
 
 @lru_cache(maxsize=64)

@@ -1,7 +1,8 @@
 /* Ranges of polynomials in Chebyshev form on [-1, 1]^d by branch and bound, one after the other, depth first.
 
    On a box with coordinates z in [-1, 1]^d the terms of degree one and two are bounded below by a sum of parabolas, one for
-   each free parameter, as -2 |z_i z_j| >= -z_i^2 - z_j^2, and all others by |T| <= 1. Where a derivative cannot vanish, the
+   each free parameter, as -2 |z_i z_j| >= -z_i^2 - z_j^2, or are minimised as they are in two parameters; all others are
+   bounded by |T| <= 1. Where a derivative cannot vanish, the
    box is left, or its parameter is fixed at the end of its range. */
 #include <math.h>
 #include <string.h>
@@ -73,6 +74,27 @@ static double parabola(double g, double h, double *x) {
   return h - fabs(g);
 }
 
+/* The least value of g.z + h.z^2 + m z_0 z_1 on the square [-1, 1]^2, and where. */
+static double paraboloid(const double *g, const double *h, double m, double *z) {
+  const double det = 4.0 * h[0] * h[1] - m * m;
+  if (h[0] > 0.0 && det > 0.0) {
+    const double x = m * g[1] - 2.0 * h[1] * g[0], y = m * g[0] - 2.0 * h[0] * g[1];
+    if (fabs(x) < det && fabs(y) < det) {
+      z[0] = x / det;
+      z[1] = y / det;
+      return 0.5 * (g[0] * z[0] + g[1] * z[1]);
+    }
+  }
+  double best = INFINITY;
+  for (int k = 0; k < 2; ++k)
+    for (double end = -1.0; end < 2.0; end += 2.0) {
+      double x;
+      const double y = end * g[k] + h[k] + parabola(g[1 - k] + end * m, h[1 - k], &x);
+      if (y < best) best = y, z[k] = end, z[1 - k] = x;
+    }
+  return best;
+}
+
 /* Leave out coefficients of high degree as far as allowed, and return how many there are, padded. */
 static long trim(const Basis *b, double *c, double *left, double allowed) {
   long n = (long)left[0];
@@ -140,6 +162,11 @@ static double lower_bound(const Basis *b, double *box, double *z, long *widest, 
   }
   double h[b->d], bound = c[0] - left[1] - weighted(b->weights, c, n), most = -1.0;
   for (long k = 0; k < b->d; ++k) h[k] = 2.0 * c[b->square[k]];
+  if (b->d == 2 && b->n_pairs && half[0] > 0.0 && half[1] > 0.0) {
+    const double g[] = {c[b->linear[0]], c[b->linear[1]]}, mixed = c[b->pairs[2]];
+    *widest = slope[1] > slope[0];
+    return bound - 0.5 * (h[0] + h[1]) + paraboloid(g, h, mixed, z);
+  }
   for (const int *p = b->pairs; p < b->pairs + 3 * b->n_pairs; p += 3) {
     const double mixed = 0.5 * fabs(c[p[2]]);
     h[p[0]] -= mixed;
