@@ -18,6 +18,9 @@ from symmb.bounds._legendre import MultiIndices
 
 Index = tuple[int, ...]
 
+_FEW = 100
+"""Nodes up to which one matrix is faster than a factor for each parameter."""
+
 
 class Grid:
     """A growing set of multi-indices in d parameters.
@@ -64,6 +67,11 @@ class Grid:
 
     def coefficients(self, Y: Array) -> Array:
         """Legendre coefficients (N, m) of the interpolant from values (N, m) at the nodes."""
+        if len(Y) <= _FEW:
+            return self._interpolants(np.eye(len(Y))) @ Y
+        return self._interpolants(Y)
+
+    def _interpolants(self, Y: Array) -> Array:
         total = np.zeros_like(Y)
         for index, sign in self._signs().items():
             shape = tuple(k + 1 for k in index)
