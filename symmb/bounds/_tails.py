@@ -10,9 +10,9 @@ from symmb.bounds._legendre import MultiIndices
 
 _WINDOW = 0.02
 """Share of the times over which coefficients are averaged: they pass through zero as the response swings."""
-_NEAR_NODES = 1.2
-"""Over the square of the degree, counted as 4 at most: share of the largest error that is expected even at nodes, since
-extremes are found only near to where they are."""
+_NEAR_NODES = 0.3
+"""Over the degree, counted as 4 at most: share of the largest error that is expected even at nodes, since extremes are
+found only near to where they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Tails:
 
 
 def _near_nodes(degrees: Indices) -> Array:
-    return _NEAR_NODES / np.clip(degrees, 1, 4) ** 2
+    return _NEAR_NODES / np.clip(degrees, 1, 4)
 
 
 def smooth(powers: Array) -> Array:
