@@ -127,7 +127,7 @@ class _Fitted:
         """With the range to a share of itself."""
         alpha, shape = expansion.alpha, expansion.coefficients.shape[1:]
         flat = expansion.coefficients.reshape(len(alpha), -1)
-        if alpha.shape[1] <= TENSOR_PARAMETERS and alpha.max() <= HIGHEST_DEGREE and has_compiler():
+        if alpha.shape[1] <= TENSOR_PARAMETERS and has_compiler():
             lower, upper, *places = dense_extremes(alpha, flat)
         else:
             found = Exact(share, max(_FEWEST_BOXES, _WORK // len(alpha))).search(alpha, flat)
@@ -207,10 +207,11 @@ def adaptive_bounds(
 
 
 def _next_tensor(grid: Grid, tails: Tails, unit: Array) -> set[Index]:
-    """Twice the degree in those directions whose errors are large."""
+    """Twice the degree in those directions whose errors are large; nothing where that would be too high."""
     errors = np.array([_share(e, unit) for e in tails.directions])
     refined = errors >= _REFINED * errors.max()
-    return grid.missing([tuple(2 * k if more else k for k, more in zip(max(grid.row), refined, strict=True))])
+    top = zip(max(grid.row), refined, strict=True)
+    return grid.missing([tuple(2 * k if more and 2 * k <= HIGHEST_DEGREE else k for k, more in top)])
 
 
 def _next_sparse(grid: Grid, sizes: Array, room: int) -> set[Index]:

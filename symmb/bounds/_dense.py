@@ -14,6 +14,7 @@ from symmb.codegen.engine import header
 
 MOST_PARAMETERS = 3
 HIGHEST_DEGREE = 64
+"""As ORDERS of dense.h has it."""
 _SAMPLES = 4
 """Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
 _FEWEST = 12
@@ -59,7 +60,8 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
 
     def work(part: slice) -> None:
         numbers = (ctypes.c_long(i) for i in (lanes, part.start, part.stop))
-        library.dense(ctypes.byref(grid), *numbers, *pointers)
+        if not library.dense(ctypes.byref(grid), *numbers, *pointers):
+            raise MemoryError("not enough memory to search ranges")
 
     in_parts(work, lanes, 8)
     at = np.empty((2, m, d))

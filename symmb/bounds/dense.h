@@ -87,8 +87,8 @@ static V polish(const Grid *g, const V *c, V *x, V best, double sign) {
 }
 
 /* C (n0 n1 n2, m) by rows -> values (2, m) and points (2, 3, m) of minima and maxima, of polynomials from number begin to
-   end, multiples of W. */
-void dense(const Grid *g, long m, long begin, long end, const double *C, double *values, double *points) {
+   end, multiples of W. 0 if there is not enough memory. */
+int dense(const Grid *g, long m, long begin, long end, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
   V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), *plane = c + n, *row = plane + n12;
   for (long i = begin; c && i < end; i += W) {
@@ -125,5 +125,7 @@ void dense(const Grid *g, long m, long begin, long end, const double *C, double 
     for (int side = 0; side < 2; ++side)
       for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, &at[side][k], sizeof(V));
   }
+  const int enough = c != NULL;
   free(c);
+  return enough;
 }

@@ -37,7 +37,7 @@ class FixedStep:
 
 
 class _Study(ctypes.Structure):
-    """Study of loop.h."""
+    """Study of study.h."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("x0", "p", "times")),
@@ -65,29 +65,14 @@ class Engine:
 
     Parameters
     ----------
-    rates, outputs, projected : SX      x' (n_x,), what is wanted (n_y,), and x on the constraints or None
-    x, p, t : SX symbols                state, parameters, time
+    f : ca.Function                     from `model_function`; with a start it starts by itself
     times : (n_t,) array                [s]
     control : Tolerances or FixedStep
-    start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
-        without it runs are given their starts
     """
 
-    def __init__(
-        self,
-        x: ca.SX,
-        p: ca.SX,
-        t: ca.SX,
-        rates: ca.SX,
-        outputs: ca.SX,
-        projected: ca.SX | None,
-        times: Array,
-        control: Tolerances | FixedStep,
-        start: tuple[ca.SX, ca.SX] | None = None,
-    ) -> None:
-        f = model_function(x, p, t, rates, outputs, projected, start)
-        self.starts = start is not None
-        self.n_x, self.n_p, self.n_y = x.numel(), p.numel(), outputs.numel()
+    def __init__(self, f: ca.Function, times: Array, control: Tolerances | FixedStep) -> None:
+        self.starts = "start" in f.name_out()
+        self.n_y = f.numel_out("outputs")
         self.times, self.control = times, control
         self._times = np.ascontiguousarray(times, dtype=float)
         self.source = _source(f, isinstance(control, FixedStep))
@@ -169,7 +154,15 @@ def model_function(
     projected: ca.SX | None,
     start: tuple[ca.SX, ca.SX] | None = None,
 ) -> ca.Function:
-    """(x, p, t) -> rates, outputs and, as far as given, project, newton and start."""
+    """(x, p, t) -> rates, outputs and, as far as given, project, newton and start.
+
+    Parameters
+    ----------
+    x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
+    rates, outputs, projected : SX      x' (n_x,), what is wanted (n_y,), and x on the constraints or None
+    start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
+        without it runs are given their starts
+    """
     parts = {"rates": rates, "outputs": outputs}
     if projected is not None:
         parts["project"] = projected
@@ -236,4 +229,5 @@ def _order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
 
 
 def header(name: str) -> str:
+    """The text of a C header of this folder."""
     return (Path(__file__).parent / f"{name}.h").read_text(encoding="utf-8")

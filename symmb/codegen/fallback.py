@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.arrays import programs
-from symmb.codegen.engine import MOST_STEPS, Losses, Tolerances, model_function
+from symmb.codegen.engine import MOST_STEPS, Losses, Tolerances
 from symmb.codegen.graph import graph_of
 from symmb.schemes import dop853
 
@@ -28,19 +28,8 @@ class ArrayEngine:
     width = WIDTH
     starts = False
 
-    def __init__(
-        self,
-        x: ca.SX,
-        p: ca.SX,
-        t: ca.SX,
-        rates: ca.SX,
-        outputs: ca.SX,
-        projected: ca.SX | None,
-        times: Array,
-        control: Tolerances,
-    ) -> None:
-        f = model_function(x, p, t, rates, outputs, projected)
-        self.n_x, self.n_p, self.n_y = x.numel(), p.numel(), outputs.numel()
+    def __init__(self, f: ca.Function, times: Array, control: Tolerances) -> None:
+        self.n_y = f.numel_out("outputs")
         self.times, self.control = times, control
         self.prepare, (self.rates, self.outputs, *project) = programs(graph_of(f))
         self.project = project[0] if project else None

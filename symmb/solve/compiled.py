@@ -11,7 +11,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.codegen.build import has_compiler
-from symmb.codegen.engine import Engine, FixedStep, Tolerances
+from symmb.codegen.engine import Engine, FixedStep, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 from symmb.dae import DAE
 from symmb.solve._advance import Advance
@@ -72,19 +72,20 @@ class CompiledSolver(Solver):
         def at(expression: ca.SX) -> ca.SX:
             return ca.substitute(expression, problem.x, x[:n_x])
 
-        parts = (
+        compiled = has_compiler()
+        f = model_function(
             x,
             problem.p,
             problem.t,
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:]),
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
-            times,
+            start.equations(x, problem.p) if start is not None and compiled and n_x <= _SMALL else None,
         )
         control = self.control(times)
-        if isinstance(control, Tolerances) and not has_compiler():
-            return ArrayEngine(*parts, control)
-        return Engine(*parts, control, start.equations(x, problem.p) if start is not None and n_x <= _SMALL else None)
+        if isinstance(control, Tolerances) and not compiled:
+            return ArrayEngine(f, times, control)
+        return Engine(f, times, control)
 
 
 @dataclass(frozen=True, repr=False)

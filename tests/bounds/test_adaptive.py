@@ -194,3 +194,13 @@ def test_too_many_failures_at_first_are_an_error():
     simulator = mb.FunctionSimulator(f, {"a": 0.0, "b": 0.0}, [0.0], ["f"])
     with pytest.raises(mb.PropagationError, match=r"3 of the first 9 runs failed(.|\n)*no convergence"):
         mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("f", "highest"), [(lambda x: abs(x - 0.123), 1.123), (lambda x: float(x > 0.123), 1.0)], ids=["kink", "jump"]
+)
+def test_a_response_that_is_not_smooth_ends_with_an_honest_estimate(f, highest):
+    simulator = mb.FunctionSimulator(lambda x: [[f(x)]], {"x": 0.0}, [0.0], ["f"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-4), mb.Box(x=(-1.0, 1.0)))
+    error = max(abs(bounds.lower[0, 0]), abs(bounds.upper[0, 0] - highest))
+    assert 65 < bounds.evaluations < 70 and error <= bounds.estimate[0, 0]

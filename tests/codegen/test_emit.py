@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.codegen.engine import Engine, Tolerances
+from symmb.codegen.engine import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(3)
@@ -16,7 +16,7 @@ both = pytest.mark.parametrize("kind", [Engine, ArrayEngine])
 
 def values(kind, outputs, x0, p, times=(0.5,)):
     """Outputs at rest: an engine whose state does not move."""
-    engine = kind(X, P, T, ca.SX.zeros(2), outputs, None, np.array(times), STEPS)
+    engine = kind(model_function(X, P, T, ca.SX.zeros(2), outputs, None), np.array(times), STEPS)
     Y, losses = engine.values(np.asarray(x0), np.asarray(p))
     assert np.isnan(losses.t_failed).all()
     return Y
@@ -87,7 +87,8 @@ def test_sines_and_cosines_of_any_angle(kind):
     found = values(kind, ca.vertcat(ca.sin(X[0]), ca.cos(X[0])), x0, np.ones((len(a), 2)))[:, 0]
     exact = np.column_stack([np.sin(a), np.cos(a)])
     assert (np.abs(found - exact) <= 3 * np.spacing(np.abs(exact))).all()
-    engine = kind(X, P, T, ca.SX.zeros(2), ca.if_else(P[0] > 0, ca.sin(P[1]), 7.0), None, np.zeros(1), STEPS)
+    chosen = ca.if_else(P[0] > 0, ca.sin(P[1]), 7.0)
+    engine = kind(model_function(X, P, T, ca.SX.zeros(2), chosen, None), np.zeros(1), STEPS)
     Y, losses = engine.values(np.zeros((3, 2)), np.array([[1.0, np.inf], [1.0, np.nan], [1.0, 0.5]]))
     assert np.isnan(Y[:2]).all() and np.isfinite(losses.t_failed[:2]).all()
     assert_allclose(Y[2], np.sin(0.5), rtol=1e-15)

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import cubic, double_pendulum
-from symmb.codegen.engine import Engine, Tolerances
+from symmb.codegen.engine import Engine, Tolerances, model_function
 from symmb.simulate import Reduction
 
 TIMES = np.linspace(0, 5, 41)
@@ -25,7 +25,7 @@ def spring(k):
 
 
 def duffing(rtol=1e-9, times=TIMES):
-    return Engine(X, P, T, DUFFING, X, None, times, Tolerances(rtol, rtol / 100))
+    return Engine(model_function(X, P, T, DUFFING, X, None), times, Tolerances(rtol, rtol / 100))
 
 
 def test_runs_are_those_of_scipy_s_dop853():

@@ -19,7 +19,7 @@ import symmb as mb
 from models import cubic, double_pendulum
 from symmb.cli import main
 from symmb.codegen import build
-from symmb.codegen.engine import Engine, Tolerances
+from symmb.codegen.engine import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 from symmb.simulate import Reduction
 
@@ -39,7 +39,8 @@ def no_compiler(monkeypatch):
 
 
 def swing(kind, times, rtol=1e-9):
-    return kind(X, P, T, SWING, ca.vertcat(X, X[0] * T), None, np.asarray(times), Tolerances(rtol, rtol / 100))
+    f = model_function(X, P, T, SWING, ca.vertcat(X, X[0] * T), None)
+    return kind(f, np.asarray(times), Tolerances(rtol, rtol / 100))
 
 
 def samples(simulator, n, share=0.02):
@@ -138,7 +139,9 @@ def test_too_many_steps_fail_the_block(monkeypatch):
 def test_remainders_are_those_of_c():
     a, b = np.meshgrid([-7.5, -2.5, -0.5, 0.0, 0.5, 1.5, 2.5, 3.7, 1e300], [-3.0, -1.0, 0.3, 1.0, 2.0, 5.0, 1e308])
     pairs = np.column_stack([a.ravel(), b.ravel()])
-    still = ArrayEngine(X, P, T, ca.SX.zeros(2), ca.remainder(X[0], X[1]), None, np.zeros(1), Tolerances(1e-8, 1e-8))
+    still = ArrayEngine(
+        model_function(X, P, T, ca.SX.zeros(2), ca.remainder(X[0], X[1]), None), np.zeros(1), Tolerances(1e-8, 1e-8)
+    )
     values = still.values(pairs, np.ones((len(pairs), 1)))[0].ravel()
     assert_array_equal(values, [math.remainder(*pair) for pair in pairs.tolist()])
 
