@@ -10,7 +10,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.bounds._chebyshev import LowerSet, halving
 from symmb.bounds._parts import in_parts
-from symmb.bounds._terms import Terms, terms_of
+from symmb.bounds._terms import LANES, Terms, terms_of
 from symmb.codegen.build import load
 
 _LEVELS = 64
@@ -21,7 +21,7 @@ class _Basis(ctypes.Structure):
     """Basis of ranges.h."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("d", "n", "n_low", "padded", "order", "n_pairs", "n_samples")),
+        *((name, ctypes.c_long) for name in ("d", "n", "n_low", "padded", "order", "n_samples", "n_sums")),
         *((name, ctypes.c_void_p) for name in ("linear", "square", "pairs", "parent", "factor", "fibres", "first")),
         *((name, ctypes.c_void_p) for name in ("weights", "halving", "samples")),
     ]
@@ -56,7 +56,8 @@ def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tu
     library = load(_SOURCE)
 
     def work(part: slice) -> None:
-        own = [np.zeros(size) for size in (depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d)]
+        sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
+        own = [np.zeros(size) for size in sizes]
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
         pointers = (ctypes.c_void_p(a[part].ctypes.data) for a in (C, *found))
         library.ranges(ctypes.byref(search), ctypes.c_long(part.stop - part.start), *pointers)
@@ -78,7 +79,7 @@ def _tables(products: LowerSet) -> _Tables:
     whole = (
         terms.linear,
         terms.square,
-        terms.pairs,
+        terms.pairs[:, 2],
         np.array([products.number[tuple(row)] for row in lesser.tolist()]),
         last * (order + 1) + alpha[np.arange(n), last],
         fibres,
@@ -86,11 +87,13 @@ def _tables(products: LowerSet) -> _Tables:
     )
     x = np.cos(np.pi * np.arange(2 * order + 1) / max(2 * order, 1))
     samples = np.column_stack([x, np.polynomial.chebyshev.chebvander(x, order)])
+    sums = -(-(d + 1) // LANES) * LANES
+    weights = np.pad(np.roll(terms.weights, -1, axis=0).T, ((0, 0), (0, sums - d - 1)))
     arrays = (
         *(np.ascontiguousarray(a, dtype=np.int32) for a in whole),
-        *(np.ascontiguousarray(a, dtype=float) for a in (terms.weights, halving(order), samples)),
+        *(np.ascontiguousarray(a, dtype=float) for a in (weights, halving(order), samples)),
     )
-    sizes = d, n, int((alpha.sum(axis=1) <= 2).sum()), terms.padded, order, len(terms.pairs), len(x)
+    sizes = d, n, int((alpha.sum(axis=1) <= 2).sum()), terms.padded, order, len(x), sums
     return _Tables(_Basis(*sizes, *(a.ctypes.data for a in arrays)), arrays)
 
 

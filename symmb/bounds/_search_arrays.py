@@ -95,8 +95,14 @@ def _lower_bounds(terms: Terms, boxes: _Boxes) -> tuple[Array, Array]:
     """Lower bounds (N,), and the points z (N, d) of the boxes where they would be taken."""
     g, h = boxes.C[:, terms.linear], 2.0 * boxes.C[:, terms.square]
     constant = boxes.C[:, 0] - np.abs(boxes.C) @ terms.weights[0] - 0.5 * h.sum(axis=1)
+    near = np.where(np.abs(g) >= h, np.where(g > 0, -1.0, 1.0), 0.0)
     for i, j, product in terms.pairs:
-        h[:, [i, j]] -= 0.5 * np.abs(boxes.C[:, [product]])
+        m, ends = boxes.C[:, product], near[:, i] * near[:, j]
+        tilt = np.where(m * ends > 0, m, 0.0)
+        g[:, i] += tilt * near[:, j]
+        g[:, j] += tilt * near[:, i]
+        h[:, [i, j]] -= 0.5 * np.abs(m - tilt)[:, None]
+        constant -= tilt * ends
     inner = np.abs(g) < 2.0 * h
     z = np.where(inner, -0.5 * g / np.where(inner, h, 1.0), np.where(g > 0, -1.0, 1.0)) * (boxes.half > 0)
     return constant + (g * z + h * z * z).sum(axis=1), z

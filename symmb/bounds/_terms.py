@@ -22,7 +22,7 @@ class Terms:
     ----------
     products : the expansion's
     linear, square : (d,) numbers of T_1 and T_2 of each parameter
-    pairs : (n_pairs, 3) two parameters and the number of the product of both
+    pairs : (d (d - 1) / 2, 3) each parameter and each before it, and the number of the product of both
     weights : (d + 1, n_padded) of terms of degree 3 and more, as |T_j| <= 1; then along each parameter of all but
         those of degree 1, as |T_j'| <= j^2
     """
@@ -65,4 +65,4 @@ def terms_of(products: LowerSet) -> Terms:
     weights[0, :n] = alpha.sum(axis=1) > 2
     weights[1:, :n] = alpha.T**2
     weights[1:, :n][:, alpha.sum(axis=1) == 1] = 0
-    return Terms(products, linear, square, np.array([p for p in pairs if p[2] < n]).reshape(-1, 3), weights)
+    return Terms(products, linear, square, np.array(pairs, dtype=np.intp).reshape(-1, 3), weights)

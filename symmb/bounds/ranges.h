@@ -1,13 +1,14 @@
 /* Ranges of polynomials in Chebyshev form on [-1, 1]^d by branch and bound, one after the other, depth first.
 
-   On a box with coordinates z in [-1, 1]^d the terms of degree one and two are bounded below by a sum of parabolas, one for
-   each free parameter, as -2 |z_i z_j| >= -z_i^2 - z_j^2, or are minimised as they are in two parameters; all others are
-   bounded by |T| <= 1. Where a derivative cannot vanish, the
-   box is left, or its parameter is fixed at the end of its range. */
+   On a box with coordinates z in [-1, 1]^d the terms of degree one and two are minimised as they are in two parameters.
+   In more they are bounded below by a sum of parabolas, one for each free parameter: a product m z_i z_j by the plane
+   through its edges at a corner e, m (e_j z_i + e_i z_j - e_i e_j), where it is positive there and both parameters tend
+   to that corner, else by -|m| (z_i^2 + z_j^2) / 2. All others are bounded by |T| <= 1. Where a derivative cannot
+   vanish, the box is left, or its parameter is fixed at the end of its range. */
 #include <math.h>
 #include <string.h>
 
-enum { W = 8, PATIENCE = 50 }; /* boxes before a descent from a better point pays */
+enum { W = 8, PATIENCE = 10, FEW = 32 }; /* boxes before a descent from a better point pays; terms not worth leaving out */
 #define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
 #define PRUNED 0.9
 #define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
@@ -15,13 +16,13 @@ typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 
 typedef struct {
-  long d, n, n_low, padded, order, n_pairs, n_samples; /* n_low products are of degree 2 at most */
+  long d, n, n_low, padded, order, n_samples, n_sums; /* n_low products are of degree 2 at most */
   const int *linear, *square; /* (d) numbers of T_1 and T_2 of each parameter */
-  const int *pairs;           /* (n_pairs, 3): two parameters and the number of the product of both */
+  const int *pairs;           /* of each parameter with those before it, number of the product of both */
   const int *parent, *factor; /* (n) a product is its parent times a value of a single parameter */
   const int *fibres;          /* (..., order + 1) of each parameter in turn, those longer than 1; n ends them */
   const int *first;           /* (d + 1) where those of each parameter start */
-  const double *weights;      /* (d + 1, padded): of terms of higher degree, then of derivatives along each parameter */
+  const double *weights;      /* (padded, n_sums): of derivatives along each parameter, then of terms of higher degree */
   const double *halving;      /* (order + 1, order + 1) by columns */
   const double *samples;      /* (n_samples, order + 2): x and T_j(x) */
 } Basis;
@@ -42,10 +43,17 @@ typedef struct {
 
 static double total(V a) { return ((a[0] + a[4]) + (a[1] + a[5])) + ((a[2] + a[6]) + (a[3] + a[7])); }
 
-static double weighted(const double *w, const double *c, long n) {
-  V sum = {0};
-  for (long i = 0; i < n; i += W) sum += *(const V *)(w + i) * (V)(*(const M *)(c + i) & 0x7fffffffffffffffLL);
-  return total(sum);
+/* Sums (n_sums) of the magnitudes of coefficients with each column of weights. */
+static void weighted(const Basis *b, const double *c, long n, double *sums) {
+  for (long k = 0; k < b->n_sums; k += W) {
+    const double *w = b->weights + k;
+    V even = {0}, odd = {0};
+    for (long i = 0; i < n; i += 2, w += 2 * b->n_sums) {
+      even += *(const V *)w * fabs(c[i]);
+      odd += *(const V *)(w + b->n_sums) * fabs(c[i + 1]);
+    }
+    *(V *)(sums + k) = even + odd;
+  }
 }
 
 static void chebyshev(double x, double *T, long order) {
@@ -59,9 +67,9 @@ static double value(const Search *s, const double *c, const double *x, long n) {
   for (long k = 0; k < b->d; ++k) chebyshev(x[k], s->powers + k * (b->order + 1), b->order);
   s->values[0] = 1.0;
   for (long i = 1; i < n; ++i) s->values[i] = s->values[b->parent[i]] * s->powers[b->factor[i]];
-  double y = 0.0;
-  for (long i = 0; i < n; ++i) y += c[i] * s->values[i];
-  return y;
+  V sum = {0};
+  for (long i = 0; i < n; i += W) sum += *(const V *)(c + i) * *(const V *)(s->values + i);
+  return total(sum);
 }
 
 /* The least value of g x + h x^2 on [-1, 1], and where. */
@@ -98,6 +106,7 @@ static double paraboloid(const double *g, const double *h, double m, double *z) 
 /* Leave out coefficients of high degree as far as allowed, and return how many there are, padded. */
 static long trim(const Basis *b, double *c, double *left, double allowed) {
   long n = (long)left[0];
+  if (b->n <= FEW) return b->padded;
   for (; n > b->n_low && left[1] + fabs(c[n - 1]) <= allowed; --n) left[1] += fabs(c[n - 1]);
   left[0] = (double)n;
   for (; n % W; ++n) c[n] = 0.0;
@@ -142,41 +151,52 @@ static void halve(const Basis *b, double *c, double *near, long k, double end, l
 /* A lower bound of the polynomial on a box, with the point z where it would be taken; infinite if no minimum lies in it.
    Parameters along which the polynomial is monotone are fixed. */
 static double lower_bound(const Basis *b, double *box, double *z, long *widest, double allowed) {
-  double *c = box, *centre = box + b->padded, *half = centre + b->d, *left = half + b->d, slope[b->d];
+  const long d = b->d;
+  double *c = box, *centre = box + b->padded, *half = centre + d, *left = half + d;
+  double g[d], h[d], ends[d], slope[b->n_sums];
   long n = 0;
   for (int again = 1; again;) {
     again = 0;
     n = trim(b, c, left, allowed);
-    for (long k = 0; k < b->d; ++k) {
-      if (half[k] == 0.0) continue;
-      const double linear = c[b->linear[k]];
-      slope[k] = weighted(b->weights + (k + 1) * b->padded, c, n);
-      if (fabs(linear) < slope[k]) continue;
-      const double end = linear > 0.0 ? -1.0 : 1.0, face = centre[k] + end * half[k];
-      if (fabs(face) < 1.0 && fabs(linear) > slope[k] + b->order * b->order * left[1]) return INFINITY;
-      fix(b, c, k, end, n);
+    weighted(b, c, n, slope);
+    for (long k = 0; k < d; ++k) g[k] = c[b->linear[k]], ends[k] = g[k] > 0.0 ? -1.0 : 1.0;
+    for (long k = 0; k < d; ++k) {
+      if (half[k] == 0.0 || fabs(g[k]) < slope[k]) continue;
+      const double face = centre[k] + ends[k] * half[k];
+      if (fabs(face) < 1.0 && fabs(g[k]) > slope[k] + b->order * b->order * left[1]) return INFINITY;
+      fix(b, c, k, ends[k], n);
       centre[k] = face;
       half[k] = 0.0;
       again = 1;
     }
   }
-  double h[b->d], bound = c[0] - left[1] - weighted(b->weights, c, n), most = -1.0;
-  for (long k = 0; k < b->d; ++k) h[k] = 2.0 * c[b->square[k]];
-  if (b->d == 2 && b->n_pairs && half[0] > 0.0 && half[1] > 0.0) {
-    const double g[] = {c[b->linear[0]], c[b->linear[1]]}, mixed = c[b->pairs[2]];
-    *widest = slope[1] > slope[0];
-    return bound - 0.5 * (h[0] + h[1]) + paraboloid(g, h, mixed, z);
+  double bound = c[0] - left[1] - slope[d], most = -1.0;
+  for (long k = 0; k < d; ++k) {
+    h[k] = 2.0 * c[b->square[k]];
+    bound -= 0.5 * h[k];
+    if (half[k] > 0.0 && slope[k] > most) most = slope[k], *widest = k;
   }
-  for (const int *p = b->pairs; p < b->pairs + 3 * b->n_pairs; p += 3) {
-    const double mixed = 0.5 * fabs(c[p[2]]);
-    h[p[0]] -= mixed;
-    h[p[1]] -= mixed;
+  if (d == 2 && half[0] > 0.0 && half[1] > 0.0) return bound + paraboloid(g, h, c[b->pairs[0]], z);
+  double near[d];
+  for (long k = 0; k < d; ++k) near[k] = fabs(g[k]) >= h[k] ? ends[k] : 0.0;
+  const int *pair = b->pairs;
+  for (long i = 1; i < d; ++i) {
+    const double ni = near[i];
+    double gi = 0.0, hi = 0.0;
+    for (long j = 0; j < i; ++j) {
+      const double m = c[*pair++], tilt = m * ni * near[j] > 0.0 ? m : 0.0, bend = 0.5 * fabs(m - tilt);
+      gi += tilt * near[j];
+      g[j] += tilt * ni;
+      hi += bend;
+      h[j] -= bend;
+      bound -= tilt * ni * near[j];
+    }
+    g[i] += gi;
+    h[i] -= hi;
   }
-  for (long k = 0; k < b->d; ++k) {
+  for (long k = 0; k < d; ++k) {
     z[k] = 0.0;
-    if (half[k] == 0.0) continue;
-    bound += parabola(c[b->linear[k]], h[k], z + k) - c[b->square[k]];
-    if (slope[k] > most) most = slope[k], *widest = k;
+    if (half[k] > 0.0) bound += parabola(g[k], h[k], z + k);
   }
   return bound;
 }
@@ -296,7 +316,8 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
   for (long i = 0; i < m; ++i) {
     double *c = C + i * b->padded, floor = 0.0;
     Extreme two[] = {{0.0, 0.0, at_lower + i * b->d}, {0.0, 0.0, at_upper + i * b->d}};
-    for (long j = 0; j < b->n; ++j) floor = fmax(floor, 1e-13 * fabs(c[j]));
+    for (long j = 0; j < b->n; ++j) floor = fabs(c[j]) > floor ? fabs(c[j]) : floor;
+    floor *= 1e-13;
     for (long k = 0; k < b->d; ++k) {
       two[0].at[k] = c[b->linear[k]] > 0.0 ? -1.0 : 1.0;
       two[1].at[k] = -two[0].at[k];
@@ -309,7 +330,15 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
     }
     two[0].best = y[0];
     two[1].best = -y[1];
-    double *gaps[] = {below + i, above + i};
+    double *gaps[] = {below + i, above + i}, slope[b->n_sums];
+    long steady = 0;
+    weighted(b, c, b->padded, slope);
+    for (long k = 0; k < b->d; ++k) steady += fabs(c[b->linear[k]]) >= slope[k];
+    if (steady == b->d) { /* monotone: both are taken at corners */
+      lower[i] = y[0], upper[i] = y[1];
+      below[i] = above[i] = 0.0;
+      continue;
+    }
     for (int side = 0; side < 2; ++side) {
       Extreme *e = two + side, *other = two + 1 - side;
       double loose = 1.0;
