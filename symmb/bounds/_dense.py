@@ -30,6 +30,7 @@ class _Grid(ctypes.Structure):
         ("K", ctypes.c_long * MOST_PARAMETERS),
         ("x", ctypes.c_void_p * MOST_PARAMETERS),
         ("values", ctypes.c_void_p * MOST_PARAMETERS),
+        ("factors", ctypes.c_void_p),
     ]
 
 
@@ -55,6 +56,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
     found, points = np.empty((2, lanes)), np.empty((2, MOST_PARAMETERS, lanes))
+    grid.factors = _FACTORS.ctypes.data
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
     library = load(_SOURCE)
 
@@ -77,6 +79,8 @@ def _samples(n: int, per_degree: int) -> tuple[Array, Array]:
     return x, np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
 
 
+_DEGREES = np.arange(HIGHEST_DEGREE + 1.0)
+_FACTORS = np.stack([(2 * _DEGREES + 1) / (_DEGREES + 1), _DEGREES / (_DEGREES + 1)], axis=1)
 _SOURCE = "\n".join(
     ["#include <stdlib.h>", header("lanes"), (Path(__file__).parent / "dense.h").read_text(encoding="utf-8")]
 )

@@ -7,18 +7,26 @@ typedef struct {
   long n[DIRECTIONS], K[DIRECTIONS];     /* polynomials and samples along each parameter; 1 along missing ones */
   const double *x[DIRECTIONS];           /* (K) samples */
   const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials there */
+  const double *factors;                 /* (ORDERS, 2) of their recurrence */
 } Grid;
 
-/* Legendre polynomials at x, with their first two derivatives. */
-static void legendre(V x, long n, V *f, V *first, V *second) {
+/* Legendre polynomials at x: factors holds (2 j + 1) / (j + 1) and j / (j + 1). */
+static void legendre(const Grid *g, V x, long n, V *f) {
   f[0] = each(1.0);
-  first[0] = second[0] = zero();
-  if (n > 1) f[1] = x, first[1] = each(1.0), second[1] = zero();
+  if (n > 1) f[1] = x;
+  for (long j = 1; j + 1 < n; ++j) f[j + 1] = g->factors[2 * j] * x * f[j] - g->factors[2 * j + 1] * f[j - 1];
+}
+
+/* First and second derivative of the sum of w f, with Legendre polynomials f. */
+static void slopes(const V *w, const V *f, long n, V *slope, V *bend) {
+  V first[ORDERS] = {zero(), each(1.0)}, second[ORDERS] = {zero(), zero()};
+  *slope = w[1];
+  *bend = zero();
   for (long j = 1; j + 1 < n; ++j) {
-    const double a = (2.0 * j + 1.0) / (j + 1.0), b = j / (j + 1.0);
-    f[j + 1] = a * x * f[j] - b * f[j - 1];
     first[j + 1] = first[j - 1] + (2.0 * j + 1.0) * f[j];
     second[j + 1] = second[j - 1] + (2.0 * j + 1.0) * first[j];
+    *slope += w[j + 1] * first[j + 1];
+    *bend += w[j + 1] * second[j + 1];
   }
 }
 
@@ -44,34 +52,38 @@ static V sum(const V *w, const V *f, long n) {
 
 /* From the best sample x to the extreme near it; sign is 1 for minima and -1 for maxima. */
 static V polish(const Grid *g, const V *c, V *x, V best, double sign) {
-  V f[DIRECTIONS][ORDERS], further[DIRECTIONS][ORDERS], first[ORDERS], second[ORDERS], w[ORDERS], there[ORDERS], unused[ORDERS];
-  for (int i = 0; i < DIRECTIONS; ++i) legendre(x[i], g->n[i], f[i], unused, unused);
+  V f[DIRECTIONS][ORDERS], further[DIRECTIONS][ORDERS], w[ORDERS], there[ORDERS], slope, bend;
+  for (int i = 0; i < DIRECTIONS; ++i) legendre(g, x[i], g->n[i], f[i]);
   for (int sweep = 0; sweep < SWEEPS; ++sweep) {
     V before[DIRECTIONS];
+    M moved = {0};
     memcpy(before, x, sizeof before);
     for (int k = 0; k < DIRECTIONS; ++k) {
       if (g->n[k] == 1) continue;
       along(g, c, f, k, w);
-      legendre(x[k], g->n[k], f[k], first, second);
-      const V slope = sign * sum(w, first, g->n[k]), bend = sign * sum(w, second, g->n[k]);
+      slopes(w, f[k], g->n[k], &slope, &bend);
+      slope *= sign;
+      bend *= sign;
       const double gap = 3.14159265358979 / (g->K[k] - 1);
       const V reach = gap * v_sqrt(v_larger(1.0 - x[k] * x[k], zero())) + 0.5 * gap * gap;
       V step = choose(bend > 0.0, -slope / bend, choose(slope > 0.0, -reach, reach));
       step = v_larger(v_smaller(step, reach), -reach);
       const V to = v_larger(v_smaller(x[k] + step, each(1.0)), each(-1.0));
-      legendre(to, g->n[k], there, unused, unused);
+      legendre(g, to, g->n[k], there);
       const V y = sign * sum(w, there, g->n[k]);
       const M better = (M)(y < best);
+      moved |= better;
       best = blend(better, y, best);
       x[k] = blend(better, to, x[k]);
       for (long j = 0; j < g->n[k]; ++j) f[k][j] = blend(better, there[j], f[k][j]);
     }
+    if (none(moved)) break;
     /* Along a valley the sweeps go in one direction, which leads further. */
     for (double far = 4.0; far >= 1.0; far *= 0.5) {
       V to[DIRECTIONS];
       for (int k = 0; k < DIRECTIONS; ++k) {
         to[k] = v_larger(v_smaller(x[k] + far * (x[k] - before[k]), each(1.0)), each(-1.0));
-        legendre(to[k], g->n[k], further[k], unused, unused);
+        legendre(g, to[k], g->n[k], further[k]);
       }
       along(g, c, further, 0, w);
       const V y = sign * sum(w, further[0], g->n[0]);
@@ -93,7 +105,7 @@ int dense(const Grid *g, long m, long begin, long end, const double *C, double *
   V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), *plane = c + n, *row = plane + n12;
   for (long i = begin; c && i < end; i += W) {
     for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
-    V low = each(INFINITY), high = each(-INFINITY), at[2][DIRECTIONS];
+    V low = each(INFINITY), high = each(-INFINITY), lowest = zero(), highest = zero(), number = zero(), at[2][DIRECTIONS];
     for (long p = 0; p < g->K[0]; ++p) {
       for (long j = 0; j < n12; ++j) {
         plane[j] = zero();
@@ -110,14 +122,17 @@ int dense(const Grid *g, long m, long begin, long end, const double *C, double *
           const M less = (M)(y < low), more = (M)(y > high);
           low = v_smaller(y, low);
           high = v_larger(y, high);
-          const double x[] = {g->x[0][p], g->x[1][q], g->x[2][r]};
-          for (int k = 0; k < DIRECTIONS; ++k) {
-            at[0][k] = blend(less, each(x[k]), at[0][k]);
-            at[1][k] = blend(more, each(x[k]), at[1][k]);
-          }
+          lowest = blend(less, number, lowest);
+          highest = blend(more, number, highest);
+          number += 1.0;
         }
       }
     }
+    for (int l = 0; l < W; ++l)
+      for (int side = 0; side < 2; ++side) {
+        long sample = (long)(side ? highest[l] : lowest[l]);
+        for (int k = DIRECTIONS - 1; k >= 0; sample /= g->K[k--]) at[side][k][l] = g->x[k][sample % g->K[k]];
+      }
     low = polish(g, c, at[0], low, 1.0);
     high = -polish(g, c, at[1], -high, -1.0);
     memcpy(values + i, &low, sizeof(V));
