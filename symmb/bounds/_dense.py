@@ -19,7 +19,10 @@ _SAMPLES = 4
 """Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
 _FEWEST = 12
 _WAVY = 8
-"""Above this degree the parameter of the highest one gets twice as many: its valleys may all be alike."""
+"""Above this degree the valleys along the parameter of the highest one may all be alike: it gets twice as many samples,
+and starts in each of several pieces."""
+_PIECES = 4
+"""As PIECES of dense.h has it."""
 
 
 class _Grid(ctypes.Structure):
@@ -31,6 +34,7 @@ class _Grid(ctypes.Structure):
         ("x", ctypes.c_void_p * MOST_PARAMETERS),
         ("values", ctypes.c_void_p * MOST_PARAMETERS),
         ("factors", ctypes.c_void_p),
+        ("pieces", ctypes.c_long),
     ]
 
 
@@ -48,10 +52,11 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     lanes = -(-m // 8) * 8
     C = np.zeros((*(degrees[order] + 1), lanes))
     C[(*alpha[:, order].T, slice(0, m))] = coefficients
-    per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if degrees.max() > _WAVY else _SAMPLES]
-    tables = [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
-    tables += [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
-    grid = _Grid()
+    wavy = degrees.max() > _WAVY
+    per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if wavy else _SAMPLES]
+    tables = [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
+    tables += [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
+    grid = _Grid(pieces=_PIECES if wavy else 1)
     for k, (x, values) in enumerate(tables):
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
@@ -67,7 +72,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
 
     in_parts(work, lanes, 8)
     at = np.empty((2, m, d))
-    at[:, :, order] = points[:, :d, :m].swapaxes(1, 2)
+    at[:, :, order] = points[:, MOST_PARAMETERS - d :, :m].swapaxes(1, 2)
     return found[0, :m], found[1, :m], at[0], at[1]
 
 

@@ -1,13 +1,14 @@
 /* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, then Newton's steps along
    one parameter after the other. One lane for each polynomial. Given before: lanes.h. */
 
-enum { SWEEPS = 3, ORDERS = 65, DIRECTIONS = 3 };
+enum { SWEEPS = 3, ORDERS = 65, DIRECTIONS = 3, PIECES = 4 };
 
 typedef struct {
   long n[DIRECTIONS], K[DIRECTIONS];     /* polynomials and samples along each parameter; 1 along missing ones */
   const double *x[DIRECTIONS];           /* (K) samples */
   const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials there */
   const double *factors;                 /* (ORDERS, 2) of their recurrence */
+  long pieces;                           /* of the last parameter: Newton's steps start from the best sample of each */
 } Grid;
 
 /* Legendre polynomials at x: factors holds (2 j + 1) / (j + 1) and j / (j + 1). */
@@ -98,47 +99,63 @@ static V polish(const Grid *g, const V *c, V *x, V best, double sign) {
   return best;
 }
 
+/* The best samples of each piece of the last parameter: values and numbers of minima, then of maxima. */
+static void scan(const Grid *g, const V *c, V *plane, V *row, V best[2][PIECES], V sample[2][PIECES]) {
+  const long n12 = g->n[1] * g->n[2];
+  V number = zero();
+  for (long s = 0; s < g->pieces; ++s) best[0][s] = each(INFINITY), best[1][s] = each(-INFINITY);
+  for (long p = 0; p < g->K[0]; ++p) {
+    for (long j = 0; j < n12; ++j) {
+      plane[j] = zero();
+      for (long a = 0; a < g->n[0]; ++a) plane[j] += g->values[0][p * g->n[0] + a] * c[a * n12 + j];
+    }
+    for (long q = 0; q < g->K[1]; ++q) {
+      for (long j = 0; j < g->n[2]; ++j) {
+        row[j] = zero();
+        for (long b = 0; b < g->n[1]; ++b) row[j] += g->values[1][q * g->n[1] + b] * plane[b * g->n[2] + j];
+      }
+      for (long s = 0, r = 0; s < g->pieces; ++s) {
+        V low = best[0][s], high = best[1][s], lowest = sample[0][s], highest = sample[1][s];
+        for (; r < g->K[2] * (s + 1) / g->pieces; ++r) {
+          V y = zero();
+          for (long e = 0; e < g->n[2]; ++e) y += g->values[2][r * g->n[2] + e] * row[e];
+          lowest = blend((M)(y < low), number, lowest);
+          highest = blend((M)(y > high), number, highest);
+          low = v_smaller(y, low);
+          high = v_larger(y, high);
+          number += 1.0;
+        }
+        best[0][s] = low, best[1][s] = high, sample[0][s] = lowest, sample[1][s] = highest;
+      }
+    }
+  }
+}
+
 /* C (n0 n1 n2, m) by rows -> values (2, m) and points (2, 3, m) of minima and maxima, of polynomials from number begin to
    end, multiples of W. 0 if there is not enough memory. */
 int dense(const Grid *g, long m, long begin, long end, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
-  V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), *plane = c + n, *row = plane + n12;
+  V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), best[2][PIECES], sample[2][PIECES] = {{{0}}};
   for (long i = begin; c && i < end; i += W) {
     for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
-    V low = each(INFINITY), high = each(-INFINITY), lowest = zero(), highest = zero(), number = zero(), at[2][DIRECTIONS];
-    for (long p = 0; p < g->K[0]; ++p) {
-      for (long j = 0; j < n12; ++j) {
-        plane[j] = zero();
-        for (long a = 0; a < g->n[0]; ++a) plane[j] += g->values[0][p * g->n[0] + a] * c[a * n12 + j];
-      }
-      for (long q = 0; q < g->K[1]; ++q) {
-        for (long j = 0; j < g->n[2]; ++j) {
-          row[j] = zero();
-          for (long b = 0; b < g->n[1]; ++b) row[j] += g->values[1][q * g->n[1] + b] * plane[b * g->n[2] + j];
+    scan(g, c, c + n, c + n + n12, best, sample);
+    for (int side = 0; side < 2; ++side) {
+      const double sign = side ? -1.0 : 1.0;
+      V least = each(INFINITY), at[DIRECTIONS], x[DIRECTIONS];
+      for (long s = 0; s < g->pieces; ++s) {
+        for (int l = 0; l < W; ++l) {
+          long number = (long)sample[side][s][l];
+          for (int k = DIRECTIONS - 1; k >= 0; number /= g->K[k--]) x[k][l] = g->x[k][number % g->K[k]];
         }
-        for (long r = 0; r < g->K[2]; ++r) {
-          V y = zero();
-          for (long e = 0; e < g->n[2]; ++e) y += g->values[2][r * g->n[2] + e] * row[e];
-          const M less = (M)(y < low), more = (M)(y > high);
-          low = v_smaller(y, low);
-          high = v_larger(y, high);
-          lowest = blend(less, number, lowest);
-          highest = blend(more, number, highest);
-          number += 1.0;
-        }
+        const V y = polish(g, c, x, sign * best[side][s], sign);
+        const M better = (M)(y < least);
+        least = blend(better, y, least);
+        for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
       }
+      least *= sign;
+      memcpy(values + side * m + i, &least, sizeof(V));
+      for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, at + k, sizeof(V));
     }
-    for (int l = 0; l < W; ++l)
-      for (int side = 0; side < 2; ++side) {
-        long sample = (long)(side ? highest[l] : lowest[l]);
-        for (int k = DIRECTIONS - 1; k >= 0; sample /= g->K[k--]) at[side][k][l] = g->x[k][sample % g->K[k]];
-      }
-    low = polish(g, c, at[0], low, 1.0);
-    high = -polish(g, c, at[1], -high, -1.0);
-    memcpy(values + i, &low, sizeof(V));
-    memcpy(values + m + i, &high, sizeof(V));
-    for (int side = 0; side < 2; ++side)
-      for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, &at[side][k], sizeof(V));
   }
   const int enough = c != NULL;
   free(c);
