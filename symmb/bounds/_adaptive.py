@@ -13,6 +13,7 @@ from symmb.bounds._describe import failure_text
 from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
 from symmb.bounds._method import parameter_samples
+from symmb.bounds._legendre import MultiIndices
 from symmb.bounds._moments import Expansion
 from symmb.bounds._reductions import failure_records
 from symmb.bounds._result import Bounds, Failure
@@ -31,10 +32,14 @@ _REFINED = 0.25
 """Directions of a tensor whose errors are at least this share of the largest are refined together."""
 _GROWTH = 0.25
 """A sparse grid grows by about this share at a time."""
-_SAFETY = 2.0
+_SAFETY = 3.0
 """What the errors seen by check runs are multiplied with: they are those at a few of the extremes."""
-_TRUST = 0.6
+_TRUST = 0.75
 """Least share of its estimated error that an interpolant keeps when check runs see less."""
+_REACHED = 0.2
+"""Share of that which remains even at places of check runs: the continuation is no interpolant of all others."""
+_DENSE = 1e-5
+"""Share of a range to which the dense search finds it."""
 _RANGE = 0.02
 """Share of the tolerance to which ranges are found."""
 _WORK, _FEWEST_BOXES = 200_000, 20
@@ -112,7 +117,7 @@ class _Runs:
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """An expansion and its range (n_t, n_y), with the places (2, n_t, n_y, d) of its minima and maxima.
+    """An expansion and its range (n_t, n_y) to a share, with the places (2, n_t, n_y, d) of its minima and maxima.
 
     The range is the widest that was found: proofs take longer than the runs, and prove nothing of the responses.
     """
@@ -121,20 +126,22 @@ class _Fitted:
     lower: Array
     upper: Array
     places: Array
+    tolerance: float
 
     @classmethod
     def of(cls, expansion: Expansion, share: float) -> "_Fitted":
-        """With the range to a share of itself."""
+        """With the range to a share of itself, or better."""
         alpha, shape = expansion.alpha, expansion.coefficients.shape[1:]
         flat = expansion.coefficients.reshape(len(alpha), -1)
         if alpha.shape[1] <= TENSOR_PARAMETERS and has_compiler():
+            share = _DENSE
             lower, upper, *places = dense_extremes(alpha, flat)
         else:
             found = Exact(share, max(_FEWEST_BOXES, _WORK // len(alpha))).search(alpha, flat)
             lower, upper = found.lower + found.below, found.upper - found.above
             places = [found.at_lower, found.at_upper]
         points = np.stack(places).reshape(2, *shape, alpha.shape[1])
-        return cls(expansion, lower.reshape(shape), upper.reshape(shape), points)
+        return cls(expansion, lower.reshape(shape), upper.reshape(shape), points, share)
 
 
 def adaptive_bounds(
@@ -199,7 +206,7 @@ def adaptive_bounds(
         kind="estimate",
         method=text,
         evaluations=len(runs),
-        estimate=estimate + share * (fitted.upper - fitted.lower),
+        estimate=estimate + fitted.tolerance * (fitted.upper - fitted.lower),
         inner=inner,
         failed=runs.failed,
         expansion=fitted.expansion,
@@ -249,7 +256,19 @@ def _corrected(
         coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])
         alpha = np.concatenate([base.alpha, continuation.alpha])
         fitted = _Fitted.of(Expansion(alpha, coefficients.reshape(len(alpha), *runs.shape), base.parameters), share)
-    return fitted, np.maximum(seen, _TRUST * estimate)
+    left = _left(continuation, base.alpha, fitted.places, runs.points)
+    return fitted, np.maximum(seen, _TRUST * (_REACHED + (1 - _REACHED) * left) * estimate)
+
+
+def _left(continuation: Continuation, known: MultiIndices, places: Array, points: Array) -> Array:
+    """Share (n_t, n_y), at most 1, of the error that runs at points (C, d) leave at places (2, n_t, n_y, d)."""
+    if not len(points):
+        return np.ones(places.shape[1:3])
+    different, which = np.unique(places.reshape(-1, places.shape[-1]).round(1), axis=0, return_inverse=True)
+    before, after = continuation.expected(known, different, points)
+    typical = np.median(before[which])
+    share = np.divide(after, typical, out=np.ones_like(after), where=after < typical)
+    return share[which.ravel()].reshape(places.shape[:3]).max(axis=0)
 
 
 def _spread(places: Array, weights: Array, number: int) -> Array:

@@ -46,12 +46,24 @@ class Continuation:
         points : (C, d)
         errors : (C, m)         of the interpolant
         """
-        free = basis_values(self.alpha, points) - basis_values(known, points) @ self.undone
+        free = self._free(known, points)
         weighted = self.sizes[:, None] ** 2 * free.T
         products = free @ weighted
         products[np.diag_indices_from(products)] *= 1 + _NOISE
         further = weighted @ np.linalg.lstsq(products, errors, rcond=None)[0]
         return -self.undone @ further, further
+
+    def expected(self, known: MultiIndices, places: Array, points: Array) -> tuple[Array, Array]:
+        """Root mean squares of the interpolant's error at places (n, d), each (n,), before and after runs at points."""
+        places_free, free = (self._free(known, x) * self.sizes for x in (places, points))
+        before = np.square(places_free).sum(axis=1)
+        products = places_free @ free.T
+        told = np.einsum("nc,cn->n", products, np.linalg.lstsq(free @ free.T, products.T, rcond=_NOISE)[0])
+        return np.sqrt(before), np.sqrt(np.maximum(before - told, 0.0))
+
+    def _free(self, known: MultiIndices, points: Array) -> Array:
+        """(C, n_b) values of the further polynomials at points, less their interpolants."""
+        return basis_values(self.alpha, points) - basis_values(known, points) @ self.undone
 
 
 def likely_ahead(grid: Grid, sizes: Array) -> dict[Index, float]:

@@ -1,5 +1,6 @@
 """What an expansion leaves out, estimated from how its last coefficients fall off."""
 
+import itertools
 from dataclasses import dataclass
 from typing import cast
 
@@ -10,7 +11,9 @@ from symmb.bounds._legendre import MultiIndices
 
 _WINDOW = 0.02
 """Share of the times over which coefficients are averaged: they pass through zero as the response swings."""
-_NEAR_NODES = 0.3
+_FRONTS = 4
+"""Pairs of degrees that tell how coefficients fall off."""
+_NEAR_NODES = 0.4
 """Over the degree, counted as 4 at most: share of the largest error that is expected even at nodes, since extremes are
 found only near to where they are."""
 
@@ -19,10 +22,9 @@ found only near to where they are."""
 class Tails:
     """Expected error of interpolants on a grid, at points of the box, for every time and output.
 
-    In direction i the error is taken to be T_i sqrt(T_i / T'_i), with the sizes of the two highest degrees and of the
-    two below: half-way between the last coefficients and what would follow if they fell off as before. On a tensor grid
-    it vanishes, but for a share, at the nodes, as (1 - x^2) U(x) does. What is not mixed with direction i yet is
-    expected to be mixed as strongly as what is.
+    In direction i coefficients are taken two degrees together, and those that would come next to fall off by as little
+    as any pair of the last ones did. On a tensor grid the error vanishes, but for a share, at the nodes, as
+    (1 - x^2) U(x) does. What is not mixed with direction i yet is expected to be mixed as strongly as what is.
 
     Attributes
     ----------
@@ -47,9 +49,10 @@ class Tails:
         directions, mixed = np.zeros((d, *coefficients.shape[1:])), np.zeros(coefficients.shape[1:])
         total = size(np.flatnonzero(alpha.sum(axis=1) == 1))
         for i in range(d):
-            last, before, absent = _fronts(alpha, i)
-            top = size(last)
-            directions[i] = top * np.sqrt(_ratio(top, size(before)))
+            fronts, absent = _fronts(alpha, i)
+            sizes = [size(rows) for rows in fronts]
+            falls = [_ratio(last, before) for last, before in itertools.pairwise(sizes)]
+            directions[i] = sizes[0] * np.max(falls, axis=0, initial=0.0) if falls else sizes[0]
             if absent.size:
                 first, base = _products(alpha, i)
                 share = _ratio(size(first), size(base)) if first.size else _ratio(size(_main(alpha, i)), total)
@@ -93,20 +96,16 @@ def _ratio(a: Array, b: Array) -> Array:
     return np.divide(a, b, out=np.ones_like(a), where=a < b)
 
 
-def _fronts(alpha: MultiIndices, i: int) -> tuple[Indices, Indices, Indices]:
-    """Rows of the highest degrees in direction i, of those below, and of what is not mixed with it at all."""
-    others = np.delete(alpha, i, axis=1)
-    _, line = np.unique(others, axis=0, return_inverse=True)
+def _fronts(alpha: MultiIndices, i: int) -> tuple[list[Indices], Indices]:
+    """Rows of the two highest degrees in direction i, of the two below, and so on; and of what is not mixed with it."""
+    _, line = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
     line = line.ravel()
     top = np.zeros(int(line.max()) + 1, dtype=np.intp)
     np.maximum.at(top, line, alpha[:, i])
-    below_top = top[line] - alpha[:, i]
     wide = np.where(top[line] > 2, 2, 1)  # of degree 2 there is but one coefficient above the slope
-    return (
-        np.flatnonzero((top[line] > 0) & (below_top < wide)),
-        np.flatnonzero((top[line] > 0) & (below_top >= wide) & (below_top < 2 * wide)),
-        np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0)),
-    )
+    front = (top[line] - alpha[:, i]) // wide
+    rows = (np.flatnonzero((alpha[:, i] > 0) & (front == k)) for k in range(_FRONTS))
+    return [some for some in rows if some.size], np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0))
 
 
 def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { W = 8, PATIENCE = 10, FEW = 32 }; /* boxes before a descent from a better point pays; terms not worth leaving out */
+enum { W = 8, PATIENCE = 10, FEW = 32, STARTS = 10 }; /* boxes before a descent pays; terms not worth leaving out; further descents */
 #define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
 #define PRUNED 0.9
 #define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
@@ -234,12 +234,11 @@ static double least(const Basis *b, const double *g, double *x) {
   return now - best;
 }
 
-/* Descend along one parameter after the other while that gains. */
+/* Descend from s->x along one parameter after the other while that gains. */
 static void descend(const Search *s, const double *c, Extreme *e, double enough) {
   const Basis *b = s->basis;
   const long size = b->order + 1;
   double T[size], g[size], gain = INFINITY;
-  memcpy(s->x, e->at, b->d * sizeof *s->x);
   value(s, c, s->x, b->n);
   for (int sweep = 0; sweep < 20 && gain > enough; ++sweep) {
     gain = 0.0;
@@ -266,6 +265,19 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
   }
 }
 
+/* Descend from the best point with some parameters put to the other end, again and again: of many parameters most extremes
+   lie at corners, and no search by boxes sees them all. */
+static void explore(const Search *s, const double *c, Extreme *e, double enough) {
+  unsigned long long random = 88172645463325252ULL; /* Marsaglia's xorshift (2003) */
+  for (int start = 0; start < STARTS; ++start) {
+    for (long k = 0; k < s->basis->d; ++k) {
+      random ^= random << 13, random ^= random >> 7, random ^= random << 17;
+      s->x[k] = random % 4 ? e->at[k] : e->at[k] > 0.0 ? -1.0 : 1.0;
+    }
+    descend(s, c, e, enough);
+  }
+}
+
 /* Whether the least value lies within ``share`` of the range, up to top, and ``floor`` below the best one known. */
 static int search(const Search *s, const double *c, Extreme *e, double top, double share, double floor) {
   const Basis *b = s->basis;
@@ -287,7 +299,10 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
       if (y < e->best) {
         e->best = y;
         for (long k = 0; k < b->d; ++k) e->at[k] = centre[k] + half[k] * s->z[k];
-        if (count > PATIENCE) descend(s, c, e, 0.1 * slack);
+        if (count > PATIENCE) {
+          memcpy(s->x, e->at, b->d * sizeof *s->x);
+          descend(s, c, e, 0.1 * slack);
+        }
         slack = share * (top - e->best) + floor;
       }
       if (bound < e->best - PRUNED * slack) {
@@ -342,8 +357,10 @@ void ranges(const Search *s, long m, double *C, double *lower, double *upper, do
     for (int side = 0; side < 2; ++side) {
       Extreme *e = two + side, *other = two + 1 - side;
       double loose = 1.0;
-      while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor))
+      while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) {
+        if (loose == 1.0) explore(s, c, e, RELAXED * (-other->best - e->best));
         loose = fmax(4.0 * loose, RELAXED / s->tolerance);
+      }
       *gaps[side] = loose > 1.0 ? value(s, c, e->at, b->n) - e->bound : 0.0;
       for (long j = 0; j < b->n; ++j) c[j] = -c[j];
     }
