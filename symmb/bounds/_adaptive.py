@@ -32,9 +32,9 @@ _REFINED = 0.25
 """Directions of a tensor whose errors are at least this share of the largest are refined together."""
 _GROWTH = 0.25
 """A sparse grid grows by about this share at a time."""
-_SAFETY = 3.0
+_SAFETY = 2.5
 """What the errors seen by check runs are multiplied with: they are those at a few of the extremes."""
-_TRUST = 0.75
+_TRUST = 0.6
 """Least share of its estimated error that an interpolant keeps when check runs see less."""
 _REACHED = 0.2
 """Share of that which remains even at places of check runs: the continuation is no interpolant of all others."""
@@ -230,50 +230,50 @@ def _next_sparse(grid: Grid, sizes: Array, room: int) -> set[Index]:
 
 def _checked(runs: _Runs, fitted: _Fitted, tails: Tails, estimate: Array, unit: Array, number: int) -> Array:
     """The estimate (n_t, n_y), changed where runs at some of the extremes see other errors than expected there."""
-    points, Y = runs.check(_spread(fitted.places, estimate / unit, number))
+    points, Y = runs.check(_spread(fitted.places, np.stack([estimate, estimate]) / unit, number))
     if not len(points):
         return estimate
-    errors = Y - fitted.expansion.values(points)
-    expected = np.max([tails.at(x) for x in points], axis=0)
-    seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
-    return estimate * np.maximum(np.divide(seen, expected, out=np.ones_like(seen), where=expected > 0), _TRUST)
+    errors, expected = Y - fitted.expansion.values(points), np.stack([tails.at(x) for x in points])
+    ratios = np.divide(errors, expected, out=np.zeros_like(errors), where=expected > 0)
+    return estimate * np.maximum(_seen(ratios), _TRUST)
 
 
 def _corrected(
-    runs: _Runs, grid: Grid, fitted: _Fitted, sizes: Array, share: float, estimate: Array, unit: Array, number: int
+    runs: _Runs, grid: Grid, fitted: _Fitted, sizes: Array, tolerance: float, estimate: Array, unit: Array, number: int
 ) -> tuple[_Fitted, Array]:
     """The expansion continued through runs at some of its extremes, twice; and its error as the second ones see it."""
     base, seen = fitted.expansion, estimate
     continuation = Continuation.of(grid, likely_ahead(grid, sizes))
+    typical = _rms(continuation.expected(base.alpha, fitted.places, runs.points).ravel())
+
+    def share(places: Array, points: Array) -> Array:
+        """Of the error typical of extremes, what nodes and points leave at places (..., d)."""
+        left = continuation.expected(base.alpha, places, points)
+        return _REACHED + (1 - _REACHED) * np.divide(left, typical, out=np.ones_like(left), where=left < typical)
+
     for some in (number // 2, number - number // 2):
-        points, Y = runs.check(_spread(fitted.places, estimate / unit, some))
+        before = runs.points
+        points, Y = runs.check(_spread(fitted.places, share(fitted.places, before) * estimate / unit, some))
         if not len(points):
             continue
-        errors = Y - fitted.expansion.values(points)
-        seen = _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
+        errors = (Y - fitted.expansion.values(points)) / share(points, before)[:, None, None]
+        seen = _seen(errors)
         known = (runs.checks - base.values(runs.points)).reshape(len(runs.points), -1)
         change, further = continuation.through(base.alpha, runs.points, known)
         coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])
         alpha = np.concatenate([base.alpha, continuation.alpha])
-        fitted = _Fitted.of(Expansion(alpha, coefficients.reshape(len(alpha), *runs.shape), base.parameters), share)
-    left = _left(continuation, base.alpha, fitted.places, runs.points)
-    return fitted, np.maximum(seen, _TRUST * (_REACHED + (1 - _REACHED) * left) * estimate)
+        fitted = _Fitted.of(Expansion(alpha, coefficients.reshape(len(alpha), *runs.shape), base.parameters), tolerance)
+    return fitted, share(fitted.places, runs.points).max(axis=0) * np.maximum(seen, _TRUST * estimate)
 
 
-def _left(continuation: Continuation, known: MultiIndices, places: Array, points: Array) -> Array:
-    """Share (n_t, n_y), at most 1, of the error that runs at points (C, d) leave at places (2, n_t, n_y, d)."""
-    if not len(points):
-        return np.ones(places.shape[1:3])
-    different, which = np.unique(places.reshape(-1, places.shape[-1]).round(1), axis=0, return_inverse=True)
-    before, after = continuation.expected(known, different, points)
-    typical = np.median(before[which])
-    share = np.divide(after, typical, out=np.ones_like(after), where=after < typical)
-    return share[which.ravel()].reshape(places.shape[:3]).max(axis=0)
+def _seen(errors: Array) -> Array:
+    """Errors (n_t, n_y) to be expected elsewhere from those at check runs (C, n_t, n_y)."""
+    return _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))
 
 
 def _spread(places: Array, weights: Array, number: int) -> Array:
-    """So many of the places (2, n_t, n_y, d), where most of the weight (n_t, n_y) is, and not close to each other."""
-    points, weights = places.reshape(-1, places.shape[-1]), np.tile(weights.ravel(), 2)
+    """So many of the places (2, n_t, n_y, d), where most of the weight (2, n_t, n_y) is, and not close to each other."""
+    points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     heaviest = np.argsort(weights)[-min(len(weights), 20 * _CANDIDATES) :]
     chosen = heaviest[:: max(1, len(heaviest) // _CANDIDATES)]
     points, weights = points[chosen], weights[chosen]

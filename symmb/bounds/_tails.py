@@ -13,6 +13,8 @@ _WINDOW = 0.02
 """Share of the times over which coefficients are averaged: they pass through zero as the response swings."""
 _FRONTS = 4
 """Pairs of degrees that tell how coefficients fall off."""
+_DECAY = 0.6
+"""Power of the decay seen: 1 trusts that the next coefficients fall off as much, 0 that they do not at all."""
 _NEAR_NODES = 0.4
 """Over the degree, counted as 4 at most: share of the largest error that is expected even at nodes, since extremes are
 found only near to where they are."""
@@ -22,8 +24,8 @@ found only near to where they are."""
 class Tails:
     """Expected error of interpolants on a grid, at points of the box, for every time and output.
 
-    In direction i coefficients are taken two degrees together, and those that would come next to fall off by as little
-    as any pair of the last ones did. On a tensor grid the error vanishes, but for a share, at the nodes, as
+    In direction i coefficients are taken two degrees together, and those that would come next to fall off by somewhat
+    less than they did, on tensor grids where they did least; lines of other grids are too different for that. On a tensor grid the error vanishes, but for a share, at the nodes, as
     (1 - x^2) U(x) does. What is not mixed with direction i yet is expected to be mixed as strongly as what is.
 
     Attributes
@@ -42,6 +44,7 @@ class Tails:
         """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y)."""
         d = alpha.shape[1]
         degrees = alpha.max(axis=0)
+        tensor = len(alpha) == int(np.prod(degrees + 1))
 
         def size(rows: Indices) -> Array:
             return np.sqrt(smooth(np.einsum("iab,iab->ab", coefficients[rows], coefficients[rows])))
@@ -49,15 +52,14 @@ class Tails:
         directions, mixed = np.zeros((d, *coefficients.shape[1:])), np.zeros(coefficients.shape[1:])
         total = size(np.flatnonzero(alpha.sum(axis=1) == 1))
         for i in range(d):
-            fronts, absent = _fronts(alpha, i)
+            fronts, absent = _fronts(alpha, i, 1 if tensor else 0)
             sizes = [size(rows) for rows in fronts]
             falls = [_ratio(last, before) for last, before in itertools.pairwise(sizes)]
-            directions[i] = sizes[0] * np.max(falls, axis=0, initial=0.0) if falls else sizes[0]
+            directions[i] = sizes[0] * (np.max(falls, axis=0) if tensor else falls[0]) ** _DECAY
             if absent.size:
                 first, base = _products(alpha, i)
                 share = _ratio(size(first), size(base)) if first.size else _ratio(size(_main(alpha, i)), total)
                 mixed += np.square(size(absent) * share)
-        tensor = len(alpha) == int(np.prod(degrees + 1))
         return cls(directions, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
@@ -96,15 +98,18 @@ def _ratio(a: Array, b: Array) -> Array:
     return np.divide(a, b, out=np.ones_like(a), where=a < b)
 
 
-def _fronts(alpha: MultiIndices, i: int) -> tuple[list[Indices], Indices]:
-    """Rows of the two highest degrees in direction i, of the two below, and so on; and of what is not mixed with it."""
+def _fronts(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indices], Indices]:
+    """Rows of the two highest degrees in direction i, of the two below, and so on; and of what is not mixed with it.
+
+    Degrees below the least are left out.
+    """
     _, line = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
     line = line.ravel()
     top = np.zeros(int(line.max()) + 1, dtype=np.intp)
     np.maximum.at(top, line, alpha[:, i])
     wide = np.where(top[line] > 2, 2, 1)  # of degree 2 there is but one coefficient above the slope
     front = (top[line] - alpha[:, i]) // wide
-    rows = (np.flatnonzero((alpha[:, i] > 0) & (front == k)) for k in range(_FRONTS))
+    rows = (np.flatnonzero((top[line] > 0) & (alpha[:, i] >= least) & (front == k)) for k in range(_FRONTS))
     return [some for some in rows if some.size], np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0))
 
 

@@ -1,7 +1,9 @@
-/* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, then Newton's steps along
-   one parameter after the other. One lane for each polynomial. Given before: lanes.h. */
+/* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, then Newton's steps
+   in all of them. One lane for each polynomial. Given before: lanes.h. */
 
-enum { SWEEPS = 3, ORDERS = 65, DIRECTIONS = 3, PIECES = 4 };
+enum { STEPS = 15, ORDERS = 65, DIRECTIONS = 3, PIECES = 4 };
+#define TINY 1e-300
+#define ENOUGH 1e-7 /* share of the range */
 
 typedef struct {
   long n[DIRECTIONS], K[DIRECTIONS];     /* polynomials and samples along each parameter; 1 along missing ones */
@@ -11,92 +13,90 @@ typedef struct {
   long pieces;                           /* of the last parameter: Newton's steps start from the best sample of each */
 } Grid;
 
-/* Legendre polynomials at x: factors holds (2 j + 1) / (j + 1) and j / (j + 1). */
-static void legendre(const Grid *g, V x, long n, V *f) {
-  f[0] = each(1.0);
-  if (n > 1) f[1] = x;
-  for (long j = 1; j + 1 < n; ++j) f[j + 1] = g->factors[2 * j] * x * f[j] - g->factors[2 * j + 1] * f[j - 1];
-}
-
-/* First and second derivative of the sum of w f, with Legendre polynomials f. */
-static void slopes(const V *w, const V *f, long n, V *slope, V *bend) {
-  V first[ORDERS] = {zero(), each(1.0)}, second[ORDERS] = {zero(), zero()};
-  *slope = w[1];
-  *bend = zero();
+/* Legendre polynomials at x, and their first two derivatives. */
+static void legendre(const Grid *g, V x, long n, V f[3][ORDERS]) {
+  f[0][0] = each(1.0);
+  f[1][0] = f[2][0] = zero();
+  if (n > 1) f[0][1] = x, f[1][1] = each(1.0), f[2][1] = zero();
   for (long j = 1; j + 1 < n; ++j) {
-    first[j + 1] = first[j - 1] + (2.0 * j + 1.0) * f[j];
-    second[j + 1] = second[j - 1] + (2.0 * j + 1.0) * first[j];
-    *slope += w[j + 1] * first[j + 1];
-    *bend += w[j + 1] * second[j + 1];
+    const double two = 2.0 * j + 1.0;
+    f[0][j + 1] = g->factors[2 * j] * x * f[0][j] - g->factors[2 * j + 1] * f[0][j - 1];
+    f[1][j + 1] = f[1][j - 1] + two * f[0][j];
+    f[2][j + 1] = f[2][j - 1] + two * f[1][j];
   }
 }
 
-/* The polynomial in x_k alone, all others being where their values f are. */
-static void along(const Grid *g, const V *c, V f[DIRECTIONS][ORDERS], int k, V *w) {
-  for (long j = 0; j < g->n[k]; ++j) w[j] = zero();
-  for (long a = 0; a < g->n[0]; ++a)
-    for (long b = 0; b < g->n[1]; ++b)
-      for (long e = 0; e < g->n[2]; ++e) {
-        const long at[] = {a, b, e};
-        V term = c[(a * g->n[1] + b) * g->n[2] + e];
-        for (int i = 0; i < DIRECTIONS; ++i)
-          if (i != k && g->n[i] > 1) term *= f[i][at[i]];
-        w[at[k]] += term;
-      }
+typedef struct {
+  V y, g[DIRECTIONS], h[6]; /* value, gradient, and the Hessian's lower triangle by rows */
+} Local;
+
+static Local local(const Grid *g, const V *c, const V *x, double sign) {
+  V f[DIRECTIONS][3][ORDERS];
+  Local l = {0};
+  for (int k = 0; k < DIRECTIONS; ++k) legendre(g, x[k], g->n[k], f[k]);
+  for (long a = 0; a < g->n[0]; ++a) {
+    V t0 = zero(), t1 = zero(), t2 = zero(), t01 = zero(), t11 = zero(), t02 = zero();
+    for (long b = 0; b < g->n[1]; ++b) {
+      V s0 = zero(), s1 = zero(), s2 = zero();
+      for (long e = 0; e < g->n[2]; ++e, ++c) s0 += *c * f[2][0][e], s1 += *c * f[2][1][e], s2 += *c * f[2][2][e];
+      const V f0 = f[1][0][b], f1 = f[1][1][b];
+      t0 += f0 * s0, t1 += f1 * s0, t2 += f[1][2][b] * s0, t01 += f0 * s1, t11 += f1 * s1, t02 += f0 * s2;
+    }
+    const V f0 = sign * f[0][0][a], f1 = sign * f[0][1][a];
+    l.y += f0 * t0;
+    l.g[0] += f1 * t0, l.g[1] += f0 * t1, l.g[2] += f0 * t01;
+    l.h[0] += sign * f[0][2][a] * t0, l.h[1] += f1 * t1, l.h[2] += f0 * t2;
+    l.h[3] += f1 * t01, l.h[4] += f0 * t11, l.h[5] += f0 * t02;
+  }
+  return l;
 }
 
-static V sum(const V *w, const V *f, long n) {
-  V y = zero();
-  for (long j = 0; j < n; ++j) y += w[j] * f[j];
-  return y;
+/* A direction of descent: Newton's where the Hessian is positive definite, along parameters that do not push against an
+   end. */
+static void direction(const Grid *g, const Local *l, const V *x, V *p) {
+  V h[6], z[DIRECTIONS], free[DIRECTIONS];
+  memcpy(h, l->h, sizeof h);
+  for (int k = 0; k < DIRECTIONS; ++k) {
+    const M stuck = (M)((x[k] <= -1.0) & (l->g[k] >= 0.0)) | (M)((x[k] >= 1.0) & (l->g[k] <= 0.0));
+    free[k] = g->n[k] > 1 ? blend(stuck, zero(), each(1.0)) : zero();
+    z[k] = -free[k] * l->g[k];
+  }
+  h[1] *= free[0] * free[1], h[3] *= free[0] * free[2], h[4] *= free[1] * free[2];
+  const V d0 = v_fabs(h[0]) + TINY, l1 = h[1] / d0, l3 = h[3] / d0;
+  const V d1 = v_fabs(h[2] - l1 * h[1]) + TINY, mixed = h[4] - l3 * h[1], l4 = mixed / d1;
+  const V d2 = v_fabs(h[5] - l3 * h[3] - l4 * mixed) + TINY;
+  z[1] -= l1 * z[0];
+  z[2] -= l3 * z[0] + l4 * z[1];
+  p[2] = free[2] * z[2] / d2;
+  p[1] = free[1] * (z[1] / d1 - l4 * p[2]);
+  p[0] = free[0] * (z[0] / d0 - l1 * p[1] - l3 * p[2]);
 }
 
-/* From the best sample x to the extreme near it; sign is 1 for minima and -1 for maxima. */
-static V polish(const Grid *g, const V *c, V *x, V best, double sign) {
-  V f[DIRECTIONS][ORDERS], further[DIRECTIONS][ORDERS], w[ORDERS], there[ORDERS], slope, bend;
-  for (int i = 0; i < DIRECTIONS; ++i) legendre(g, x[i], g->n[i], f[i]);
-  for (int sweep = 0; sweep < SWEEPS; ++sweep) {
-    V before[DIRECTIONS];
-    M moved = {0};
-    memcpy(before, x, sizeof before);
+/* From the best sample x to the extreme near it, until steps gain less than enough; sign is 1 for minima, -1 for maxima. */
+static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
+  Local here = local(g, c, x, sign);
+  V reach = each(1.0); /* longest step, in samples */
+  for (int step = 0; step < STEPS; ++step) {
+    V p[DIRECTIONS], to[DIRECTIONS], part = each(1.0), gain = zero();
+    direction(g, &here, x, p);
     for (int k = 0; k < DIRECTIONS; ++k) {
-      if (g->n[k] == 1) continue;
-      along(g, c, f, k, w);
-      slopes(w, f[k], g->n[k], &slope, &bend);
-      slope *= sign;
-      bend *= sign;
-      const double gap = 3.14159265358979 / (g->K[k] - 1);
-      const V reach = gap * v_sqrt(v_larger(1.0 - x[k] * x[k], zero())) + 0.5 * gap * gap;
-      V step = choose(bend > 0.0, -slope / bend, choose(slope > 0.0, -reach, reach));
-      step = v_larger(v_smaller(step, reach), -reach);
-      const V to = v_larger(v_smaller(x[k] + step, each(1.0)), each(-1.0));
-      legendre(g, to, g->n[k], there);
-      const V y = sign * sum(w, there, g->n[k]);
-      const M better = (M)(y < best);
-      moved |= better;
-      best = blend(better, y, best);
-      x[k] = blend(better, to, x[k]);
-      for (long j = 0; j < g->n[k]; ++j) f[k][j] = blend(better, there[j], f[k][j]);
+      const double gap = 3.14159265358979 / g->K[k];
+      const V longest = reach * gap * (v_sqrt(v_larger(1.0 - x[k] * x[k], zero())) + 0.5 * gap);
+      part = v_smaller(part, longest / (v_fabs(p[k]) + TINY));
     }
-    if (none(moved)) break;
-    /* Along a valley the sweeps go in one direction, which leads further. */
-    for (double far = 4.0; far >= 1.0; far *= 0.5) {
-      V to[DIRECTIONS];
-      for (int k = 0; k < DIRECTIONS; ++k) {
-        to[k] = v_larger(v_smaller(x[k] + far * (x[k] - before[k]), each(1.0)), each(-1.0));
-        legendre(g, to[k], g->n[k], further[k]);
-      }
-      along(g, c, further, 0, w);
-      const V y = sign * sum(w, further[0], g->n[0]);
-      const M better = (M)(y < best);
-      best = blend(better, y, best);
-      for (int k = 0; k < DIRECTIONS; ++k) {
-        x[k] = blend(better, to[k], x[k]);
-        for (long j = 0; j < g->n[k]; ++j) f[k][j] = blend(better, further[k][j], f[k][j]);
-      }
+    for (int k = 0; k < DIRECTIONS; ++k) {
+      to[k] = v_larger(v_smaller(x[k] + part * p[k], each(1.0)), each(-1.0));
+      gain -= here.g[k] * (to[k] - x[k]);
     }
+    if (none((M)(gain > enough))) break;
+    const Local there = local(g, c, to, sign);
+    const M better = (M)(there.y < here.y);
+    reach *= choose(better, 2.0, 0.25);
+    for (int k = 0; k < DIRECTIONS; ++k) x[k] = blend(better, to[k], x[k]), here.g[k] = blend(better, there.g[k], here.g[k]);
+    for (int k = 0; k < 6; ++k) here.h[k] = blend(better, there.h[k], here.h[k]);
+    here.y = blend(better, there.y, here.y);
   }
-  return best;
+  return here.y;
 }
 
 /* The best samples of each piece of the last parameter: values and numbers of minima, then of maxima. */
@@ -139,6 +139,8 @@ int dense(const Grid *g, long m, long begin, long end, const double *C, double *
   for (long i = begin; c && i < end; i += W) {
     for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
     scan(g, c, c + n, c + n + n12, best, sample);
+    V low = best[0][0], high = best[1][0];
+    for (long s = 1; s < g->pieces; ++s) low = v_smaller(low, best[0][s]), high = v_larger(high, best[1][s]);
     for (int side = 0; side < 2; ++side) {
       const double sign = side ? -1.0 : 1.0;
       V least = each(INFINITY), at[DIRECTIONS], x[DIRECTIONS];
@@ -147,7 +149,7 @@ int dense(const Grid *g, long m, long begin, long end, const double *C, double *
           long number = (long)sample[side][s][l];
           for (int k = DIRECTIONS - 1; k >= 0; number /= g->K[k--]) x[k][l] = g->x[k][number % g->K[k]];
         }
-        const V y = polish(g, c, x, sign * best[side][s], sign);
+        const V y = polish(g, c, x, ENOUGH * (high - low), sign);
         const M better = (M)(y < least);
         least = blend(better, y, least);
         for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);

@@ -39,7 +39,7 @@ if __name__ == "__main__":
             found = mb.PolynomialChaos(tolerance=tolerance, budget=MOST).bounds(simulator, box)
             seconds = time.perf_counter() - begin
             error = np.maximum(np.abs(found.lower - lower), np.abs(found.upper - upper))
-            doubt = np.maximum(change, 1e-6 * np.where(np.isfinite(width), width, 1.0))
+            doubt = np.maximum(change, 1e-5 * np.where(np.isfinite(width), width, 1.0))
             covered = (found.estimate + doubt >= error).mean()
             certain = error > 3 * doubt
             medians = [np.median((a / width)[certain]) if certain.any() else np.nan for a in (found.estimate, error)]
