@@ -13,7 +13,6 @@ from symmb.bounds._describe import failure_text
 from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
 from symmb.bounds._method import parameter_samples
-from symmb.bounds._legendre import MultiIndices
 from symmb.bounds._moments import Expansion
 from symmb.bounds._reductions import failure_records
 from symmb.bounds._result import Bounds, Failure
@@ -272,7 +271,7 @@ def _seen(errors: Array) -> Array:
 
 
 def _spread(places: Array, weights: Array, number: int) -> Array:
-    """So many of the places (2, n_t, n_y, d), where most of the weight (2, n_t, n_y) is, and not close to each other."""
+    """So many of the places (2, n_t, n_y, d), where most of the weight (2, n_t, n_y) is, not close to each other."""
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     heaviest = np.argsort(weights)[-min(len(weights), 20 * _CANDIDATES) :]
     chosen = heaviest[:: max(1, len(heaviest) // _CANDIDATES)]

@@ -51,7 +51,7 @@ class Continuation:
         return -self.undone @ further, further
 
     def expected(self, known: MultiIndices, places: Array, points: Array) -> Array:
-        """Root mean square (...) of the error left at places (..., d), to a tenth of the box, by runs at points (C, d)."""
+        """Root mean square (...) of the error that runs at points (C, d) leave at places (..., d), rounded to 0.1."""
         different, which = np.unique(places.reshape(-1, places.shape[-1]).round(1), axis=0, return_inverse=True)
         there, free = self._free(known, different), self._free(known, points)
         shared = free @ there.T

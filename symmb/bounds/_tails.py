@@ -25,8 +25,9 @@ class Tails:
     """Expected error of interpolants on a grid, at points of the box, for every time and output.
 
     In direction i coefficients are taken two degrees together, and those that would come next to fall off by somewhat
-    less than they did, on tensor grids where they did least; lines of other grids are too different for that. On a tensor grid the error vanishes, but for a share, at the nodes, as
-    (1 - x^2) U(x) does. What is not mixed with direction i yet is expected to be mixed as strongly as what is.
+    less than they did; on tensor grids than where they did least, as lines of other grids are too different for that.
+    On a tensor grid the error vanishes, but for a share, at the nodes, as (1 - x^2) U(x) does. What is not mixed with
+    direction i yet is expected to be mixed as strongly as what is.
 
     Attributes
     ----------
