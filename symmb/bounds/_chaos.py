@@ -32,7 +32,8 @@ class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
     ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids of up to three
-    parameters, sparse grids that grow where the response varies of more, and check runs at its own extremes.
+    parameters, in pieces of the box where the response has kinks or jumps; sparse grids that grow where the response
+    varies of more; and check runs at its own extremes.
     ``PolynomialChaos(order=4)`` keeps to one order: interpolation at Clenshaw-Curtis nodes and the exact range of the
     interpolant.
     ``PolynomialChaos.paper(order=2)`` is the method of the paper.

@@ -32,11 +32,13 @@ class Tails:
     Attributes
     ----------
     directions : (d, n_t, n_y)      largest error from each direction
+    falls : (d, n_t, n_y)           by how much its coefficients fall off in two degrees, at most 1
     mixed : (n_t, n_y)              error from products that are missing
     degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
     """
 
     directions: Array
+    falls: Array
     mixed: Array
     degrees: Indices | None
 
@@ -50,32 +52,42 @@ class Tails:
         def size(rows: Indices) -> Array:
             return np.sqrt(smooth(np.einsum("iab,iab->ab", coefficients[rows], coefficients[rows])))
 
-        directions, mixed = np.zeros((d, *coefficients.shape[1:])), np.zeros(coefficients.shape[1:])
+        directions, falls = np.zeros((2, d, *coefficients.shape[1:]))
+        mixed = np.zeros(coefficients.shape[1:])
         total = size(np.flatnonzero(alpha.sum(axis=1) == 1))
         for i in range(d):
             fronts, absent = _fronts(alpha, i, 1 if tensor else 0)
             sizes = [size(rows) for rows in fronts]
-            falls = [_ratio(last, before) for last, before in itertools.pairwise(sizes)]
-            directions[i] = sizes[0] * (np.max(falls, axis=0) if tensor else falls[0]) ** _DECAY
+            ratios = [_ratio(last, before) for last, before in itertools.pairwise(sizes)]
+            falls[i] = np.max(ratios, axis=0) if tensor else ratios[0]
+            directions[i] = sizes[0] * falls[i] ** _DECAY
             if absent.size:
                 first, base = _products(alpha, i)
                 share = _ratio(size(first), size(base)) if first.size else _ratio(size(_main(alpha, i)), total)
                 mixed += np.square(size(absent) * share)
-        return cls(directions, np.sqrt(mixed), degrees if tensor else None)
+        return cls(directions, falls, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
         """Expected error (n_t, n_y) at points x (n_t, n_y, d), or (d,) for all times and outputs."""
         if self.degrees is None:
             return self.least()
-        angles = np.arccos(np.clip(x, -1.0, 1.0))
-        shares = np.abs(np.sin(self.degrees * angles) * np.sin(angles)) + _near_nodes(self.degrees)
-        return sum((e * shares[..., i] for i, e in enumerate(self.directions)), np.zeros(self.mixed.shape))
+        shares = (_between_nodes(x[..., i], n) for i, n in enumerate(self.degrees.tolist()))
+        return sum((e * share for e, share in zip(self.directions, shares, strict=True)), self.least())
 
     def least(self) -> Array:
         """Expected error (n_t, n_y) wherever the extremes are."""
         if self.degrees is None:
             return self.directions.sum(axis=0) + self.mixed
         return np.tensordot(_near_nodes(self.degrees), self.directions, axes=1)
+
+
+def _between_nodes(x: Array, degree: int) -> Array:
+    """|sin(degree a) sin(a)| for x = cos(a), of a degree that is a power of 2: 0 at the nodes, at most 1."""
+    cosine, sine = x, np.sqrt(np.maximum(1.0 - x * x, 0.0))
+    product = sine
+    while degree > 1:
+        cosine, product, degree = 2 * cosine * cosine - 1, 2 * product * cosine, degree // 2
+    return np.abs(product * sine)
 
 
 def _near_nodes(degrees: Indices) -> Array:
