@@ -18,9 +18,10 @@ from symmb.simulate import Mask
 
 _REFINED = 0.25
 """Directions whose errors are at least this share of the largest are refined together."""
-_SMOOTH, _LEAST, _LEAST_OF_HALVES = 0.6, 16, 8
-"""Coefficients of a direction that fall off by less than this in two degrees, at this degree or above, are those of a
-response that is not smooth."""
+_SMOOTH = 0.6
+"""Coefficients of a direction that fall off by less in two degrees are those of a response that is not smooth, ..."""
+_WHOLE, _HALVES = 16, 8
+"""... at this degree or above, and of the halves of a rough piece, of which one is expected to be rough, at this one."""
 _SMALL, _SMALLEST = 0.05, 1e-6
 """Half widths of a rough piece on which a smooth response is as good as linear, and that is not halved any more."""
 _FARTHEST = 10.0
@@ -123,7 +124,7 @@ class _Piece:
     @cached_property
     def rough(self) -> int | None:
         """The parameter along which the response is not smooth, that from which most of the error comes; or None."""
-        falls = _falls(self.expansion, self.unit, _LEAST if self.inherited is None else _LEAST_OF_HALVES)
+        falls = _falls(self.expansion, self.unit, _WHOLE if self.inherited is None else _HALVES)
         wrong = np.where(falls > _SMOOTH, self._shares, 0.0)
         return int(wrong.argmax()) if wrong.max() >= _REFINED * self._shares.max() > 0 else None
 
@@ -196,7 +197,7 @@ class _Piece:
             return []
         along = np.arange(len(degrees)) == self.rough
         half = np.where(along, self.half / 2, self.half)
-        degrees = np.where(along, _LEAST_OF_HALVES, degrees)
+        degrees = np.where(along, _HALVES, degrees)
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
     def replaced(self, parts: list[_Part], runs: Runs) -> list["_Piece"]:
