@@ -13,8 +13,9 @@ _WINDOW = 0.02
 """Share of the times over which coefficients are averaged: they pass through zero as the response swings."""
 _FRONTS = 4
 """Pairs of degrees that tell how coefficients fall off."""
-_DECAY = 0.6
-"""Power of the decay seen: 1 trusts that the next coefficients fall off as much, 0 that they do not at all."""
+_DECAY, _FAST = 0.6, 0.8
+"""Power of the decay seen: 1 trusts that the next coefficients fall off as much, 0 that they do not at all. On tensor
+grids it is 1 less the decay over the second, if that is more: what falls off fast goes on like that."""
 _NEAR_NODES = 0.4
 """Over the degree, counted as 4 at most: share of the largest error that is expected even at nodes, since extremes are
 found only near to where they are."""
@@ -60,7 +61,8 @@ class Tails:
             sizes = [size(rows) for rows in fronts]
             ratios = [_ratio(last, before) for last, before in itertools.pairwise(sizes)]
             falls[i] = np.max(ratios, axis=0) if tensor else ratios[0]
-            directions[i] = sizes[0] * falls[i] ** _DECAY
+            power = np.maximum(1 - falls[i] / _FAST, _DECAY) if tensor else _DECAY
+            directions[i] = sizes[0] * falls[i] ** power
             if absent.size:
                 first, base = _products(alpha, i)
                 share = _ratio(size(first), size(base)) if first.size else _ratio(size(_main(alpha, i)), total)

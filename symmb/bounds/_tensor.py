@@ -21,7 +21,7 @@ _REFINED = 0.25
 _SMOOTH = 0.6
 """Coefficients of a direction that fall off by less in two degrees are those of a response that is not smooth, ..."""
 _WHOLE, _HALVES = 16, 8
-"""... at this degree or above, and of the halves of a rough piece, of which one is expected to be rough, at this one."""
+"""... from the first degree on, or the second in halves of a rough piece, of which one is expected to be rough."""
 _SMALL, _SMALLEST = 0.05, 1e-6
 """Half widths of a rough piece on which a smooth response is as good as linear, and that is not halved any more."""
 _FARTHEST = 10.0
