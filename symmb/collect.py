@@ -55,6 +55,19 @@ class Collected:
     drifting: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
     written: int  # rows written by the joints, those that vanish included
 
+    def keeping(self, numbers: Sequence[int]) -> "Collected":
+        """A copy with the rows of these numbers only, in rising order."""
+        n_c = self.Phi.numel()
+        owners = [next(name for name, where in self.rows.items() if where.start <= i < where.stop) for i in numbers]
+        first = {name: owners.index(name) for name in dict.fromkeys(owners)}
+        return replace(
+            self,
+            Phi=self.Phi[[i for i in numbers if i < n_c]],
+            Psi=self.Psi[[i - n_c for i in numbers if i >= n_c]],
+            rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
+            row_names=tuple(self.row_names[i] for i in numbers),
+        )
+
     def with_states(self, states: Sequence[Symbol]) -> "Collected":
         """A copy that also integrates the given first-order states."""
         return replace(self, states=(*self.states, *states))

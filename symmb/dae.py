@@ -1,6 +1,6 @@
 """The DAE bundle: what solvers get. It knows no coordinates by name, and it pickles, which SX does not."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.export import example_c, save_c
 from symmb.mechanics.pose import Spatial
+from symmb.symbolic.linear import symmetric_solver
 from symmb.symbolic.symbols import t
 from symmb.system import System
 
@@ -35,6 +36,8 @@ class DAE:
     shift                  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
     energy                 -> T, V [J]
     power                  (..., lam) -> power of forces without potential and of drives [W]
+    shared                 (..., lam) -> multipliers of all rows of the system, the smallest in sum of squares that
+                           have the same effect; where redundant rows are left out
     retract                (q, delta) -> q moved by delta
     upright                (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
@@ -62,6 +65,7 @@ class DAE:
     shift: ca.Function | None
     energy: ca.Function
     power: ca.Function | None
+    shared: ca.Function | None
     retract: ca.Function
     upright: ca.Function | None
     s_start: ca.Function | None
@@ -131,12 +135,13 @@ class DAE:
         return save_c(functions, folder, example=main)
 
 
-def compile_dae(system: System) -> DAE:
+def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     """Compile the equations of a system into CasADi Functions.
 
     Parameters
     ----------
     system : System
+    rows : sequence of int, optional       numbers of independent constraint rows, where the others are redundant
 
     Returns
     -------
@@ -150,6 +155,8 @@ def compile_dae(system: System) -> DAE:
     >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
     DM([0.5, -9.81])
     """
+    whole = system
+    system = system if rows is None else system.keeping(rows)
     c = system.collected
     q, v, s, p = system.q, system.v, system.s, system.p
     states = [("q", q), ("v", v), *([("s", s)] if c.states else []), ("p", p), ("t", t)]
@@ -195,6 +202,9 @@ def compile_dae(system: System) -> DAE:
         shift=function("shift", [ca.densify(delta)], ["delta"], (("r", right),)) if constrained else None,
         energy=function("energy", [system.kinetic_energy, system.potential_energy], ["T", "V"]),
         power=function("power", [power], ["power"], (("lam", lam),)) if not ca.sparsify(power).nnz() == 0 else None,
+        shared=None
+        if rows is None
+        else function("shared", [_shared(whole.G, rows, lam)], ["lam"], (("lam_kept", lam),)),
         retract=ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"]),
         upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
         s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
@@ -203,6 +213,20 @@ def compile_dae(system: System) -> DAE:
         positive=positive,
         positive_names=positive_names,
     )
+
+
+def _shared(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
+    """Least multipliers (n_r,) of all rows of G with the effect of lam (k,) on some that are independent."""
+    numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
+    kept, left = G[numbers, :], G[others, :]
+    solve = symmetric_solver(kept @ kept.T)
+    # left = C kept, so that all rows act as [1; C] on the kept ones; the smallest multipliers are [1; C] (1 + C'C)^-1 lam.
+    C = ca.horzcat(*[solve(kept @ left[i, :].T) for i in range(len(others))]).T
+    of_left = symmetric_solver(ca.SX.eye(len(others)) + C @ C.T)(C @ lam)
+    every = ca.SX(G.shape[0], 1)
+    every[numbers] = lam - C.T @ of_left
+    every[others] = of_left
+    return ca.densify(every)
 
 
 def _is_scalar_part(system: System, name: str) -> bool:

@@ -90,6 +90,13 @@ class System:
         copy.lam = self.lam  # the outputs may hold these very symbols
         return copy
 
+    def keeping(self, rows: Sequence[int]) -> "System":
+        """A copy with the constraint rows of these numbers only, and multipliers of its own."""
+        copy = object.__new__(System)
+        copy.parameters, copy.elements = self.parameters, self.elements
+        copy.collected = self.collected.keeping(rows)
+        return copy
+
     @property
     def bind(self) -> Binding:
         """Turns expressions of the system's symbols (numbers, SX or SymPy) into SX; all symbols must be known."""

@@ -64,8 +64,9 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = tuple(unit_of(y) for y in ca.vertsplit(scene.y)) if self.outputs else ()
-        self.dae: DAE = compile_dae(scene.system)
-        self.start: Start = prepare_start(scene, self.dae)
+        whole = compile_dae(scene.system)
+        self.start: Start = prepare_start(scene, whole)
+        self.dae: DAE = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
         self.y = output_function(self.dae, scene, scene.y)
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
@@ -199,9 +200,11 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     lam = ca.SX(system.lam)
     plain = ca.Function("plain", [*states, lam], [ca.densify(y)])
     needs = dae.gamma is not None and ca.which_depends(y, lam, 1, True)
-    multipliers = (
-        dae.forward(*at, dae.gamma(*at))[1] if dae.gamma is not None and any(needs or []) else ca.SX(lam.numel(), 1)
-    )
+    multipliers = ca.SX(lam.numel(), 1)
+    if dae.gamma is not None and any(needs or []):
+        multipliers = dae.forward(*at, dae.gamma(*at))[1]
+        if dae.shared is not None:
+            multipliers = dae.shared(*at, multipliers)
     return ca.Function("y", [x, p, t], [plain(*at, multipliers)], {"cse": True})
 
 

@@ -89,7 +89,7 @@ def simulate(
         x=run.X,
         work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
         statistics={
-            "start": {"held": list(start.held), "solved": list(start.solved), "free": list(start.free)},
+            "start": {name: list(getattr(start, name)) for name in ("held", "solved", "free", "redundant")},
             "integrator": integration.statistics(),
         },
         setup_seconds=setup,

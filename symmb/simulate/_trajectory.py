@@ -57,7 +57,7 @@ class Trajectory:
     t : (n_t,)                 times [s]
     x : (n_t, n_x)             states (q, v, s)
     work : (n_t,)              work of forces without potential and of drives since the start [J]
-    statistics : dict          what the integrator counted, and what the start held, solved for and left free
+    statistics : dict          what the integrator counted, and what the start held, solved for, left free and found redundant
     setup_seconds, run_seconds : float
     """
 
@@ -131,7 +131,7 @@ class Trajectory:
     def __getitem__(self, name: str) -> Array:
         if name in self.names:
             return self.values[:, self.names.index(name)]
-        dae = self.simulator.dae
+        dae = self.simulator.start.dae  # with all rows
         states = (*dae.q_names, *dae.v_names, *dae.s_names)
         if name in states:
             return self.x[:, states.index(name)]
@@ -149,7 +149,7 @@ class Trajectory:
     @cached_property
     def drift(self) -> Drift:
         """How far the run is off its constraints."""
-        dae, zero = self.simulator.dae, np.zeros(len(self.t))
+        dae, zero = self.simulator.start.dae, np.zeros(len(self.t))
         at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
         position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
         velocity = zero if dae.Phi_dot is None else np.abs(batch(dae.Phi_dot, *at)[0]).max(axis=1)
@@ -188,6 +188,7 @@ class Trajectory:
                 f"{self.scene.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
+                *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
                 *self._drift_line(),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]

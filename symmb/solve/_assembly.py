@@ -1,5 +1,7 @@
 """Assembly at the nominal parameters: coordinates on the constraints near a guess, or what is wrong."""
 
+from collections.abc import Iterator
+
 import casadi as ca
 import numpy as np
 
@@ -9,10 +11,12 @@ from symmb.dae import DAE
 from symmb.mechanics.constraint import AxisJoint, Constraint
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.scene import Scene
-from symmb.solve._rank import redundant_names
+from symmb.solve._rank import independent, redundant_names
 from symmb.symbolic.geometry import product
 
 _TOLERANCE = 1e-9
+_NEARBY, _STEP = 3, 0.02
+"""Positions close to the start where ranks are compared, and how far they are [rad, share of the size]."""
 
 
 def rest(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
@@ -164,15 +168,47 @@ def owner(dae: DAE, row: int) -> str:
     return next(name for name, rows in dae.rows.items() if rows.start <= row < rows.stop)
 
 
-def check_rank(dae: DAE, G: Array) -> None:
-    """Raise AssemblyError if rows of the velocity Jacobian G (n_r, n_v) depend on each other."""
-    rank, names = redundant_names(G, dae.rows)
-    if rank < dae.n_r:
-        raise AssemblyError(
-            f"Constraints are redundant at the start: rank {rank} of {dae.n_r} rows; the rows of "
-            f"{', '.join(map(repr, names))} depend on each other. Use joints that lock less (Spherical or Cylindrical "
-            "in place of a Revolute), pose=Planar() for planar loops, or a start away from the singular position."
-        )
+def kept_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
+    """Numbers of independent rows of the velocity Jacobian where others are redundant; None where all are independent.
+
+    Raises
+    ------
+    AssemblyError        if rows depend on each other at q (n_q,) but not close to it: a singular position
+    """
+    if dae.G is None:
+        return None
+    G = at_rest(dae.G, dae, q, t0)
+    rows, _ = independent(G)
+    if len(rows) == dae.n_r:
+        return None
+    for position in _nearby(dae, G, q, t0):
+        rank = len(independent(at_rest(dae.G, dae, position, t0))[0])
+        if rank > len(rows):
+            names = ", ".join(map(repr, redundant_names(G, dae.rows)))
+            raise AssemblyError(
+                f"The start is a singular position: rank {len(rows)} of {dae.n_r} constraint rows there and {rank} close "
+                f"to it; the rows of {names} depend on each other, and the motion could go on in more than one way. "
+                "Start away from it."
+            )
+    return rows
+
+
+def _nearby(dae: DAE, G: Array, q: Array, t0: float) -> Iterator[Array]:
+    """Positions on the constraints to which the system can move from q (n_q,), a small step away."""
+    far = float(np.abs(q).max(initial=0.0)) or 1.0
+    scale = np.array([far if name.rpartition(".")[2] in ("vx", "vy", "vz") else 1.0 for name in dae.v_names])
+    _, sigma, V = np.linalg.svd(G * scale)
+    free = V[int((sigma > 1e-9 * sigma.max(initial=0.0)).sum()) :]
+    random = np.random.default_rng(0)
+    for _ in range(_NEARBY if len(free) else 0):
+        step = random.normal(size=len(free)) @ free
+        position = np.asarray(dae.retract(q, _STEP * scale * step / np.abs(step).max())).ravel()
+        for _ in range(5 if dae.Phi is not None and dae.G is not None else 0):
+            r = at_rest(dae.Phi, dae, position, t0).ravel()
+            J = at_rest(dae.G, dae, position, t0)[: dae.n_c] * scale
+            back = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
+            position = np.asarray(dae.retract(position, scale * back)).ravel()
+        yield position
 
 
 def _turned(scene: Scene, joint: str) -> str:

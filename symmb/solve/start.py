@@ -17,9 +17,9 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Mask
 from symmb.dae import DAE
 from symmb.scene import Scene
-from symmb.solve._assembly import assemble, at_rest, check_rank, check_upright, coordinate_of, owner, placed, rest
+from symmb.solve._assembly import assemble, at_rest, check_upright, coordinate_of, kept_rows, owner, placed, rest
 from symmb.solve._implicit import ImplicitMap
-from symmb.solve._rank import independent
+from symmb.solve._rank import independent, redundant_names
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jet_function
 from symmb.symbolic.linear import saddle_solver, symmetric_solver
@@ -33,6 +33,8 @@ class Start:
     """The start of a scene as a map from parameters to states; pickles.
 
     `held`, `solved` and `free` name the coordinates that were listed, solved for, and left where assembly put them.
+    `kept` are the numbers of independent constraint rows where the rows of the constraints named by `redundant` depend on
+    each other, or None.
     """
 
     dae: DAE
@@ -48,6 +50,8 @@ class Start:
     listed_velocities: tuple[str, ...]
     solved: tuple[str, ...]
     free: tuple[str, ...]
+    kept: tuple[int, ...] | None
+    redundant: tuple[str, ...]
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
         """Starting states of N samples.
@@ -170,7 +174,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     Raises
     ------
     AssemblyError              if listed values contradict the constraints, no assembly is found near the guess, a joint
-                               is assembled the wrong way round, or constraints are redundant
+                               is assembled the wrong way round, or the start is a singular position
     """
     system, held = scene.system, scene.held
     t0, p0, p = float(np.asarray(scene.times)[0]), dae.p_nominal, system.p
@@ -186,8 +190,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     q0 = assemble(scene, dae, reference, guess, free, t0)
     check_upright(scene, dae, q0)
     G0 = at_rest(dae.G, dae, q0, t0) if dae.G is not None else np.zeros((0, dae.n_v))
-    if dae.n_r:
-        check_rank(dae, G0)
+    kept = kept_rows(dae, q0, t0)
     rows, columns = independent(G0[: dae.n_c, free])
     solved = free[columns]
     u = ca.SX.sym("u", len(solved))
@@ -205,6 +208,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         listed_velocities=tuple(dae.v_names[i] for i in held.v),
         solved=tuple(coordinate_of(dae, i) for i in solved),
         free=tuple(placed(dae, i, q0) for i in np.setdiff1d(free, solved)),
+        kept=None if kept is None else tuple(kept.tolist()),
+        redundant=() if kept is None else redundant_names(G0, dae.rows),
     )  # fmt: skip
     _check_velocities(start, p0)
     return start
