@@ -220,7 +220,7 @@ def _shared(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
     numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
     kept, left = G[numbers, :], G[others, :]
     solve = symmetric_solver(kept @ kept.T)
-    # left = C kept, so that all rows act as [1; C] on the kept ones; the smallest multipliers are [1; C] (1 + C'C)^-1 lam.
+    # left = C kept: lam is what [1; C]' makes of all multipliers, the least of which are [1; C] (1 + C'C)^-1 lam.
     C = ca.horzcat(*[solve(kept @ left[i, :].T) for i in range(len(others))]).T
     of_left = symmetric_solver(ca.SX.eye(len(others)) + C @ C.T)(C @ lam)
     every = ca.SX(G.shape[0], 1)

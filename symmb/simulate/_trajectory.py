@@ -57,7 +57,7 @@ class Trajectory:
     t : (n_t,)                 times [s]
     x : (n_t, n_x)             states (q, v, s)
     work : (n_t,)              work of forces without potential and of drives since the start [J]
-    statistics : dict          what the integrator counted, and what the start held, solved for, left free and found redundant
+    statistics : dict          what the integrator counted, and what the start did
     setup_seconds, run_seconds : float
     """
 

@@ -15,8 +15,9 @@ from symmb.solve._rank import independent, redundant_names
 from symmb.symbolic.geometry import product
 
 _TOLERANCE = 1e-9
-_NEARBY, _STEP = 3, 0.02
-"""Positions close to the start where ranks are compared, and how far they are [rad, share of the size]."""
+_NEARBY, _STEP, _STEPS = 3, 0.02, 5
+"""Positions close to the start where ranks are compared, how far they are [rad, share of the size], and Newton's steps
+to get back onto the constraints there."""
 
 
 def rest(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
@@ -181,32 +182,33 @@ def kept_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     rows, _ = independent(G)
     if len(rows) == dae.n_r:
         return None
-    for position in _nearby(dae, G, q, t0):
+    for position in _nearby(dae, dae.G, q, t0):
         rank = len(independent(at_rest(dae.G, dae, position, t0))[0])
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G, dae.rows)))
             raise AssemblyError(
-                f"The start is a singular position: rank {len(rows)} of {dae.n_r} constraint rows there and {rank} close "
-                f"to it; the rows of {names} depend on each other, and the motion could go on in more than one way. "
-                "Start away from it."
+                f"The start is a singular position: rank {len(rows)} of {dae.n_r} constraint rows there and {rank} "
+                f"close to it; the rows of {names} depend on each other, and the motion could go on in more than one "
+                "way. Start away from it."
             )
     return rows
 
 
-def _nearby(dae: DAE, G: Array, q: Array, t0: float) -> Iterator[Array]:
+def _nearby(dae: DAE, G: ca.Function, q: Array, t0: float) -> Iterator[Array]:
     """Positions on the constraints to which the system can move from q (n_q,), a small step away."""
     far = float(np.abs(q).max(initial=0.0)) or 1.0
     scale = np.array([far if name.rpartition(".")[2] in ("vx", "vy", "vz") else 1.0 for name in dae.v_names])
-    _, sigma, V = np.linalg.svd(G * scale)
+    _, sigma, V = np.linalg.svd(at_rest(G, dae, q, t0) * scale)
     free = V[int((sigma > 1e-9 * sigma.max(initial=0.0)).sum()) :]
     random = np.random.default_rng(0)
     for _ in range(_NEARBY if len(free) else 0):
         step = random.normal(size=len(free)) @ free
         position = np.asarray(dae.retract(q, _STEP * scale * step / np.abs(step).max())).ravel()
-        for _ in range(5 if dae.Phi is not None and dae.G is not None else 0):
+        for _ in range(_STEPS):
+            if dae.Phi is None:
+                break
             r = at_rest(dae.Phi, dae, position, t0).ravel()
-            J = at_rest(dae.G, dae, position, t0)[: dae.n_c] * scale
-            back = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
+            back = np.linalg.lstsq(at_rest(G, dae, position, t0)[: dae.n_c] * scale, -r, rcond=1e-10)[0]
             position = np.asarray(dae.retract(position, scale * back)).ravel()
         yield position
 

@@ -33,7 +33,7 @@ class Start:
     """The start of a scene as a map from parameters to states; pickles.
 
     `held`, `solved` and `free` name the coordinates that were listed, solved for, and left where assembly put them.
-    `kept` are the numbers of independent constraint rows where the rows of the constraints named by `redundant` depend on
+    `kept` are the numbers of independent constraint rows where rows of the constraints named by `redundant` depend on
     each other, or None.
     """
 

@@ -318,7 +318,7 @@ def test_a_singular_start_is_told():
     """All links of the parallel four-bar in a line: it may go on as a parallelogram or as a kite."""
     guess = {"left.x": 0.5, "coupler.x": 2.0, "right.x": 2.5, "left.theta": -np.pi / 2, "right.theta": -np.pi / 2}
     scene = mb.Scene(four_bar(mb.Planar()), {"left.theta": -np.pi / 2}, guess=guess)
-    with pytest.raises(mb.AssemblyError, match="The start is a singular position: rank 7 of 8 .* and 8 close to it"):
+    with pytest.raises(mb.AssemblyError, match=r"The start is a singular position: rank 7 of 8 .* and 8 close to it"):
         mb.DAESimulator(scene)
 
 
