@@ -17,7 +17,20 @@ from models import (
     slider_crank_spatial,
     spherical_pendulum,
 )
-from symmb import CVODES, HHT, IDAS, NSTIFFSI2, Collocation, DormandPrince, GeneralizedAlpha, RungeKutta
+from symmb import (
+    BDFI3,
+    CVODES,
+    HHT,
+    IDAS,
+    NSTIFFSI2,
+    Collocation,
+    DormandPrince,
+    GeneralizedAlpha,
+    Newmark,
+    Rosenbrock,
+    RungeKutta,
+    StabilizedIndex2,
+)
 from symmb.bounds import (
     ChebyshevGauss,
     ClenshawCurtis,
@@ -49,6 +62,10 @@ ALL_SOLVERS = (
     NSTIFFSI2(step=1e-3),
     GeneralizedAlpha(step=1e-3),
     HHT(step=1e-3),
+    Newmark(step=2e-4),
+    BDFI3(step=1e-3),
+    Rosenbrock(steps=1000),
+    StabilizedIndex2(rtol=1e-9),
 )
 
 ALL_RULES = (Gauss(), ClenshawCurtis(), ChebyshevGauss(), Leja())

@@ -1,4 +1,4 @@
-"""Generalised-alpha on the index-3 form; HHT is one of its members."""
+"""Generalised-alpha on the index-3 form; HHT and Newmark's method are members of the family."""
 
 import casadi as ca
 
@@ -6,8 +6,8 @@ from symmb.dae import DAE
 from symmb.schemes._step import At, Step
 
 
-def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float) -> Step:
-    """One step with velocities as increments, so that rotations stay rotations.
+def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamma: float | None = None) -> Step:
+    """One step with velocities as increments, so that rotations stay rotations; Newmark's with a gamma of its own.
 
         v+ = v + h ((1 - gamma) a + gamma a+),                  gamma = 1/2 + alpha_f - alpha_m
         q+ = q (+) (h v + h^2 ((1/2 - beta) a + beta a+)),      beta = (gamma + 1/2)^2 / 4
@@ -21,7 +21,7 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float) -> S
     """
     n_q, n_v, n_s = dae.n_q, dae.n_v, dae.n_s
     n_x = n_q + n_v + n_s
-    gamma = 0.5 + alpha_f - alpha_m
+    gamma = 0.5 + alpha_f - alpha_m if gamma is None else gamma
     beta = 0.25 * (gamma + 0.5) ** 2
     x, p, t, h = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t"), ca.SX.sym("h")
     n_quad = 1 if work and dae.power is not None else 0

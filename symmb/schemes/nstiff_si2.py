@@ -1,4 +1,4 @@
-"""NSTIFF-SI2: second-order BDF on the stabilised index-2 form."""
+"""Second-order BDF on the stabilised index-2 form, which is NSTIFF-SI2, and on the index-3 form."""
 
 import casadi as ca
 
@@ -6,15 +6,15 @@ from symmb.dae import DAE
 from symmb.schemes._step import At, Step
 
 
-def nstiff_si2(dae: DAE, work: bool) -> Step:
-    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length.
+def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
+    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length; or of index 3, if not stabilised.
 
     With unknowns v', q', lam, mu and the new state q, v from the BDF formula,
 
         M v' + G' lam - Q = 0,      N v - q' + Phi_q' mu = 0,      Phi / (b h) = 0,      (G v + Phi_t) / (b h) = 0,
 
     where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes
-    at the exact solution.
+    at the exact solution. Of index 3 there is no mu, and of the last equation only the velocity-only rows are left.
 
     References
     ----------
@@ -32,22 +32,25 @@ def nstiff_si2(dae: DAE, work: bool) -> Step:
     b = (1 + ratio) / (1 + 2 * ratio)
     past = ((1 + ratio) ** 2 * now - ratio**2 * before) / (1 + 2 * ratio)
 
-    heads = quaternions(dae)
-    rate, lam = ca.SX.sym("rate", n_x), ca.SX.sym("lam", dae.n_r)
-    mu = ca.SX.sym("mu", dae.n_c + len(heads))
+    heads = quaternions(dae) if stabilized else []
+    # Of index 3, unknowns and residuals are displacements: else rounding in Phi over h^2 keeps Newton from ending.
+    scale = 1 if stabilized else (b * h) ** 2
+    z = ca.SX.sym("z", n_x + dae.n_r + (dae.n_c + len(heads) if stabilized else 0))
+    rate, lam, mu = ca.vertsplit(z / scale, [0, n_x, n_x + dae.n_r, z.numel()])
     new = past + b * h * rate
     at = At(dae, new, p, t)
     q = x[:n_q]
     norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
     rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
-    back = ca.densify(ca.jacobian(rows, q).T @ mu)
-    positions, towards = ca.Function("positions", [x, mu, p, t], [rows, back])(new, mu, p, t)
-    residual = ca.vertcat(
+    push = ca.SX.sym("mu", mu.numel())
+    back = ca.densify(ca.jacobian(rows, q).T @ push) if stabilized else ca.SX.zeros(n_q)
+    positions, towards = ca.Function("positions", [x, push, p, t], [rows, back])(new, mu, p, t)
+    residual = scale * ca.vertcat(
         at.unbalance(rate[n_q : n_q + n_v], lam),
         at.qdot - rate[:n_q] + towards,
         at.sdot - rate[n_q + n_v :],
-        positions / (b * h),
-        at.Phi_dot() / (b * h),
+        positions / (b * h) if stabilized else positions / (b * h) ** 2,
+        (at.Phi_dot() if stabilized else at.Phi_dot()[dae.n_c :]) / (b * h),
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
     first = At(dae, x, p, t)
@@ -63,11 +66,11 @@ def nstiff_si2(dae: DAE, work: bool) -> Step:
         x=x,
         begin=begin,
         w=w,
-        z=ca.vertcat(rate, lam, mu),
+        z=z,
         p=p,
         t=t,
         h=h,
-        guess=ca.vertcat(here.qdot, vdot_now, here.sdot, lam_now, ca.SX.zeros(mu.numel())),
+        guess=scale * ca.vertcat(here.qdot, vdot_now, here.sdot, lam_now, ca.SX.zeros(mu.numel())),
         residual=ca.densify(residual),
         following=ca.vertcat(new, W + h * (power_now + power) / 2, power, now, h),
         n_x=n_x,

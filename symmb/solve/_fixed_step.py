@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.schemes import runge_kutta
+from symmb.schemes import rosenbrock, runge_kutta
 from symmb.schemes._step import Step
 from symmb.solve._advance import Advance, Marching
 from symmb.solve._integration import Integration
@@ -51,6 +51,26 @@ def explicit(problem: Problem) -> Advance:
         slopes.append(ca.vertcat(*rates(w[:n_x] + h * shift, problem.p, begin + c * h)))
     new = w + h * sum((b * slopes[j] for j, b in runge_kutta.B.items()), ca.SX.zeros(n_x + n_quad))
     step = ca.Function("step", [w, problem.p, problem.t, h], [new], {"cse": True})
+    return Advance(_start_at_rest(problem), step, n_x, n_quad)
+
+
+def linearly_implicit(problem: Problem) -> Advance:
+    """RODAS: six linear systems a step with one matrix, of the Jacobian that CasADi derives."""
+    n_x, n_quad, t = problem.x.numel(), problem.quad.numel(), problem.t
+    y, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
+    rates = ca.Function("rates", [problem.x, problem.p, t], [ca.vertcat(problem.ode, problem.quad)], {"cse": True})
+    slope = rates(y[:n_x], problem.p, t)
+    W = ca.Function("W", [y, problem.p, t, h], [ca.SX.eye(y.numel()) / (h * rosenbrock.GAMMA) - ca.jacobian(slope, y)])
+    partial = ca.Function("partial", [y, problem.p, t], [ca.densify(ca.jacobian(slope, t))])
+    begin, now, stages = t - h, y, []
+    factors = ca.qr_sparse(W(y, problem.p, begin, h))
+    in_time = h * partial(y, problem.p, begin)
+    for c, d, row, past in zip(rosenbrock.C, rosenbrock.D, rosenbrock.A, rosenbrock.G, strict=True):
+        now = y + sum((a * u for a, u in zip(row, stages, strict=True)), ca.SX(y.numel(), 1))
+        right = rates(now[:n_x], problem.p, begin + c * h) + d * in_time
+        right += sum((g * u for g, u in zip(past, stages, strict=True)), ca.SX(y.numel(), 1)) / h
+        stages.append(ca.densify(ca.qr_solve(right, *factors)))
+    step = ca.Function("step", [y, problem.p, t, h], [now + stages[-1]], {"cse": True})
     return Advance(_start_at_rest(problem), step, n_x, n_quad)
 
 

@@ -4,9 +4,11 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from symmb._errors import DeclarationError
 from symmb.dae import DAE
-from symmb.solve.stabilization import Baumgarte, Projection, Stabilization
+from symmb.solve.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.symbolic.jets import jets
+from symmb.symbolic.linear import symmetric_solver
 
 _PROJECTION_STEPS = 3  # Newton is quadratic: enough from the drift of a whole output interval
 
@@ -82,11 +84,14 @@ def build_problem(
     rates = dae.rhs(*at)
     rates = list(rates) if isinstance(rates, tuple) else [rates]
     right = dae.gamma(*at) if dae.gamma is not None else ca.SX(0, 1)
-    if isinstance(stabilization, Baumgarte) and dae.Phi_dot is not None:
-        Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)
-        Phi = ca.vertcat(Phi, ca.SX.zeros(dae.n_r - dae.n_c))
-        right = right - 2 * stabilization.alpha * dae.Phi_dot(*at) - stabilization.beta**2 * Phi
-    vdot, lam = dae.forward(*at, right)
+    if isinstance(stabilization, Baumgarte):
+        right = right - _feedback(dae, at, 2 * stabilization.alpha, stabilization.beta**2)
+    if isinstance(stabilization, AugmentedLagrangian) and algebraic:
+        raise DeclarationError("AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES().")
+    if isinstance(stabilization, AugmentedLagrangian):
+        vdot, lam = _augmented(dae, at, right, stabilization)
+    else:
+        vdot, lam = dae.forward(*at, right)
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
     if algebraic and dae.n_r and dae.G is not None:
         M, G = dae.M(*at), dae.G(*at)
@@ -114,6 +119,67 @@ def build_problem(
         quad=power,
         z_guess=guess,
         projected=projected,
+    )
+
+
+def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: float) -> ca.SX:
+    """of_rates (G v + Phi_t) + of_positions Phi, (n_r,); velocity-only rows have no positions."""
+    if dae.Phi_dot is None:
+        return ca.SX(0, 1)
+    Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)
+    return of_rates * dae.Phi_dot(*at) + of_positions * ca.vertcat(Phi, ca.SX.zeros(dae.n_r - dae.n_c))
+
+
+def _augmented(dae: DAE, at: tuple[ca.SX, ...], right: ca.SX, method: AugmentedLagrangian) -> tuple[ca.SX, ca.SX]:
+    """Accelerations (n_v,) and multipliers (n_r,)."""
+    if dae.G is None:
+        return dae.forward(*at, right)
+    M, Q, G = dae.M(*at), dae.Q(*at), dae.G(*at)
+    a = method.penalty * ca.trace(M) / dae.n_v
+    right = right - _feedback(dae, at, 2 * method.damping * method.omega, method.omega**2)
+    solve, lam = symmetric_solver(M + a * G.T @ G), ca.SX.zeros(dae.n_r)
+    for _ in range(method.iterations + 1):
+        vdot = solve(Q - G.T @ (lam - a * right))
+        lam = lam + a * (G @ vdot - right)
+    return vdot, lam
+
+
+def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
+    """The stabilised index-2 form: positions and velocities are algebraic equations, multipliers lam and mu unknowns.
+
+        q' = N v - Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
+
+    References
+    ----------
+    Gear, Leimkuhler, Gupta (1985), Journal of Computational and Applied Mathematics 12-13, 77-90.
+    """
+    x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
+    p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, time)
+    rates = dae.rhs.call(list(at))
+    lam, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
+    qdot, vdot, guess, rows = rates[0], rates[1], ca.SX(0, 1), ca.SX(0, 1)
+    if dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None:
+        first, guess = dae.forward(*at, dae.gamma(*at))
+        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at)
+        if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
+            vdot = a = ca.SX.sym("a", dae.n_v)
+            rows, guess = ca.vertcat(M @ a - force, rows), ca.vertcat(first, guess)
+        else:
+            vdot = ca.solve(M, force)
+    if dae.Phi is not None and dae.Phi_q is not None:
+        qdot = qdot - dae.Phi_q(*at).T @ mu
+        rows = ca.vertcat(rows, dae.Phi(*at))
+    return Problem(
+        x=x,
+        z=ca.vertcat(a, lam, mu),
+        p=p,
+        t=time,
+        ode=ca.densify(ca.vertcat(qdot, vdot, *rates[2:])),
+        alg=ca.densify(rows),
+        quad=dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1),
+        z_guess=ca.vertcat(guess, ca.SX.zeros(dae.n_c)),
+        projected=None,
     )
 
 

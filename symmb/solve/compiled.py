@@ -99,7 +99,7 @@ class DormandPrince(CompiledSolver):
     ----------
     rtol : float             relative tolerance
     atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
-    stabilization            None, Baumgarte(...) or Projection()
+    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
     References
     ----------
@@ -136,7 +136,7 @@ class RungeKutta(OneStep, CompiledSolver):
     Parameters
     ----------
     steps : int              over the whole horizon; at least one for each output time
-    stabilization            None, Baumgarte(...) or Projection() at the output times
+    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
     """
 
     steps: int = 2500

@@ -48,6 +48,47 @@ class NSTIFFSI2(_Implicit):
 
 
 @dataclass(frozen=True, repr=False)
+class BDFI3(_Implicit):
+    """Second-order BDF on the index-3 form: positions alone are kept, velocities follow to the error of the step.
+
+    Parameters
+    ----------
+    step : float             longest step [s]
+    tolerance : float        of Newton's method, in displacements [m, rad]
+    """
+
+    step: float = 1e-3
+    tolerance: float = 1e-12
+
+    def formula(self, dae: DAE, work: bool) -> Step:
+        return nstiff_si2(dae, work, stabilized=False)
+
+
+@dataclass(frozen=True, repr=False)
+class Newmark(_Implicit):
+    """Newmark's method on the index-3 form, of first order: gamma above 1/2 damps what the constraints excite.
+
+    Parameters
+    ----------
+    step : float             longest step [s]
+    gamma : float            damping, 1/2 (trapezoidal rule, none) to 1
+    tolerance : float        of Newton's method, in displacements [m, rad]
+    """
+
+    limits: ClassVar = {"gamma": (0.5, 1.0)}
+
+    step: float = 1e-3
+    gamma: float = 0.6
+    tolerance: float = 1e-13
+
+    def formula(self, dae: DAE, work: bool) -> Step:
+        return generalized_alpha(dae, work, alpha_m=0.0, alpha_f=0.0, gamma=self.gamma)
+
+    def tighter(self, factor: float = 10.0) -> "Newmark":
+        return replace(self, step=self.step / factor)
+
+
+@dataclass(frozen=True, repr=False)
 class GeneralizedAlpha(_Implicit):
     """Generalised-alpha on the index-3 form (see `schemes.generalized_alpha`).
 

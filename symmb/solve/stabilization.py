@@ -29,4 +29,31 @@ class Projection:
     """
 
 
-Stabilization = Baumgarte | Projection | None
+@dataclass(frozen=True)
+class AugmentedLagrangian:
+    """Constraints as stiff elements, whose forces a few iterations correct to those of the constraints.
+
+        (M + a G' G) v' = Q - G' lam + a G' b,      b = gamma - 2 damping omega (G v + Phi_t) - omega^2 Phi,
+        lam <- lam + a (G v' - b)
+
+    The matrix is regular where rows depend on each other: motion goes on through singular positions, and bodies without
+    mass are carried by their constraints. a is `penalty` times the mean of the diagonal of M.
+
+    Parameters
+    ----------
+    penalty : float
+    omega, damping : float   rate [1/s] and damping ratio of the feedback of the drift
+    iterations : int         corrections of lam; 0 is the penalty method
+
+    References
+    ----------
+    Bayo, Garcia de Jalon, Serna (1988), Computer Methods in Applied Mechanics and Engineering 71, 183-195.
+    """
+
+    penalty: float = 1e6
+    omega: float = 100.0
+    damping: float = 1.0
+    iterations: int = 2
+
+
+Stabilization = Baumgarte | Projection | AugmentedLagrangian | None

@@ -83,7 +83,7 @@ def test_the_bundle_pickles():
     assert (copy.q_names, copy.rows) == (dae.q_names, dae.rows)
 
 
-FIXED_STEP = [s for s in ALL_SOLVERS if not isinstance(s, mb.IDAS | mb.CVODES | mb.DormandPrince)]
+FIXED_STEP = [s for s in ALL_SOLVERS if not isinstance(s, mb.IDAS | mb.CVODES | mb.DormandPrince | mb.StabilizedIndex2)]
 
 
 @pytest.mark.parametrize("solver", FIXED_STEP, ids=repr)

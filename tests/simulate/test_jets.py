@@ -58,12 +58,13 @@ def expected():
     return np.stack([coefficients(Y, h) for Y in runs], axis=1)
 
 
-@pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
+@pytest.mark.parametrize("solver", [s for s in ALL_SOLVERS if not isinstance(s, mb.StabilizedIndex2)], ids=repr)
 def test_trajectories_of_every_solver(solver, expected):
-    order = 2 if isinstance(solver, mb.Collocation | mb.NSTIFFSI2) else ORDER  # their Newton matrices get large
+    large = mb.Collocation | mb.NSTIFFSI2 | mb.BDFI3  # whose Newton matrices get large
+    order = 2 if isinstance(solver, large) else ORDER
     jets = mb.DAESimulator(crank(), solver).jets(NOMINAL, DIRECTIONS * SCALE, order)
     assert jets.shape == (order + 1, len(DIRECTIONS), len(TIMES), 4)
-    second_order = isinstance(solver, mb.NSTIFFSI2 | mb.GeneralizedAlpha | mb.HHT)
+    second_order = isinstance(solver, mb.NSTIFFSI2 | mb.GeneralizedAlpha | mb.HHT | mb.Newmark | mb.BDFI3)
     for j in range(order + 1):
         scale = np.abs(expected[j]).max(axis=(0, 1))
         error = np.abs(jets[j] - expected[j]).max(axis=(0, 1)) / scale
