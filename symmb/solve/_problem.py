@@ -88,8 +88,8 @@ def build_problem(
         right = right - _feedback(dae, at, 2 * stabilization.alpha, stabilization.beta**2)
     if isinstance(stabilization, AugmentedLagrangian) and algebraic:
         raise DeclarationError("AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES().")
-    if isinstance(stabilization, AugmentedLagrangian):
-        vdot, lam = _augmented(dae, at, right, stabilization)
+    if isinstance(stabilization, AugmentedLagrangian) and dae.G is not None:
+        vdot, lam = _augmented(dae, at, dae.G(*at), right, stabilization)
     else:
         vdot, lam = dae.forward(*at, right)
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
@@ -130,14 +130,14 @@ def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: fl
     return of_rates * dae.Phi_dot(*at) + of_positions * ca.vertcat(Phi, ca.SX.zeros(dae.n_r - dae.n_c))
 
 
-def _augmented(dae: DAE, at: tuple[ca.SX, ...], right: ca.SX, method: AugmentedLagrangian) -> tuple[ca.SX, ca.SX]:
+def _augmented(
+    dae: DAE, at: tuple[ca.SX, ...], G: ca.SX, right: ca.SX, method: AugmentedLagrangian
+) -> tuple[ca.SX, ca.SX]:
     """Accelerations (n_v,) and multipliers (n_r,)."""
-    if dae.G is None:
-        return dae.forward(*at, right)
-    M, Q, G = dae.M(*at), dae.Q(*at), dae.G(*at)
+    M, Q = dae.M(*at), dae.Q(*at)
     a = method.penalty * ca.trace(M) / dae.n_v
     right = right - _feedback(dae, at, 2 * method.damping * method.omega, method.omega**2)
-    solve, lam = symmetric_solver(M + a * G.T @ G), ca.SX.zeros(dae.n_r)
+    solve, vdot, lam = symmetric_solver(M + a * G.T @ G), Q, ca.SX.zeros(dae.n_r)
     for _ in range(method.iterations + 1):
         vdot = solve(Q - G.T @ (lam - a * right))
         lam = lam + a * (G @ vdot - right)
