@@ -83,6 +83,8 @@ from symmb.solve.stabilization import AugmentedLagrangian as AugmentedLagrangian
 from symmb.solve.stabilization import Baumgarte as Baumgarte
 from symmb.solve.stabilization import Projection as Projection
 from symmb.study import Comparison as Comparison
+from symmb.study import Stability as Stability
+from symmb.study import stability as stability
 from symmb.study._public import compare as compare
 from symmb.symbolic.symbols import ddt as ddt
 from symmb.symbolic.symbols import t as t

@@ -4,7 +4,7 @@ Figures are drawn without pyplot, so nothing global is touched; matplotlib loads
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,8 @@ _DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1
 _BAND = "#c9d3dd"
 _ROUNDING = 1e-16
 """The least error that is drawn, as a share of the width."""
+_NONSENSE = 10.0
+"""The largest error that is drawn, as a share of the motion."""
 _CLEAR = 16.0
 """Distance from which on a number stands free [point]."""
 
@@ -161,6 +163,38 @@ def plot_bounds(
     _legend(figure, panels)
     if len(shown) < len(names):
         figure.suptitle(f"the first {len(shown)} of {len(names)} outputs", fontsize=10)
+    return _saved(figure, path)
+
+
+def plot_stability(
+    t: Array,
+    points: Mapping[str, Sequence[tuple[float, float]]],
+    drift: Mapping[str, Array],
+    path: str | Path | None = None,
+    *,
+    title: str = "",
+) -> "Figure":
+    """Error against run time, and drift of positions over time, of solvers by name; see `plot_comparison` for path.
+
+    Parameters
+    ----------
+    points : name -> (run time [s], error) of each setting
+    drift : name -> (n_t,) of one setting
+    """
+    figure = _figure(_DIAGRAM + 0.8)
+    left, right = figure.subplots(1, 2)
+    for k, name in enumerate(points):
+        style = {"color": _of(_COLOURS, k), "linestyle": _of(_DASHES, k // len(_COLOURS)), "linewidth": 1.1}
+        seconds, errors = zip(*points[name], strict=True)
+        left.loglog(seconds, np.clip(errors, _ROUNDING, _NONSENSE), marker=_of(_MARKERS, k), label=name, **style)
+        right.semilogy(t, np.maximum(drift[name], _ROUNDING), **style)
+    left.set(xlabel="run time [s]", ylabel="error [share of the motion]")
+    right.set(xlabel="time [s]", ylabel="largest violation of a position row")
+    for axes in (left, right):
+        _dress(axes)
+        axes.grid(alpha=0.25)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.suptitle(title, fontsize=10)
     return _saved(figure, path)
 
 

@@ -92,6 +92,18 @@ def _simulate(options: argparse.Namespace) -> None:
         trajectory.plot(picture)
 
 
+def _stability(options: argparse.Namespace) -> None:
+    json_file, picture = _file(options.json), _file(options.plot, *_PICTURES)
+    scene = load_scene(options.scene)
+    with Progress(f"trying solvers on {scene.name}") as progress:
+        found = mb.stability(scene, progress=progress)
+    print(found)
+    if json_file:
+        found.save(json_file)
+    if picture:
+        found.plot(picture)
+
+
 def _equations(options: argparse.Namespace) -> None:
     system = load_scene(options.scene).system
     print(system.latex() if options.latex else f"{system}\n\n{equations_text(system)}".rstrip())
@@ -235,6 +247,10 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument("--json", metavar="F", help="write everything to this file")
     simulate.add_argument("--csv", metavar="F", help="write times and outputs to this file")
     simulate.add_argument("--plot", metavar="F.png", help="draw the outputs over time")
+
+    stability = command("stability", "try every solver on the scene, as it is and under stress, and advise", _stability)
+    stability.add_argument("--json", metavar="F", help="write everything to this file")
+    stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
 
     equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
     equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")

@@ -7,3 +7,5 @@ from symmb.study.metrics import Score as Score
 from symmb.study.reference import Reference as Reference
 from symmb.study.row import NotRun as NotRun
 from symmb.study.row import Row as Row
+from symmb.study.stability import Stability as Stability
+from symmb.study.stability import stability as stability

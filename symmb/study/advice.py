@@ -1,0 +1,95 @@
+"""What the trials of a scene mean, in a paragraph."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+
+from symmb.study.trials import Trial
+
+GOOD, STABLE = 1e-3, 0.1
+"""Errors below which a run serves most purposes, and below which it is not nonsense."""
+_FAR = 1e-5
+"""Violation of position rows that is worth a word [m, -]."""
+_STIFF = 4.0
+"""How much longer an explicit method takes than an implicit one on what is called stiff here."""
+
+
+def advice(
+    trials: Sequence[Trial],
+    stress: Sequence[Trial],
+    errors: Mapping[str, float],
+    corners: Mapping[float, tuple[int, int]],
+) -> str:
+    """Which solver to take, what step the others bear, and what breaks the scene; errors by the key of a trial."""
+    good = sorted((t for t in trials if errors.get(t.key, 1.0) <= GOOD), key=lambda t: t.seconds)
+    sentences = [
+        _choice(good),
+        _stiffness(trials),
+        *_steps(trials, errors),
+        *_drift(good),
+        *_stress(stress, errors),
+    ]
+    broken = [f"{failed} of {of} at {spread:.0%}" for spread, (failed, of) in corners.items() if failed]
+    if broken:
+        sentences.append(f"Corners of wider boxes fail: {', '.join(broken)}; bounds there rest on the other runs.")
+    return textwrap.fill(" ".join(filter(None, sentences)), 110)
+
+
+def _choice(good: Sequence[Trial]) -> str:
+    if not good:
+        return f"No setting reached an error of {GOOD:g}: take finer ones, or a shorter horizon."
+    first = good[0]
+    other = next((t for t in good if t.family != first.family), None)
+    also = f", then {other.solver} ({1e3 * other.seconds:.2g} ms)" if other else ""
+    return f"To {GOOD:g} of the motion the fastest is {first.solver} ({1e3 * first.seconds:.2g} ms){also}."
+
+
+def _stiffness(trials: Sequence[Trial]) -> str:
+    explicit = {t.setting: t for t in trials if t.family == "CVODES"}
+    implicit = {t.setting: t for t in trials if t.family == "CVODES, stiff"}
+    for setting, slow in explicit.items():
+        fast = implicit.get(setting)
+        if fast is None or fast.reason:
+            continue
+        if slow.reason:
+            return f"It is stiff: Adams steps at {setting:g} did not finish ({slow.reason}), BDF did."
+        if slow.seconds > _STIFF * fast.seconds:
+            return (
+                f"It is stiff: Adams steps at {setting:g} take {slow.seconds / fast.seconds:.0f} times as long as BDF."
+            )
+    return "It is not stiff: explicit steps do."
+
+
+def _steps(trials: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
+    largest: dict[str, float] = {}
+    for trial in trials:
+        if "step" in trial.solver and errors.get(trial.key, 1.0) <= STABLE:
+            largest[trial.family] = max(trial.setting, largest.get(trial.family, 0.0))
+    told = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
+    without = dict.fromkeys(t.family for t in trials if "step" in t.solver and t.family not in largest)
+    sentences = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {told}."] if told else []
+    return [*sentences, f"None of {', '.join(without)} was small enough."] if without else sentences
+
+
+def _drift(good: Sequence[Trial]) -> list[str]:
+    worst = max(good, key=lambda t: t.position.max(initial=0.0), default=None)
+    if worst is None or not worst.position.max(initial=0.0) > _FAR:
+        return []
+    return [
+        f"{worst.solver} leaves its position constraints by {worst.position.max():.1g}: give it "
+        "stabilization=Projection(), or take one that keeps them, such as NSTIFFSI2 or StabilizedIndex2."
+    ]
+
+
+def _stress(stress: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
+    sentences = []
+    for name in dict.fromkeys(trial.scene for trial in stress):
+        some = [t for t in stress if t.scene == name]
+        # What errors are measured by has none of its own, and is the tightest.
+        done = sorted((t for t in some if not t.reason and errors.get(t.key, 0.0) <= GOOD), key=lambda t: t.seconds)
+        bad = dict.fromkeys(t.family for t in some if t not in done)
+        if not done:
+            sentences.append(f"With {name} no setting tried is good.")
+        elif bad:
+            fastest = f"{done[0].solver} ({1e3 * done[0].seconds:.2g} ms)"
+            sentences.append(f"With {name} {', '.join(bad)} at these settings are not good enough; {fastest} is.")
+    return sentences

@@ -1,0 +1,282 @@
+"""What a scene can bear: every solver over a ladder of steps or tolerances, and the scene under stress."""
+
+import copy
+import itertools
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symmb import plot
+from symmb._box import Box
+from symmb._errors import SimulationError
+from symmb._table import aligned
+from symmb._types import Array
+from symmb.scene import Scene
+from symmb.simulate._dae import DAESimulator
+from symmb.solve.compiled import DormandPrince, RungeKutta
+from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark
+from symmb.solve.solvers import CVODES, IDAS, Rosenbrock, Solver, StabilizedIndex2
+from symmb.study.advice import advice
+from symmb.study.trials import Job, Trial, run_jobs
+from symmb.system import System
+
+TIMES = 51
+"""Output times: as few as show drift over time, since steps are no longer than the time between two."""
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+STEPS = (50, 200, 800, 3200)
+"""Of fixed steps, over the horizon."""
+_LIMIT, _REFERENCE_LIMIT, _ALL = 3.0, 10.0, 45.0
+"""Seconds that a trial may take, that a reference may, and after which no more begin."""
+_STIFFER, _LONGER, _SPREADS = (1e2, 1e4), (10, 100), (0.1, 0.2, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """What the solvers made of a scene. `print` tells it, `plot` draws it, `save` writes it as JSON.
+
+    Attributes
+    ----------
+    scene : str
+    times : (n_t,) array
+    trials, stress : the runs of the scene as it is, and of the scene under stress
+    errors : dict              key of a trial -> root mean square error, over that of the deviation from the mean
+    uncertainty : float        of the reference, by which errors are measured, in the same measure
+    corners : dict             spread of the box -> (corners that fail, corners)
+    advice : str
+    """
+
+    scene: str
+    times: Array
+    trials: tuple[Trial, ...]
+    stress: tuple[Trial, ...]
+    errors: dict[str, float]
+    uncertainty: float
+    corners: dict[float, tuple[int, int]]
+    advice: str
+
+    def __str__(self) -> str:
+        head = ["solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome"]
+        lines = [
+            f"{self.scene}: {len(self.trials)} runs from {self.times[0]:g} to {self.times[-1]:g} s, "
+            f"errors to {self.uncertainty:.0e}",
+            *aligned([head, *(self._cells(trial) for trial in self.trials)], left=(0, 7)),
+        ]
+        if self.stress:
+            head[0:0] = ["under stress"]
+            told = [[trial.scene, *self._cells(trial)] for trial in self.stress]
+            lines += ["", *aligned([head, *told], left=(0, 1, 8))]
+        for spread, (failed, corners) in self.corners.items():
+            lines.append(f"box widened to {spread:.0%}: {failed or 'none'} of {corners} corners fail")
+        return "\n".join([*lines, "", self.advice])
+
+    def _cells(self, trial: Trial) -> list[str]:
+        drift = [trial.position.max(initial=0.0), trial.velocity.max(initial=0.0), trial.energy]
+        numbers = [self.errors.get(trial.key, np.nan), *(drift if not trial.reason else [np.nan] * 3), trial.seconds]
+        cells = ["–" if np.isnan(number) else f"{number:.1e}" for number in numbers]
+        return [trial.family, f"{trial.setting:.1e}", *cells, trial.reason or "finished"]
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the outputs; what is not known is None."""
+
+        def told(trial: Trial) -> dict[str, Any]:
+            numbers = {
+                "setting": trial.setting,
+                "error": self.errors.get(trial.key, np.nan),
+                "position_drift": float(trial.position.max(initial=0.0)) if not trial.reason else np.nan,
+                "velocity_drift": float(trial.velocity.max(initial=0.0)) if not trial.reason else np.nan,
+                "energy_drift": trial.energy,
+                "run_seconds": trial.seconds,
+            }
+            known = {name: None if np.isnan(number) else number for name, number in numbers.items()}
+            return {"stress": trial.scene, "solver": trial.solver, "reason": trial.reason, **known}
+
+        return {
+            "scene": self.scene,
+            "times": self.times.tolist(),
+            "uncertainty": self.uncertainty,
+            "trials": [told(trial) for trial in (*self.trials, *self.stress)],
+            "corners": {f"{spread:g}": list(counts) for spread, counts in self.corners.items()},
+            "advice": self.advice,
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write JSON."""
+        Path(path).write_text(json.dumps(self.to_json()) + "\n", encoding="utf-8")
+
+    def plot(self, path: str | Path) -> None:
+        """Draw error against run time, and the drift of positions over time."""
+        finished = [trial for trial in self.trials if not trial.reason]
+        points = {
+            family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family]
+            for family in dict.fromkeys(trial.family for trial in finished)
+        }
+        drift = {
+            family: min(
+                (t for t in finished if t.family == family), key=lambda t: abs(np.log10(self.errors[t.key]) + 4)
+            ).position
+            for family in points
+        }
+        plot.plot_stability(self.times, points, drift, path, title=self.scene)
+
+
+def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:
+    """Try every solver on a scene, plain and under stress, each run within 3 s and all within a minute.
+
+    Stress is what any scene can be put to: stiffnesses of its springs 100 and 10,000 times as large, horizons 10 and
+    100 times as long, and its box widened to 10, 20 and 50 %.
+
+    Parameters
+    ----------
+    scene : Scene
+    progress : callable, optional      told what runs, runs done, runs in all
+
+    Raises
+    ------
+    AssemblyError              if the scene cannot be started
+    SimulationError            if there is nothing to integrate, or no solver finishes
+    """
+    begin = time.monotonic()
+    times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
+    if len(scene.times) < 2 or not DAESimulator(scene, CVODES()).dae.n_v:
+        raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
+    plain = scene.with_times(times)
+    jobs = [Job("", lambda: plain, family, ladder) for family, ladder in _ladders(float(times[-1] - times[0]))]
+    stresses = _stresses(scene, times)
+    under = [Job(name, make, family, [one]) for name, longer, make in stresses for family, one in _few(times, longer)]
+    total = sum(len(job.solvers) for job in (*jobs, *under))
+    found: list[Trial] = []
+
+    def collect(some: Sequence[Job], limit: float) -> list[Trial]:
+        order = [(job.scene, job.family) for job in some]
+        trials = []
+        for trial in run_jobs(some, limit, begin + _ALL):
+            trials.append(trial)
+            found.append(trial)
+            if progress is not None:
+                progress(trial.family, len(found), total + len(_REFERENCES))
+        return sorted(trials, key=lambda t: order.index((t.scene, t.family)))  # stable: settings stay in order
+
+    references = collect([Job("", lambda: plain, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT)
+    true, uncertainty = _reference(references)
+    if true is None:
+        raise SimulationError(f"{scene.name}: no solver finishes. {references[0].reason}")
+    trials, stress = collect(jobs, _LIMIT), collect(under, _LIMIT)
+    errors = {trial.key: _error(trial.values, true) for trial in trials if not trial.reason}
+    for name in dict.fromkeys(trial.scene for trial in stress):
+        some = [trial for trial in stress if trial.scene == name and not trial.reason]
+        best, _ = _reference(some)
+        if best is not None:
+            errors |= {trial.key: _error(trial.values, best) for trial in some if trial.values is not best}
+    corners = _corners(scene)
+    text = advice(trials, stress, errors, corners)
+    return Stability(scene.name, times, tuple(trials), tuple(stress), errors, uncertainty, corners, text)
+
+
+_REFERENCES: dict[str, tuple[float, Solver]] = {
+    "IDAS()": (1e-11, IDAS()),
+    "CVODES(stiff=True)": (1e-11, CVODES(stiff=True)),
+    "CVODES(rtol=1e-12)": (1e-12, CVODES(rtol=1e-12)),
+}
+
+
+def _ladders(length: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
+    """Families with their settings, from fast to slow."""
+    adaptive: dict[str, Callable[[float], Solver]] = {
+        "DormandPrince": lambda r: DormandPrince(rtol=r),
+        "CVODES": lambda r: CVODES(rtol=r),
+        "CVODES, stiff": lambda r: CVODES(rtol=r, stiff=True),
+        "IDAS": lambda r: IDAS(rtol=r),
+        "StabilizedIndex2": lambda r: StabilizedIndex2(rtol=r),
+    }
+    fixed: dict[str, Callable[[int], Solver]] = {
+        "RungeKutta": lambda n: RungeKutta(steps=n),
+        "Rosenbrock": lambda n: Rosenbrock(steps=n),
+        "NSTIFFSI2": lambda n: NSTIFFSI2(step=length / n),
+        "GeneralizedAlpha": lambda n: GeneralizedAlpha(step=length / n),
+        "HHT": lambda n: HHT(step=length / n),
+        "Newmark": lambda n: Newmark(step=length / n),
+        "BDFI3": lambda n: BDFI3(step=length / n),
+    }
+    return [
+        *((name, [(r, make(r)) for r in TOLERANCES]) for name, make in adaptive.items()),
+        *((name, [(length / n, make(n)) for n in STEPS]) for name, make in fixed.items()),
+    ]
+
+
+def _few(times: Array, longer: int) -> list[tuple[str, tuple[float, Solver]]]:
+    """One setting of solvers that differ most, the tightest last; the same steps over a horizon that is longer."""
+    step = float(times[-1] - times[0]) / 800
+    return [
+        ("NSTIFFSI2", (step, NSTIFFSI2(step=step))),
+        ("Rosenbrock", (step, Rosenbrock(steps=800 * longer))),
+        ("StabilizedIndex2", (1e-6, StabilizedIndex2(rtol=1e-6))),
+        ("CVODES, stiff", (1e-10, CVODES(rtol=1e-10, stiff=True))),
+        ("CVODES", (1e-11, CVODES(rtol=1e-11))),
+    ]
+
+
+def _stresses(scene: Scene, times: Array) -> list[tuple[str, int, Callable[[], Scene]]]:
+    """What is done to the scene, by name, and how many times as long it is."""
+    found: list[tuple[str, int, Callable[[], Scene]]] = []
+    if any(_stiffnesses(element) for element in scene.system.elements):
+        for factor in _STIFFER:
+            found.append((f"stiffness x {factor:g}", 1, lambda k=factor: _stiffer(scene.with_times(times), k)))
+    for factor in _LONGER:
+        longer = times[0] + factor * (times - times[0])
+        found.append((f"horizon x {factor}", factor, lambda longer=longer: scene.with_times(longer)))
+    return found
+
+
+def _stiffnesses(element: object) -> list[str]:
+    return [name for name in ("stiffness", "rotational_stiffness") if hasattr(element, name)]
+
+
+def _stiffer(scene: Scene, factor: float) -> Scene:
+    """The scene with springs stiffer by a factor."""
+    elements = []
+    for element in (*scene.system.bodies, *(e for e in scene.system.elements if e not in scene.system.bodies)):
+        changed = copy.copy(element)
+        for name in _stiffnesses(element):
+            value = getattr(element, name)
+            stiffer = tuple(factor * k for k in value) if isinstance(value, tuple) else factor * value
+            object.__setattr__(changed, name, stiffer)
+        elements.append(changed if _stiffnesses(element) else element)
+    return replace(scene, system=System(*elements, parameters=scene.system.parameters))
+
+
+def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
+    """How many corners of wider boxes fail, and of how many."""
+    if scene.box is None or len(scene.box) > 8:
+        return {}
+    simulator, found = DAESimulator(scene), {}
+    order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
+    for spread in _SPREADS:
+        box = Box.around(scene.system.parameters, spread, scene.box.names)
+        corners = box.from_unit(np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
+        P = np.tile(nominal, (len(corners), 1))
+        P[:, [order.index(name) for name in box.names]] = corners
+        found[spread] = int((~simulator.run(P).ok).sum()), len(corners)
+    return found
+
+
+def _reference(trials: Sequence[Trial]) -> tuple[Array | None, float]:
+    """Of the runs that finished, the second of the two that are closest, and how far these are apart."""
+    done = [trial.values for trial in trials if not trial.reason]
+    if len(done) < 2:
+        return (done[0], float("nan")) if done else (None, float("nan"))
+    apart, which = min((_error(done[i], done[j]), j) for j in range(len(done)) for i in range(j))
+    return done[which], apart
+
+
+def _error(values: Array, true: Array) -> float:
+    """Largest over outputs of the root mean square error over that of the deviation from the mean."""
+    spread = np.std(true, axis=0)
+    spread = np.where(spread > 1e-12 * np.abs(true).max(axis=0), spread, np.maximum(np.abs(true).max(axis=0), 1e-300))
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.sqrt(np.mean(np.square(values - true), axis=0)) / spread
+    return float(np.nan_to_num(error, nan=np.inf, posinf=np.inf).max(initial=0.0))

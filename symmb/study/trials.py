@@ -1,0 +1,156 @@
+"""Runs that may break down or take too long, each family of solvers in a process of its own."""
+
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import SymmbError
+from symmb._types import Array
+from symmb.scene import Scene
+from symmb.simulate._simulate import simulate
+from symmb.solve.solvers import Solver
+
+_TICK = 0.2
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of a scene by a solver.
+
+    Attributes
+    ----------
+    scene : str                what was done to the scene, "" if nothing
+    solver : str               text of its constructor
+    family : str               name of its class, with what sets it apart from others of the class
+    setting : float            relative tolerance or step [s]
+    reason : str               why it did not finish; empty if it did
+    seconds : float            of the run alone
+    position, velocity : (n_t,) arrays     largest violation of a row, at every time
+    energy : float             largest imbalance over the largest kinetic energy
+    values : (n_t, n_y) array  outputs
+    """
+
+    scene: str
+    solver: str
+    family: str
+    setting: float
+    reason: str = ""
+    seconds: float = float("nan")
+    position: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    velocity: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    energy: float = float("nan")
+    values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+
+    @property
+    def key(self) -> str:
+        """What tells it from others of a study."""
+        return f"{self.scene}|{self.solver}"
+
+
+@dataclass(frozen=True)
+class Job:
+    """Settings of one solver to run one after the other, from those that are fast to those that are not."""
+
+    scene: str
+    make: Callable[[], Scene]
+    family: str
+    solvers: Sequence[tuple[float, Solver]]
+
+    def trial(self, k: int, **found: Any) -> Trial:
+        setting, solver = self.solvers[k]
+        return Trial(self.scene, repr(solver), self.family, setting, **found)
+
+    def run(self) -> Iterator[Trial]:
+        """All trials in this process."""
+        scene = None
+        for k, (_, solver) in enumerate(self.solvers):
+            try:
+                scene = self.make() if scene is None else scene
+                run = simulate(scene, solver)
+            except SymmbError as error:
+                told = str(error).splitlines()[0]
+                yield self.trial(k, reason=told.removeprefix(f"{scene.name}: ") if scene else told)
+                continue
+            finite = bool(np.isfinite(run.values).all())
+            yield self.trial(
+                k,
+                reason="" if finite else "outputs are not finite",
+                seconds=run.run_seconds,
+                position=run.drift.position,
+                velocity=run.drift.velocity,
+                energy=run.energy_drift,
+                values=run.values,
+            )
+
+
+@dataclass
+class _Running:
+    job: Job
+    process: Any
+    pipe: Connection
+    since: float
+    done: int = 0
+
+
+def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 2) -> Iterator[Trial]:
+    """All trials of all jobs, as they end.
+
+    A trial that takes longer than the limit [s] is ended, and those of its job that would take longer still are not
+    tried. After the deadline (`time.monotonic`) no more jobs begin. Where processes cannot be forked, jobs run here one
+    after the other, without limits.
+    """
+    if "fork" not in multiprocessing.get_all_start_methods():
+        for job in jobs:
+            yield from job.run() if time.monotonic() < deadline else _left(job, 0, "left out for want of time")
+        return
+    pending, running = list(jobs), []
+    while pending or running:
+        while pending and len(running) < workers:
+            job = pending.pop(0)
+            if time.monotonic() < deadline:
+                running.append(_begin(job))
+            else:
+                yield from _left(job, 0, "left out for want of time")
+        ready = wait([r.pipe for r in running], _TICK)
+        for r in list(running):
+            if r.pipe in ready:
+                try:
+                    yield r.pipe.recv()
+                    r.done, r.since = r.done + 1, time.monotonic()
+                    ended = r.done == len(r.job.solvers)
+                except EOFError:
+                    ended = True
+                    yield from _left(r.job, r.done, "the process broke down")
+            else:
+                ended = time.monotonic() - r.since > limit
+                if ended:
+                    yield from _left(r.job, r.done, f"took longer than {limit:g} s", "a longer step took too long")
+            if ended:
+                r.process.kill()
+                r.process.join()
+                running.remove(r)
+
+
+def _begin(job: Job) -> _Running:
+    context = multiprocessing.get_context("fork")
+    mine, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_send, args=(job, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    return _Running(job, process, mine, time.monotonic())
+
+
+def _send(job: Job, pipe: Connection) -> None:
+    for trial in job.run():
+        pipe.send(trial)
+    pipe.close()
+
+
+def _left(job: Job, done: int, reason: str, others: str | None = None) -> Iterator[Trial]:
+    for k in range(done, len(job.solvers)):
+        yield job.trial(k, reason=reason if k == done or others is None else others)

@@ -1,0 +1,92 @@
+"""What a scene can bear: trials, their limits, errors against equations by hand, and the advice."""
+
+import json
+import os
+import time
+
+import numpy as np
+import pytest
+from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
+
+import symmb as mb
+from symmb.cli.main import main
+from symmb.study.trials import Job, run_jobs
+
+SPRUNG = """
+import numpy as np
+import symmb as mb
+
+def scene():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    spring = mb.SpringDamper("spring", mb.Ground().point(0, 0), ball.point(0, 0), {k}, {c}, 0.0)
+    system = mb.System(ball, spring)
+    return mb.Scene(system, {{"ball.x": 1.0}}, times=np.linspace(0, 2, 21), outputs={{"x": ball.x}}, name="sprung")
+"""
+
+
+@pytest.fixture(scope="module")
+def found():
+    return mb.stability(double_pendulum(np.linspace(0, 1.5, 31), box=mb.Box(l1=(0.95, 1.05), l2=(0.76, 0.84))))
+
+
+def test_errors_are_those_against_equations_by_hand(found):
+    exact = double_pendulum_by_hand((1.0, 0.8), found.times)
+    spread = exact.std(axis=0)
+    for trial in found.trials:
+        if not trial.reason and trial.family in ("DormandPrince", "RungeKutta", "NSTIFFSI2"):
+            error = (np.sqrt(np.mean((trial.values - exact) ** 2, axis=0)) / spread).max()
+            assert found.errors[trial.key] == pytest.approx(error, rel=0.02, abs=1e-8)
+    assert found.uncertainty < 1e-8
+
+
+def test_finer_settings_err_less_and_constraints_are_kept_where_they_should_be(found):
+    for family in ("DormandPrince", "CVODES", "StabilizedIndex2", "Rosenbrock", "NSTIFFSI2", "BDFI3", "Newmark"):
+        errors = [found.errors[t.key] for t in found.trials if t.family == family and not t.reason]
+        assert len(errors) >= 3 and errors[-1] < 0.2 * errors[0]
+    for trial in found.trials:
+        if trial.family in ("NSTIFFSI2", "GeneralizedAlpha", "HHT", "BDFI3") and not trial.reason:
+            assert trial.position.max() < 1e-10
+
+
+def test_what_was_found_is_told_saved_and_drawn(found, tmp_path):
+    text = str(found)
+    assert "NSTIFFSI2" in text and "horizon x 100" in text and "the fastest is" in text
+    assert "box widened to 50%: none of 4 corners fail" in text
+    found.save(tmp_path / "found.json")
+    told = json.loads((tmp_path / "found.json").read_text())
+    assert told["advice"] == found.advice and len(told["trials"]) == len(found.trials) + len(found.stress)
+    found.plot(tmp_path / "found.png")
+    assert (tmp_path / "found.png").stat().st_size > 10_000
+
+
+def test_stiff_scenes_are_told_and_stiffened(tmp_path, capsys):
+    (tmp_path / "sprung.py").write_text(SPRUNG.format(k=1e6, c=1e6))
+    assert main(["stability", str(tmp_path / "sprung.py"), "--json", str(tmp_path / "out.json")]) == 0
+    out = capsys.readouterr().out
+    assert "It is stiff" in out and "stiffness x 10000" in out
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
+def test_trials_that_take_too_long_or_break_down_are_ended():
+    def slow():
+        time.sleep(60)
+
+    def broken():
+        os.abort()
+
+    ladder = [(1e-4, mb.CVODES(rtol=1e-4)), (1e-6, mb.CVODES(rtol=1e-6))]
+    makes = {"slow": slow, "broken": broken, "fine": explosion}
+    jobs = [Job(name, make, "CVODES", ladder) for name, make in makes.items()]
+    begin = time.monotonic()
+    trials = {(t.scene, t.setting): t.reason for t in run_jobs(jobs, 0.5, begin + 30)}
+    assert time.monotonic() - begin < 10
+    assert trials["slow", 1e-4] == "took longer than 0.5 s" and trials["slow", 1e-6] == "a longer step took too long"
+    assert trials["broken", 1e-4] == "the process broke down"
+    assert trials["fine", 1e-4].startswith("the run breaks down at t = ")
+    late = {t.reason for t in run_jobs(jobs[:1], 0.5, begin)}
+    assert late == {"left out for want of time"}
+
+
+def test_a_scene_without_motion_is_refused():
+    with pytest.raises(mb.SimulationError, match="has no motion over a time to be tried"):
+        mb.stability(mb.Scene(mb.System(), outputs={"y": mb.t}, times=[0.0, 1.0]))
