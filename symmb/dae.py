@@ -42,6 +42,7 @@ class DAE:
     upright                (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
+    size : float           of the motion, a power of ten [m], at most 1: what absolute tolerances are multiplied with
     """
 
     q_names: tuple[str, ...]
@@ -71,6 +72,7 @@ class DAE:
     s_start: ca.Function | None
     positive: ca.Function
     positive_names: tuple[str, ...]
+    size: float = 1.0
 
     @property
     def n_q(self) -> int:

@@ -66,7 +66,8 @@ class DAESimulator:
         self.units = tuple(unit_of(y) for y in ca.vertsplit(scene.y)) if self.outputs else ()
         whole = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, whole)
-        self.dae: DAE = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
+        kept = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
+        self.dae: DAE = replace(kept, size=self.start.size())
         self.y = output_function(self.dae, scene, scene.y)
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}

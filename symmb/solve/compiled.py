@@ -39,7 +39,7 @@ class CompiledSolver(Solver):
     """Newton steps of a projection."""
 
     @abstractmethod
-    def control(self, times: Array) -> Tolerances | FixedStep:
+    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
         """What the engine is told about steps."""
 
     def available(self) -> bool:
@@ -82,7 +82,7 @@ class CompiledSolver(Solver):
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
             start.equations(x, problem.p) if start is not None and compiled and n_x <= _SMALL else None,
         )
-        control = self.control(times)
+        control = self.control(times, dae.size)
         if isinstance(control, Tolerances) and not compiled:
             return ArrayEngine(f, times, control)
         return Engine(f, times, control)
@@ -98,7 +98,7 @@ class DormandPrince(CompiledSolver):
     Parameters
     ----------
     rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
+    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
     stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
     References
@@ -112,8 +112,8 @@ class DormandPrince(CompiledSolver):
     atol: float | None = None
     stabilization: Stabilization = field(default_factory=Projection)
 
-    def control(self, times: Array) -> Tolerances:
-        return Tolerances(self.rtol, self.rtol / 100 if self.atol is None else self.atol)
+    def control(self, times: Array, size: float) -> Tolerances:
+        return Tolerances(self.rtol, size * self.rtol / 100 if self.atol is None else self.atol)
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         n_x = (dae.n_q + dae.n_v + dae.n_s) * (order + 1)
@@ -145,7 +145,7 @@ class RungeKutta(OneStep, CompiledSolver):
     def available(self) -> bool:
         return has_compiler()
 
-    def control(self, times: Array) -> FixedStep:
+    def control(self, times: Array, size: float) -> FixedStep:
         return FixedStep(float(times[-1] - times[0]) / self.steps)
 
     def advance(self, problem: Problem) -> Advance:

@@ -60,12 +60,12 @@ class _Multistep(Solver):
     stabilization: Stabilization
 
     @abstractmethod
-    def options(self, length: float) -> dict[str, Any]:
-        """CasADi's options for an integration over a time of this length."""
+    def options(self, length: float, size: float) -> dict[str, Any]:
+        """CasADi's options for an integration over a time of this length, of a motion of this size."""
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
-        return multistep_integration(problem, self.plugin, self.options, times)
+        return multistep_integration(problem, self.plugin, lambda length: self.options(length, dae.size), times)
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,7 +75,7 @@ class IDAS(_Multistep):
     Parameters
     ----------
     rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
+    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
     stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
     """
 
@@ -86,8 +86,8 @@ class IDAS(_Multistep):
     atol: float | None = None
     stabilization: Stabilization = None
 
-    def options(self, length: float) -> dict[str, Any]:
-        return _tolerances(self.rtol, self.atol)
+    def options(self, length: float, size: float) -> dict[str, Any]:
+        return _tolerances(self.rtol, self.atol, size)
 
     def tighter(self, factor: float = 10.0) -> "IDAS":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
@@ -100,7 +100,7 @@ class StabilizedIndex2(Solver):
     Parameters
     ----------
     rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
+    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
     """
 
     rtol: float = 1e-8
@@ -114,7 +114,7 @@ class StabilizedIndex2(Solver):
         problem = stabilized_problem(dae, work=work)
         # Multipliers of index 2 are left out of all tests: their errors do not fall with the step, and they are what
         # positions and velocities ask for. A first step that has to be cut too often ends the run.
-        options = {**_tolerances(self.rtol, self.atol), "suppress_algebraic": True, "calc_ic": False}
+        options = {**_tolerances(self.rtol, self.atol, dae.size), "suppress_algebraic": True, "calc_ic": False}
         atol = options.pop("abstol")
         options["abstolv"] = [atol] * problem.x.numel() + [_UNTESTED] * problem.z.numel()
         first = 1e-3 * self.rtol**0.5 * float(np.diff(times).min(initial=1.0))
@@ -133,7 +133,7 @@ class CVODES(_Multistep):
     Parameters
     ----------
     rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 if left out [m, rad, m/s, rad/s]
+    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
     stiff : bool             BDF with Newton iterations in place of Adams with fixed-point iterations
     stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
     """
@@ -145,10 +145,10 @@ class CVODES(_Multistep):
     stiff: bool = False
     stabilization: Stabilization = None
 
-    def options(self, length: float) -> dict[str, Any]:
+    def options(self, length: float, size: float) -> dict[str, Any]:
         method = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         # Shorter steps get lost in rounding: the run is in a singularity, which it would creep into for long.
-        return {**_tolerances(self.rtol, self.atol), **method, "min_step_size": 1e-14 * length}
+        return {**_tolerances(self.rtol, self.atol, size), **method, "min_step_size": 1e-14 * length}
 
     def tighter(self, factor: float = 10.0) -> "CVODES":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
@@ -219,11 +219,11 @@ _UNTESTED = 1e10
 """Absolute tolerance of what is not to be tested [N, N m, -]."""
 
 
-def _tolerances(rtol: float, atol: float | None) -> dict[str, Any]:
+def _tolerances(rtol: float, atol: float | None, size: float) -> dict[str, Any]:
     # The step limit holds from one output time to the next; a run that needs more is lost in a singularity.
     return {
         "reltol": rtol,
-        "abstol": rtol / 100 if atol is None else atol,
+        "abstol": size * rtol / 100 if atol is None else atol,
         "max_num_steps": 200_000,
         "quad_err_con": True,
         "disable_internal_warnings": True,

@@ -95,6 +95,12 @@ class Start:
         q, v, s = np.split(x, [self.dae.n_q, self.dae.n_q + self.dae.n_v])
         return {"q": q, "v": v, "s": s, "p": self.dae.p_nominal}
 
+    def size(self) -> float:
+        """Of the motion, as coordinates at the nominal start show it: a power of ten [m], at most 1."""
+        at = [i for i, name in enumerate(self.dae.q_names) if name.rpartition(".")[2] in ("x", "y", "z")]
+        largest = float(np.abs(self.q_nominal[at]).max(initial=0.0))
+        return min(1.0, 10.0 ** math.ceil(math.log10(largest))) if largest > 0 else 1.0
+
     def _contradiction(self, x: Array, P: Array) -> Mask:
         """Whether samples violate rows that were not needed to solve for the start, (N,)."""
         bad: Mask = np.zeros(len(P), dtype=bool)

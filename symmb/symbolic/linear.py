@@ -1,4 +1,4 @@
-"""Symbolic solution of M a + G' lam = f, G a = g: range space where M is regular, the full matrix where it is not."""
+"""Symbolic solution of M a + G' lam = f, G a = g in range space; constraints lend inertia to bodies without mass."""
 
 from collections.abc import Callable, Sequence
 
@@ -36,7 +36,7 @@ def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, 
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
     Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. With a structurally
-    singular mass block (a massless body) the whole matrix [M G'; G 0] is solved instead.
+    singular mass block (a massless body) M + w G'G takes the place of M, w the mean mass.
 
     Parameters
     ----------
@@ -47,16 +47,22 @@ def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, 
     -------
     callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
     """
-    n_v, n_c = M.shape[0], G.shape[0]
+    n_c = G.shape[0]
     inverse = invert_blocks(M, sizes)
     if inverse is None:
-        K = ca.sparsify(ca.blockcat([[M, G.T], [G, ca.SX(n_c, n_c)]]))
+        # (M + w G'G) a + G' lam = f + w G'g has the same solution, and no unit of length or mass makes it worse.
+        starts = [sum(sizes[:k]) for k in range(len(sizes)) if sizes[k]]
+        weight = sum((M[k, k] for k in starts), ca.SX(0)) / len(starts)
+        heavier = symmetric_solver(M + weight * G.T @ G)
+        back = ca.horzcat(*[heavier(G[i, :].T) for i in range(n_c)])
+        multipliers = symmetric_solver(G @ back)
 
-        def solve_full(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
-            z = ca.solve(K, ca.vertcat(f, g))
-            return z[:n_v], z[n_v:]
+        def solve_heavier(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+            a = heavier(f + weight * G.T @ g)
+            lam = multipliers(G @ a - g)
+            return a - back @ lam, lam
 
-        return solve_full
+        return solve_heavier
     if n_c == 0:
         return lambda f, g: (inverse @ f, ca.SX(0, 1))
     W = ca.sparsify(G @ inverse)
