@@ -74,10 +74,10 @@ from symmb.solve.implicit_solvers import HHT as HHT
 from symmb.solve.implicit_solvers import NSTIFFSI2 as NSTIFFSI2
 from symmb.solve.implicit_solvers import GeneralizedAlpha as GeneralizedAlpha
 from symmb.solve.implicit_solvers import Newmark as Newmark
+from symmb.solve.implicit_solvers import Rosenbrock as Rosenbrock
 from symmb.solve.solvers import CVODES as CVODES
 from symmb.solve.solvers import IDAS as IDAS
 from symmb.solve.solvers import Collocation as Collocation
-from symmb.solve.solvers import Rosenbrock as Rosenbrock
 from symmb.solve.solvers import StabilizedIndex2 as StabilizedIndex2
 from symmb.solve.stabilization import AugmentedLagrangian as AugmentedLagrangian
 from symmb.solve.stabilization import Baumgarte as Baumgarte

@@ -19,8 +19,8 @@ from symmb.bounds import (
     Vertex,
 )
 from symmb.solve.compiled import DormandPrince, RungeKutta
-from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark
-from symmb.solve.solvers import CVODES, IDAS, Collocation, Rosenbrock, StabilizedIndex2
+from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
+from symmb.solve.solvers import CVODES, IDAS, Collocation, StabilizedIndex2
 
 _WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES"}
 """The numbers of the forms that are whole; any other is a real one."""
@@ -85,7 +85,7 @@ SOLVERS = (
     Spec("cvodes:RTOL", "CVODES(rtol=RTOL)", lambda rtol: CVODES(rtol=rtol)),
     Spec("collocation", "Collocation()", Collocation),
     Spec("rk", "RungeKutta()", RungeKutta),
-    Spec("rosenbrock", "Rosenbrock()", Rosenbrock),
+    Spec("rosenbrock[:RTOL]", "Rosenbrock(rtol=RTOL)", Rosenbrock),
     Spec("si2", "StabilizedIndex2()", StabilizedIndex2),
     Spec("si2:RTOL", "StabilizedIndex2(rtol=RTOL)", lambda rtol: StabilizedIndex2(rtol=rtol)),
     Spec("nstiff-si2[:STEP]", "NSTIFFSI2(step=STEP)", NSTIFFSI2),

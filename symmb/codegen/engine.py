@@ -1,20 +1,27 @@
-"""Ensembles in compiled lanes: explicit steps for W samples side by side, blocks of them on threads."""
+"""Ensembles in compiled lanes: steps for W samples side by side, blocks of them on threads."""
 
 import ctypes
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb.codegen import tableau
 from symmb.codegen.build import load
 from symmb.codegen.emit import Emitter
 from symmb.codegen.graph import INPUT, Graph, graph_of
 
 MOST_STEPS = 1_000_000
+REASONS = (
+    "the step became too short, or the state infinite or NaN",
+    "an output is not finite",
+    "Newton's method does not converge, however short the step",
+)
 _LARGE = 5000
 """Values of a model whose compiler would take too long over sines and cosines in place."""
 _SMALL = 32
@@ -23,15 +30,16 @@ _SMALL = 32
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Steps as long as their estimated errors allow, relative and absolute: the pair of Dormand and Prince."""
+    """Steps as long as their estimated errors allow, relative and absolute, and no longer than this [s], unless 0."""
 
     rtol: float
     atol: float
+    longest: float = 0.0
 
 
 @dataclass(frozen=True)
 class FixedStep:
-    """Equal steps no longer than this between output times [s]: the classical Runge-Kutta method."""
+    """Equal steps no longer than this between output times [s]."""
 
     longest: float
 
@@ -46,18 +54,53 @@ class _Study(ctypes.Structure):
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
         ("longest", ctypes.c_double),
+        ("newton", ctypes.c_double),
         ("most_steps", ctypes.c_long),
         ("dealt", ctypes.c_long),
-        *((name, ctypes.c_void_p) for name in ("t_failed", "irregular", "Y")),
+        *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "Y")),
+        *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
     ]
 
 
 @dataclass(frozen=True)
 class Losses:
-    """Samples that failed: t_failed (N,) [s], nan where not, and whether it was an output that is not finite (N,)."""
+    """Samples that failed: t_failed (N,) [s], nan where not, and of what (N,), an index of `REASONS`."""
 
     t_failed: Array
-    irregular: Mask
+    failure: NDArray[np.int8]
+
+    @property
+    def reasons(self) -> list[str]:
+        """Of what each sample failed, if it did."""
+        return [REASONS[k] for k in self.failure]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Of the last call: steps of all blocks, iterations of Newton's method, and the most in one step."""
+
+    steps: int
+    iterations: int
+    most: int
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What the engine has to know of a scheme whose steps are functions, see `scheme_function`.
+
+    Attributes
+    ----------
+    n_w, n_z : int         numbers in the history and of unknowns
+    order : int
+    growth : float         how many times as long as the one before a step may be
+    newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
+    """
+
+    n_w: int
+    n_z: int
+    order: int
+    growth: float
+    newton: float
 
 
 class Engine:
@@ -65,17 +108,23 @@ class Engine:
 
     Parameters
     ----------
-    f : ca.Function                     from `model_function`; with a start it starts by itself
+    f : ca.Function                     from `model_function` or `scheme_function`; with a start it starts by itself
     times : (n_t,) array                [s]
     control : Tolerances or FixedStep
+    scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
+                                        and of the classical Runge-Kutta method with a fixed step
     """
 
-    def __init__(self, f: ca.Function, times: Array, control: Tolerances | FixedStep) -> None:
+    def __init__(
+        self, f: ca.Function, times: Array, control: Tolerances | FixedStep, scheme: Scheme | None = None
+    ) -> None:
         self.starts = "start" in f.name_out()
-        self.n_y = f.numel_out("outputs")
+        self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
         self.times, self.control = times, control
+        self.newton = scheme.newton if scheme else 0.0
+        self.counts = Counts(0, 0, 0)
         self._times = np.ascontiguousarray(times, dtype=float)
-        self.source = _source(f, isinstance(control, FixedStep))
+        self.source = _source(f, isinstance(control, FixedStep)) if scheme is None else _scheme_source(f, scheme)
         self._open()
 
     def _open(self) -> None:
@@ -90,7 +139,7 @@ class Engine:
         self._open()
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Losses]:
-        """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine starts by itself.
+        """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine starts by itself, and may be short.
 
         Returns
         -------
@@ -111,22 +160,29 @@ class Engine:
     def _run(self, x0: Array, p: Array, Y: Array | None, found: list[Array | None]) -> Losses:
         """Blocks of W samples, fixed by sample index, dealt to threads; values go to Y, or each thread's extremes."""
         N = len(p)
+        if not self.starts and x0.shape[1] < self.n_x:  # a history, which follows from the state
+            x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=bool))
+        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8))
         control = self.control
-        steps = (0.0, 0.0, control.longest) if isinstance(control, FixedStep) else (control.rtol, control.atol, 0.0)
+        tolerances = (0.0, 0.0) if isinstance(control, FixedStep) else (control.rtol, control.atol)
         study = _Study(
             x0.ctypes.data,
             p.ctypes.data,
             self._times.ctypes.data,
             N,
             len(self._times),
-            *steps,
+            *tolerances,
+            control.longest,
+            self.newton,
             MOST_STEPS,
             0,
             losses.t_failed.ctypes.data,
-            losses.irregular.ctypes.data,
+            losses.failure.ctypes.data,
             None if Y is None else Y.ctypes.data,
+            0,
+            0,
+            0,
         )
 
         def work(part: Array | None) -> bool:
@@ -142,6 +198,7 @@ class Engine:
             enough = [work(own)]
         if not all(enough):
             raise MemoryError("not enough memory for the compiled engine")
+        self.counts = Counts(study.steps, study.iterations, study.most)
         return losses
 
 
@@ -171,6 +228,35 @@ def model_function(
     return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
 
 
+def scheme_function(
+    w: ca.SX,
+    z: ca.SX,
+    p: ca.SX,
+    t: ca.SX,
+    h: ca.SX,
+    *,
+    history: ca.SX,
+    guess: ca.SX,
+    correct: ca.SX,
+    follow: ca.SX,
+    outputs: ca.SX,
+    projected: ca.SX | None,
+    start: tuple[ca.SX, ca.SX] | None = None,
+) -> ca.Function:
+    """((w, h, z), p, t) -> what step.h asks for; projected, if not None, and start are of the state, the first of w."""
+    x = ca.vertcat(w, h, z)
+
+    def whole(state: ca.SX) -> ca.SX:
+        return ca.vertcat(state, x[state.numel() :])
+
+    parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
+    if projected is not None:
+        parts["project"] = whole(projected)
+    if start is not None:
+        parts["newton"], parts["start"] = start[0], whole(start[1])
+    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+
+
 def _source(f: ca.Function, fixed: bool) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
@@ -179,15 +265,47 @@ def _source(f: ca.Function, fixed: bool) -> str:
     nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
     for name in nodes.keys() & {"project", "start"}:
         nodes[name] = [nodes[name][i] for i in order]
+    stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
+    sizes = {"N_OWN": n_own, "N_K": stages * n_own}
+    steps = [tableau.classical(), header("fixed")] if fixed else [tableau.pair(), header("pair")]
+    return _study(graph, nodes, place, f.numel_in(1), sizes, steps)
+
+
+def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
+    graph = graph_of(f)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    n_w, n_z = scheme.n_w, scheme.n_z
+    sizes = {
+        "N_OWN": 0,
+        "N_W": n_w,
+        "N_Z": n_z,
+        "N_TESTED": len(nodes["correct"]) - n_z,
+        "N_E": len(nodes["follow"]) - n_w,
+        "N_K": max(len(nodes["follow"]), len(nodes["correct"])),
+        "ORDER": scheme.order,
+        "GROWTH": scheme.growth,
+    }
+    return _study(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, [header("step")])
+
+
+def _study(
+    graph: Graph,
+    nodes: Mapping[str, list[int]],
+    place: list[int],
+    n_p: int,
+    sizes: Mapping[str, float],
+    steps: Sequence[str],
+) -> str:
+    """The C of a study: a model, whose functions consist of nodes, and how it takes its steps."""
     emitter = Emitter(graph, place)
     for name, values in nodes.items():
         emitter.function(name, values)
     model, n_c = emitter.source()
-    used = emitter.used(nodes["outputs"])
+    explicit = "rates" in nodes
+    used = emitter.used(nodes["outputs"]) if explicit else []
     sizes = {
-        "N_X": f.numel_in(0),
-        "N_OWN": n_own,
-        "N_P": f.numel_in(1),
+        "N_X": len(place),
+        "N_P": n_p,
         "N_C": n_c,
         "N_Y": len(nodes["outputs"]),
         "N_USED": len(used),
@@ -195,7 +313,7 @@ def _source(f: ca.Function, fixed: bool) -> str:
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > _LARGE),
-        "STAGES": tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES,
+        **sizes,
     }
     lists = {"place": place, "used": used}
     return "\n".join(
@@ -205,8 +323,7 @@ def _source(f: ca.Function, fixed: bool) -> str:
             *(f"static const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             model,
             header("study"),
-            tableau.classical() if fixed else tableau.pair(),
-            header("fixed" if fixed else "pair"),
+            *steps,
         ]
     )
 

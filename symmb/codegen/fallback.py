@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.arrays import programs
-from symmb.codegen.engine import MOST_STEPS, Losses, Tolerances
+from symmb.codegen.engine import MOST_STEPS, Counts, Losses, Tolerances
 from symmb.codegen.graph import graph_of
 from symmb.schemes import dop853
 
@@ -27,6 +27,7 @@ class ArrayEngine:
 
     width = WIDTH
     starts = False
+    counts = Counts(0, 0, 0)
 
     def __init__(self, f: ca.Function, times: Array, control: Tolerances) -> None:
         self.n_y = f.numel_out("outputs")
@@ -65,7 +66,7 @@ class ArrayEngine:
     def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> Losses:
         """Blocks of samples, fixed by sample index, some together; `keep` takes (n_t, n_y, m), and whether m ended."""
         N = len(x0)
-        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=bool))
+        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8))
         losses.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
         blocks = [np.arange(start, min(start + WIDTH, N)) for start in range(0, N, WIDTH)]
         with np.errstate(all="ignore"):
@@ -91,7 +92,7 @@ class ArrayEngine:
         irregular = ~np.logical_and.reduce(finite | ~passed, axis=0)
         # What happens first counts; what else would have happened shows when the block runs again.
         lost &= ~irregular.any(axis=1)[:, None]
-        losses.irregular[lanes[irregular]] = True
+        losses.failure[lanes[irregular]] = 1
         losses.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
         losses.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
         failed = lost | irregular

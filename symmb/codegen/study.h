@@ -3,29 +3,33 @@
    Given before: lanes.h; N_X, N_P, N_C, N_Y, PROJECTED, STARTED; N_OWN, the number of states with slopes of their own,
    which stand first; place[] (N_X), where a state that is given stands; the states used[] (N_USED) that outputs need;
    prepare(p, c), rates(x, c, t, dx), outputs(x, c, t, y); if PROJECTED, project(x, c, t, x_new); if STARTED, N_U,
-   newton(u, c, t, du) and start(u, c, t, x); STAGES. Given after: run(), which takes the steps. */
+   newton(u, c, t, du) and start(u, c, t, x); N_K, slopes or other values that steps keep. Given after: run(), which takes
+   the steps. */
 
 #include <stdlib.h>
 
 enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block should fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
+enum { STEPS, OUTPUT, NEWTON }; /* what failed: no step is short enough, an output is not finite, Newton's method */
 
 /* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
 typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
   double rtol, atol; /* of steps with control */
-  double longest;    /* of fixed steps */
+  double longest;    /* of fixed steps, or 0 */
+  double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;
   long dealt;       /* blocks given to threads */
   double *t_failed; /* (n,) NaN while a sample has not */
-  char *irregular;  /* (n,) whether it failed by an output that is not finite */
+  char *failure;    /* (n,) of what */
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
+  long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
 } Study;
 
 /* What a block holds of W of its lanes. */
 typedef struct {
-  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[STAGES * SIZE(N_OWN)], c[SIZE(N_C)], F[7 * SIZE(N_USED)];
+  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[SIZE(N_K)], c[SIZE(N_C)], F[7 * SIZE(N_USED)];
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
 } Part;
 
@@ -34,7 +38,8 @@ typedef struct {
   Part part[PARTS];
   double t, t_new, h, h_next;
   double before; /* logarithm of the error of the step before */
-  long number, next, steps, live, sample[WIDTH];
+  long number, next, live, sample[WIDTH];
+  long steps, iterations, most;
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 } Block;
 
@@ -100,7 +105,7 @@ static int keep(Block *b, Study *s, long first, long n) {
   for (long l = 0; l < b->live && !finite; ++l)
     for (long i = 0; i < n * N_Y; ++i)
       if (b->part[l / W].y[i][l % W] * 0.0 != 0.0) {
-        s->irregular[b->sample[l]] = 1;
+        s->failure[b->sample[l]] = OUTPUT;
         s->t_failed[b->sample[l]] = s->times[first + i / SIZE(N_Y)];
         break;
       }
@@ -196,7 +201,11 @@ int work(Study *s, double *restrict lower, double *restrict upper) {
     b->lower = part;
     b->upper = part + n;
     int found;
+    b->steps = b->iterations = b->most = 0;
     while ((found = begin(b, s)) && !run(b, s)) {}
+    __atomic_fetch_add(&s->steps, b->steps, __ATOMIC_RELAXED);
+    __atomic_fetch_add(&s->iterations, b->iterations, __ATOMIC_RELAXED);
+    for (long most = s->most; b->most > most && !__atomic_compare_exchange_n(&s->most, &most, b->most, 0, __ATOMIC_RELAXED, __ATOMIC_RELAXED);) {}
     for (long i = 0; found && i < n; ++i) {
       lower[i] = b->lower[i] < lower[i] ? b->lower[i] : lower[i];
       upper[i] = b->upper[i] > upper[i] ? b->upper[i] : upper[i];

@@ -1,11 +1,12 @@
 """What an implicit scheme is: one step as a system of equations in SX."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from symmb.dae import DAE
+from symmb.symbolic.geometry import is_zero
 from symmb.symbolic.jets import jets
 
 
@@ -21,7 +22,12 @@ class Step:
     guess                  of z, in w, p, t, h
     residual               zero at the solution, in z, w, p, t, h
     following              history at the end of the step, in z, w, p, t, h
+    weight                 what a change of each unknown counts in the test of Newton's method, in z, w, p, t, h
+    error                  estimated error of the state (n_x,) at the end of the step, or nothing, in z, w, p, t, h
     n_x, n_quad            the history begins with the state x (n_x,), the integral of the power (n_quad,) follows
+    order : int
+    growth : float         how many times as long as the one before a step may be
+    projected              the state on the constraints, in x, p, t; None if it stays where the step leads
     """
 
     x: ca.SX
@@ -34,8 +40,23 @@ class Step:
     guess: ca.SX
     residual: ca.SX
     following: ca.SX
+    weight: ca.SX
+    error: ca.SX
     n_x: int
     n_quad: int
+    order: int
+    growth: float
+    projected: ca.SX | None = None
+
+    def newton(self) -> tuple[ca.SX, ca.SX]:
+        """The change of z to be taken off in Newton's method (n_z,), and what of it counts, by weight."""
+        if not self.z.numel():
+            return self.z, self.z
+        matrix = ca.jacobian(self.residual, self.z)
+        # Orthogonal factors need no pivots, which would differ from sample to sample.
+        change = ca.densify(ca.qr_solve(ca.densify(self.residual), *ca.qr_sparse(matrix)))
+        counted = [i for i in range(change.numel()) if not is_zero(self.weight[i])]
+        return change, (self.weight * change)[counted]
 
     def jets(self, order: int) -> "Step":
         """The step of the Taylor coefficients along p_0 + p_1 eps; states stand as (x_0, ..., x_k) in front of w."""
@@ -56,17 +77,18 @@ class Step:
         def stacked(histories: Sequence[ca.SX]) -> ca.SX:
             return ca.vertcat(*[w[:n_x] for w in histories], *[w[n_x:n_w] for w in histories])
 
-        return Step(
+        return replace(
+            self,
             x=ca.vertcat(*X),
             begin=stacked(expand(self.begin, X)),
             w=stacked(W),
             z=ca.vertcat(*Z),
             p=ca.vertcat(*P[:2]),
-            t=self.t,
-            h=self.h,
             guess=ca.vertcat(*expand(self.guess, W)),
             residual=ca.vertcat(*expand(self.residual, Z, W)),
             following=stacked(expand(self.following, Z, W)),
+            weight=ca.repmat(self.weight, order + 1, 1),
+            error=ca.vertcat(*expand(self.error, Z, W)),
             n_x=n_x * (order + 1),
             n_quad=0,
         )
@@ -122,3 +144,20 @@ class At:
     def Phi_dot(self) -> ca.SX:
         """Rates of all rows, (n_r,)."""
         return self.dae.Phi_dot(*self.arguments) if self.dae.Phi_dot is not None else ca.SX(0, 1)
+
+
+def sizes(dae: DAE, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """By what changes are measured: of the state x (n_x,), and of displacements along v (n_v,).
+
+    Lengths are measured by the largest length, angles by the largest angle, and so with their rates.
+    """
+    names = [*dae.q_names, *dae.v_names, *dae.s_names]
+    linear = [name.rpartition(".")[2] in ("x", "y", "z", "vx", "vy", "vz") for name in names]
+    rates = range(dae.n_q, dae.n_q + dae.n_v)
+    largest = {(kind, rate): ca.SX(dae.size if kind else 1.0) for kind in (True, False) for rate in (True, False)}
+    for i, kind in enumerate(linear):
+        largest[kind, i in rates] = ca.fmax(largest[kind, i in rates], ca.fabs(x[i]))
+    return (
+        ca.vertcat(*[largest[kind, i in rates] for i, kind in enumerate(linear)]),
+        ca.vertcat(*[largest[linear[i], False] for i in rates]),
+    )

@@ -3,7 +3,7 @@
 import casadi as ca
 
 from symmb.dae import DAE
-from symmb.schemes._step import At, Step
+from symmb.schemes._step import At, Step, sizes
 
 
 def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamma: float | None = None) -> Step:
@@ -70,6 +70,10 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
         guess=ca.vertcat(scale * vdot, scale * here.solved()[1], s),
         residual=ca.densify(residual),
         following=ca.vertcat(new, W + h * (power_now + power) / 2, power, a_new, vdot_new, at.sdot),
+        weight=ca.vertcat(1 / sizes(dae, w[:n_x])[1], ca.SX(dae.n_r, 1), ca.SX.ones(n_s)),
+        error=ca.SX(0, 1),
         n_x=n_x,
         n_quad=n_quad,
+        order=2,
+        growth=5.0,
     )

@@ -1,4 +1,5 @@
-"""Coefficients of RODAS, a Rosenbrock method of order 4 with 6 stages, L-stable and stiffly accurate.
+"""Coefficients of RODAS, a Rosenbrock method of order 4 with 6 stages, L-stable and stiffly accurate; its last stage is
+the difference from a method of order 3.
 
 References
 ----------

@@ -14,12 +14,12 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array, Executor, Mask
-from symmb.codegen.engine import Losses
+from symmb.codegen.engine import REASONS, Losses
 from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
-from symmb.solve.compiled import STOPPED, AnyEngine, CompiledSolver, DormandPrince
+from symmb.solve.compiled import AnyEngine, CompiledSolver, DormandPrince
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -29,7 +29,7 @@ from symmb.units import unit_of
 
 S = TypeVar("S")
 
-IRREGULAR = "an output is not finite"
+IRREGULAR = REASONS[1]
 COMPILED_BLOCK = 1024
 """Samples a block for the engine: enough for its lanes on many cores. Small models whose trajectories nobody looks at
 take up to 8 times as many, so that the blocks last much longer than threads take to start."""
@@ -89,7 +89,7 @@ class DAESimulator:
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes; a scene without states has nothing to integrate."""
         solver = self.solver
-        return isinstance(solver, CompiledSolver) and solver.available() and self.y.numel_in(0) > 0
+        return isinstance(solver, CompiledSolver) and solver.available(self.dae) and self.y.numel_in(0) > 0
 
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate."""
@@ -159,8 +159,9 @@ class DAESimulator:
                 Y, losses = self.engine(order).values(x0, P, self.threads)
                 t_failed = losses.t_failed
                 if not np.isnan(t_failed).all():
+                    k = int(np.nanargmin(t_failed))
                     raise SimulationError(
-                        f"{self!r}: derivatives break down at t = {np.nanmin(t_failed):g} s: {STOPPED}."
+                        f"{self!r}: derivatives break down at t = {t_failed[k]:g} s: {losses.reasons[k]}."
                     )
                 return Y.reshape(shape).transpose(2, 0, 1, 3)
             runs = self.integration(order).run(x0, P, self.threads)
@@ -283,10 +284,10 @@ class CompiledEnsemble:
     def messages(self) -> tuple[str, ...]:
         """One text for each failed sample, in order."""
         lost = self._lost()
-        reasons = np.where(lost.irregular, IRREGULAR, STOPPED).astype(object)
+        reasons = lost.reasons
         at_once = np.flatnonzero(self.t_failed == self._simulator.times[0])
         with _LOCK:
             told = self._simulator.start.states(self._P[at_once])[1] if at_once.size else ()
         for k, why in zip(at_once.tolist(), told, strict=True):
             reasons[k] = why or reasons[k]
-        return _messages(self._simulator, self._P, self.t_failed, reasons.tolist())
+        return _messages(self._simulator, self._P, self.t_failed, reasons)

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.schemes import rosenbrock, runge_kutta
+from symmb.schemes import runge_kutta
 from symmb.schemes._step import Step
 from symmb.solve._advance import Advance, Marching
 from symmb.solve._integration import Integration
@@ -54,26 +54,6 @@ def explicit(problem: Problem) -> Advance:
     return Advance(_start_at_rest(problem), step, n_x, n_quad)
 
 
-def linearly_implicit(problem: Problem) -> Advance:
-    """RODAS: six linear systems a step with one matrix, of the Jacobian that CasADi derives."""
-    n_x, n_quad, t = problem.x.numel(), problem.quad.numel(), problem.t
-    y, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
-    rates = ca.Function("rates", [problem.x, problem.p, t], [ca.vertcat(problem.ode, problem.quad)], {"cse": True})
-    slope = rates(y[:n_x], problem.p, t)
-    W = ca.Function("W", [y, problem.p, t, h], [ca.SX.eye(y.numel()) / (h * rosenbrock.GAMMA) - ca.jacobian(slope, y)])
-    partial = ca.Function("partial", [y, problem.p, t], [ca.densify(ca.jacobian(slope, t))])
-    begin, now, stages = t - h, y, []
-    factors = ca.qr_sparse(W(y, problem.p, begin, h))
-    in_time = h * partial(y, problem.p, begin)
-    for c, d, row, past in zip(rosenbrock.C, rosenbrock.D, rosenbrock.A, rosenbrock.G, strict=True):
-        now = y + sum((a * u for a, u in zip(row, stages, strict=True)), ca.SX(y.numel(), 1))
-        right = rates(now[:n_x], problem.p, begin + c * h) + d * in_time
-        right += sum((g * u for g, u in zip(past, stages, strict=True)), ca.SX(y.numel(), 1)) / h
-        stages.append(ca.densify(ca.qr_solve(right, *factors)))
-    step = ca.Function("step", [y, problem.p, t, h], [now + stages[-1]], {"cse": True})
-    return Advance(_start_at_rest(problem), step, n_x, n_quad)
-
-
 def collocation(problem: Problem, degree: int) -> Advance:
     """Radau collocation of the given degree on the problem with its algebraic variables, one step of CasADi's own."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
@@ -101,17 +81,19 @@ def collocation(problem: Problem, degree: int) -> Advance:
 def implicit(scheme: Step, tolerance: float) -> Advance:
     """An implicit scheme; CasADi derives Newton's matrix. Newton stops at residuals or changes below the tolerance."""
     arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
-    newton = ca.rootfinder(
-        "newton",
-        "newton",
-        {"x": scheme.z, "p": ca.vertcat(*arguments), "g": scheme.residual},
-        {"abstol": tolerance, "abstolStep": tolerance, "max_iter": 20, "linear_solver": "csparse"},
-    )
-    guess = ca.Function("guess", arguments, [scheme.guess], {"cse": True})
+    begin = ca.Function("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin], {"cse": True})
     following = ca.Function("following", [scheme.z, *arguments], [ca.densify(scheme.following)], {"cse": True})
     symbols = [ca.MX.sym(name, s.numel()) for name, s in zip("wpth", arguments, strict=True)]
-    z = newton(guess(*symbols), ca.vertcat(*symbols))
-    begin = ca.Function("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin], {"cse": True})
+    z = ca.MX(0, 1)
+    if scheme.z.numel():
+        newton = ca.rootfinder(
+            "newton",
+            "newton",
+            {"x": scheme.z, "p": ca.vertcat(*arguments), "g": scheme.residual},
+            {"abstol": tolerance, "abstolStep": tolerance, "max_iter": 20, "linear_solver": "csparse"},
+        )
+        guess = ca.Function("guess", arguments, [scheme.guess], {"cse": True})
+        z = newton(guess(*symbols), ca.vertcat(*symbols))
     return Advance(begin, ca.Function("step", symbols, [following(z, *symbols)]), scheme.n_x, scheme.n_quad)
 
 

@@ -1,7 +1,7 @@
-"""Solvers whose explicit steps are compiled for many samples side by side."""
+"""Solvers whose steps are compiled for many samples side by side, explicit ones among them."""
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -24,28 +24,18 @@ from symmb.solve.start import Start
 
 AnyEngine = Engine | ArrayEngine
 
-_SMALL = 100
+SMALL = 100
 """States up to which starts are compiled: beyond, runs take much longer than starts, and compilers too."""
-
-STOPPED = "the step became too short, or the state infinite or NaN"
-"""What a lane that was lost says."""
 
 
 class CompiledSolver(Solver):
-    """Explicit steps that the engine takes for many samples side by side."""
-
-    stabilization: Stabilization
-    projections: ClassVar[int] = 3
-    """Newton steps of a projection."""
+    """Steps that the engine takes for many samples side by side."""
 
     @abstractmethod
     def control(self, times: Array, size: float) -> Tolerances | FixedStep:
         """What the engine is told about steps."""
 
-    def available(self) -> bool:
-        """Whether the engine takes these steps here."""
-        return True
-
+    @abstractmethod
     def engine(
         self,
         dae: DAE,
@@ -61,6 +51,27 @@ class CompiledSolver(Solver):
         With an order, x and p are those of the Taylor coefficients, see `Problem.jets`. With a start, compiled runs of
         scenes that are not large begin there by themselves; without, all are given their states.
         """
+
+    def available(self, dae: DAE) -> bool:
+        """Whether the engine takes these steps here."""
+        return has_compiler()
+
+
+class _Explicit(CompiledSolver):
+    stabilization: Stabilization
+    projections: ClassVar[int] = 3
+    """Newton steps of a projection."""
+
+    def engine(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+    ) -> AnyEngine:
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projections
         ).jets(order)
@@ -80,7 +91,7 @@ class CompiledSolver(Solver):
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:]),
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
-            start.equations(x, problem.p) if start is not None and compiled and n_x <= _SMALL else None,
+            start.equations(x, problem.p) if start is not None and compiled and n_x <= SMALL else None,
         )
         control = self.control(times, dae.size)
         if isinstance(control, Tolerances) and not compiled:
@@ -89,7 +100,7 @@ class CompiledSolver(Solver):
 
 
 @dataclass(frozen=True, repr=False)
-class DormandPrince(CompiledSolver):
+class DormandPrince(_Explicit):
     """Pair of order 8 with step control and dense output, compiled for many samples side by side.
 
     Without a C compiler the same steps are taken with NumPy, some 30 times slower. Samples share a step in blocks of 8,
@@ -112,6 +123,9 @@ class DormandPrince(CompiledSolver):
     atol: float | None = None
     stabilization: Stabilization = field(default_factory=Projection)
 
+    def available(self, dae: DAE) -> bool:
+        return True
+
     def control(self, times: Array, size: float) -> Tolerances:
         return Tolerances(self.rtol, size * self.rtol / 100 if self.atol is None else self.atol)
 
@@ -119,16 +133,14 @@ class DormandPrince(CompiledSolver):
         n_x = (dae.n_q + dae.n_v + dae.n_s) * (order + 1)
         if not n_x:
             return CVODES().integration(dae, times, order=order, work=work)
-        x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names) * (2 if order else 1)), ca.SX.sym("t")
-        states = ca.Function("states", [x, p, t], [x])
-        return _CompiledIntegration(self.engine(dae, times, states, order=order, work=work), n_x)
+        return CompiledIntegration(self, dae, times, order, work)
 
     def tighter(self, factor: float = 10.0) -> "DormandPrince":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
 
 
 @dataclass(frozen=True, repr=False)
-class RungeKutta(OneStep, CompiledSolver):
+class RungeKutta(OneStep, _Explicit):
     """Classical fourth-order Runge-Kutta with a fixed step on the ODE with multipliers eliminated.
 
     Compiled for many samples side by side where there is a C compiler.
@@ -142,9 +154,6 @@ class RungeKutta(OneStep, CompiledSolver):
     steps: int = 2500
     stabilization: Stabilization = None
 
-    def available(self) -> bool:
-        return has_compiler()
-
     def control(self, times: Array, size: float) -> FixedStep:
         return FixedStep(float(times[-1] - times[0]) / self.steps)
 
@@ -155,23 +164,38 @@ class RungeKutta(OneStep, CompiledSolver):
         return replace(self, steps=int(np.ceil(self.steps * factor**0.25)))
 
 
-class _CompiledIntegration(Integration):
-    """States of runs by the engine."""
+class CompiledIntegration(Integration):
+    """States of runs by the engine; `stepwise` gives the single steps of a scheme with a fixed step, if it is one."""
 
-    def __init__(self, engine: AnyEngine, n_x: int) -> None:
-        self._engine = engine
-        self.times, self.n_x, self.n_quad = engine.times, n_x, engine.n_y - n_x
+    def __init__(
+        self,
+        solver: CompiledSolver,
+        dae: DAE,
+        times: Array,
+        order: int,
+        work: bool,
+        stepwise: Callable[[], Integration] | None = None,
+    ) -> None:
+        n_x, n_p = (dae.n_q + dae.n_v + dae.n_s) * (order + 1), len(dae.p_names) * (2 if order else 1)
+        x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
+        self._engine = solver.engine(dae, times, ca.Function("states", [x, p, t], [x]), order=order, work=work)
+        self.times, self.n_x, self.n_quad = times, n_x, self._engine.n_y - n_x
+        self._stepwise = stepwise
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
         Y, losses = self._engine.values(x0, p, threads)
         return [
-            Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else STOPPED)
-            for y, t in zip(Y, losses.t_failed.tolist(), strict=True)
+            Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
+            for y, t, why in zip(Y, losses.t_failed.tolist(), losses.reasons, strict=True)
         ]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
-        raise PropagationError("Lockstep needs a solver with a fixed step, such as RungeKutta().")
+        if self._stepwise is None:
+            raise PropagationError("Lockstep needs a solver with a fixed step, such as RungeKutta().")
+        yield from self._stepwise().march(x0, p)
 
     def statistics(self) -> dict[str, int]:
-        return {}
+        counts = self._engine.counts
+        counted = {"steps": counts.steps, "nonlinear iterations": counts.iterations, "most in a step": counts.most}
+        return {name: count for name, count in counted.items() if count}

@@ -1,30 +1,144 @@
-"""Implicit schemes with a fixed step as solvers."""
+"""Implicit schemes as solvers, compiled for many samples side by side."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
+import casadi as ca
+
+from symmb._errors import PropagationError
 from symmb._types import Array
+from symmb.codegen.engine import Engine, FixedStep, Scheme, Tolerances, scheme_function
 from symmb.dae import DAE
 from symmb.schemes._step import Step
 from symmb.schemes.generalized_alpha import generalized_alpha
 from symmb.schemes.nstiff_si2 import nstiff_si2
 from symmb.solve._fixed_step import fixed_step_integration, implicit
 from symmb.solve._integration import Integration
-from symmb.solve.solvers import Solver
+from symmb.solve._problem import build_problem
+from symmb.solve._rosenbrock import rosenbrock
+from symmb.solve.compiled import SMALL, CompiledIntegration, CompiledSolver
+from symmb.solve.stabilization import AugmentedLagrangian, Stabilization
+from symmb.solve.start import Start
+
+_FULL = 12
+"""Velocities up to which a full matrix costs no more than a sparse one."""
 
 
-class _Implicit(Solver):
+class _Stepping(CompiledSolver):
+    """Steps of a scheme given in symbols; each with Newton's method, to a share of the motion's size."""
+
+    @property
+    def newton(self) -> float:
+        """Largest change of unknowns, over their sizes, at which Newton's method ends."""
+        return 0.0
+
+    @abstractmethod
+    def formula(self, dae: DAE, order: int, work: bool) -> Step:
+        """The scheme, of the Taylor coefficients up to `order`."""
+
+    def engine(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+    ) -> Engine:
+        step = self.formula(dae, order, work)
+        w, n_x = step.w, step.n_x
+        state, control = w[:n_x], self.control(times, dae.size)
+        change, counted = step.newton()
+        of_state = [step.x, state]
+        f = scheme_function(
+            w,
+            step.z,
+            step.p,
+            step.t,
+            step.h,
+            history=ca.substitute(step.begin, *of_state),
+            guess=step.guess,
+            correct=ca.vertcat(change, counted),
+            follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
+            outputs=ca.vertcat(y(state, step.p, step.t), w[n_x : n_x + step.n_quad]),
+            projected=None if step.projected is None else ca.substitute(step.projected, *of_state),
+            start=start.equations(state, step.p) if start is not None and n_x <= SMALL else None,
+        )
+        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.newton)
+        return Engine(f, times, control, scheme)
+
+    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+        def stepwise() -> Integration:
+            control = self.control(times, dae.size)
+            if isinstance(control, Tolerances):
+                raise PropagationError(f"{self!r} controls its step, which needs a C compiler and no lockstep.")
+            step = self.formula(dae, order, work)
+            project = None
+            if step.projected is not None:
+                project = ca.Function("project", [step.x, step.p, step.t], [step.projected], {"cse": True})
+            return fixed_step_integration(implicit(step, self.newton), times, control.longest, project)
+
+        if self.available(dae) and dae.n_v:
+            return CompiledIntegration(self, dae, times, order, work, stepwise)
+        return stepwise()
+
+
+@dataclass(frozen=True, repr=False)
+class Rosenbrock(_Stepping):
+    """RODAS, order 4, L-stable, on the index-1 DAE: stiff motion without iterations.
+
+    Parameters
+    ----------
+    rtol : float             relative tolerance
+    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    step : float             a fixed step in the place of tolerances, if given [s]
+    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+
+    References
+    ----------
+    Hairer, Wanner (1996), Solving Ordinary Differential Equations II, section IV.7 and code RODAS.
+    """
+
+    rtol: float = 1e-7
+    atol: float | None = None
+    step: float | None = None
+    stabilization: Stabilization = None
+
+    def formula(self, dae: DAE, order: int, work: bool) -> Step:
+        # Without multipliers errors are smaller, but the matrix of all velocities is full.
+        keeps = dae.n_v > _FULL and not isinstance(self.stabilization, AugmentedLagrangian)
+        return rosenbrock(build_problem(dae, self.stabilization, algebraic=keeps, work=work, one_step=True).jets(order))
+
+    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
+        if self.step is not None:
+            return FixedStep(self.step)
+        return Tolerances(self.rtol, size * self.rtol / 100 if self.atol is None else self.atol)
+
+    def tighter(self, factor: float = 10.0) -> "Rosenbrock":
+        if self.step is not None:
+            return replace(self, step=self.step / factor**0.25)
+        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
+
+
+class _Implicit(_Stepping):
     step: float
     tolerance: float
 
+    @property
+    def newton(self) -> float:
+        return self.tolerance
+
     @abstractmethod
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def scheme(self, dae: DAE, work: bool) -> Step:
         """The scheme as a symbolic step."""
 
-    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        advance = implicit(self.formula(dae, work).jets(order), self.tolerance)
-        return fixed_step_integration(advance, times, self.step)
+    def formula(self, dae: DAE, order: int, work: bool) -> Step:
+        return self.scheme(dae, work).jets(order)
+
+    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
+        return FixedStep(self.step)
 
     def tighter(self, factor: float = 10.0) -> Self:
         return replace(self, step=self.step / factor**0.5)  # pyright: ignore[reportArgumentType]
@@ -37,14 +151,24 @@ class NSTIFFSI2(_Implicit):
     Parameters
     ----------
     step : float             longest step [s]
-    tolerance : float        of Newton's method
+    rtol : float             relative tolerance of steps that are shorter where errors ask for it; fixed if left out
+    tolerance : float        of Newton's method, largest change of the state over its size
     """
 
     step: float = 5e-3
-    tolerance: float = 1e-10
+    rtol: float | None = None
+    tolerance: float = 1e-8
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def scheme(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work)
+
+    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
+        return FixedStep(self.step) if self.rtol is None else Tolerances(self.rtol, size * self.rtol / 100, self.step)
+
+    def tighter(self, factor: float = 10.0) -> "NSTIFFSI2":
+        if self.rtol is not None:
+            return replace(self, rtol=self.rtol / factor)
+        return replace(self, step=self.step / factor**0.5)
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,13 +178,13 @@ class BDFI3(_Implicit):
     Parameters
     ----------
     step : float             longest step [s]
-    tolerance : float        of Newton's method, in displacements [m, rad]
+    tolerance : float        of Newton's method, largest displacement over the motion's size
     """
 
     step: float = 1e-3
     tolerance: float = 1e-12
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def scheme(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work, stabilized=False)
 
 
@@ -72,7 +196,7 @@ class Newmark(_Implicit):
     ----------
     step : float             longest step [s]
     gamma : float            damping, 1/2 (trapezoidal rule, none) to 1
-    tolerance : float        of Newton's method, in displacements [m, rad]
+    tolerance : float        of Newton's method, largest displacement over the motion's size
     """
 
     limits: ClassVar = {"gamma": (0.5, 1.0)}
@@ -81,7 +205,7 @@ class Newmark(_Implicit):
     gamma: float = 0.6
     tolerance: float = 1e-13
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def scheme(self, dae: DAE, work: bool) -> Step:
         return generalized_alpha(dae, work, alpha_m=0.0, alpha_f=0.0, gamma=self.gamma)
 
     def tighter(self, factor: float = 10.0) -> "Newmark":
@@ -96,7 +220,7 @@ class GeneralizedAlpha(_Implicit):
     ----------
     step : float             longest step [s]
     rho : float              spectral radius at infinite frequency, 1 (no damping) to 0
-    tolerance : float        of Newton's method, in displacements [m, rad]
+    tolerance : float        of Newton's method, largest displacement over the motion's size
     """
 
     limits: ClassVar = {"rho": (0.0, 1.0)}
@@ -105,7 +229,7 @@ class GeneralizedAlpha(_Implicit):
     rho: float = 0.8
     tolerance: float = 1e-13
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def scheme(self, dae: DAE, work: bool) -> Step:
         return generalized_alpha(
             dae, work, alpha_m=(2 * self.rho - 1) / (self.rho + 1), alpha_f=self.rho / (self.rho + 1)
         )
@@ -119,7 +243,7 @@ class HHT(_Implicit):
     ----------
     step : float             longest step [s]
     alpha : float            damping, 0 (trapezoidal rule) to 1/3
-    tolerance : float        of Newton's method, in displacements [m, rad]
+    tolerance : float        of Newton's method, largest displacement over the motion's size
     """
 
     limits: ClassVar = {"alpha": (0.0, 1 / 3)}
@@ -128,5 +252,5 @@ class HHT(_Implicit):
     alpha: float = 0.1
     tolerance: float = 1e-13
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def scheme(self, dae: DAE, work: bool) -> Step:
         return generalized_alpha(dae, work, alpha_m=0.0, alpha_f=self.alpha)

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.dae import DAE
-from symmb.solve._fixed_step import Advance, collocation, fixed_step_integration, linearly_implicit
+from symmb.solve._fixed_step import Advance, collocation, fixed_step_integration
 from symmb.solve._integration import Integration, multistep_integration, projection
 from symmb.solve._problem import Problem, build_problem, stabilized_problem
 from symmb.solve.stabilization import Stabilization
@@ -193,26 +193,6 @@ class Collocation(OneStep):
 
     def tighter(self, factor: float = 10.0) -> "Collocation":
         return replace(self, steps=int(np.ceil(self.steps * factor ** (1 / (2 * self.degree - 1)))))
-
-
-@dataclass(frozen=True, repr=False)
-class Rosenbrock(OneStep):
-    """RODAS, order 4, L-stable, with a fixed step, on the ODE with multipliers eliminated: stiff motion, no iterations.
-
-    Parameters
-    ----------
-    steps : int              over the whole horizon; at least one for each output time
-    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
-    """
-
-    steps: int = 1000
-    stabilization: Stabilization = None
-
-    def advance(self, problem: Problem) -> Advance:
-        return linearly_implicit(problem)
-
-    def tighter(self, factor: float = 10.0) -> "Rosenbrock":
-        return replace(self, steps=int(np.ceil(self.steps * factor**0.25)))
 
 
 _UNTESTED = 1e10

@@ -19,8 +19,8 @@ from symmb._types import Array
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator
 from symmb.solve.compiled import DormandPrince, RungeKutta
-from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark
-from symmb.solve.solvers import CVODES, IDAS, Rosenbrock, Solver, StabilizedIndex2
+from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
+from symmb.solve.solvers import CVODES, IDAS, Solver, StabilizedIndex2
 from symmb.study.advice import advice
 from symmb.study.trials import Job, Trial, run_jobs
 from symmb.system import System
@@ -195,7 +195,7 @@ def _ladders(length: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
     }
     fixed: dict[str, Callable[[int], Solver]] = {
         "RungeKutta": lambda n: RungeKutta(steps=n),
-        "Rosenbrock": lambda n: Rosenbrock(steps=n),
+        "Rosenbrock": lambda n: Rosenbrock(step=length / n),
         "NSTIFFSI2": lambda n: NSTIFFSI2(step=length / n),
         "GeneralizedAlpha": lambda n: GeneralizedAlpha(step=length / n),
         "HHT": lambda n: HHT(step=length / n),
@@ -213,7 +213,7 @@ def _few(times: Array, longer: int) -> list[tuple[str, tuple[float, Solver]]]:
     step = float(times[-1] - times[0]) / 800
     return [
         ("NSTIFFSI2", (step, NSTIFFSI2(step=step))),
-        ("Rosenbrock", (step, Rosenbrock(steps=800 * longer))),
+        ("Rosenbrock", (step, Rosenbrock(step=step))),
         ("StabilizedIndex2", (1e-6, StabilizedIndex2(rtol=1e-6))),
         ("CVODES, stiff", (1e-10, CVODES(rtol=1e-10, stiff=True))),
         ("CVODES", (1e-11, CVODES(rtol=1e-11))),

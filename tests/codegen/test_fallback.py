@@ -104,7 +104,7 @@ def test_the_same_samples_are_lost_at_the_same_time():
     (expected, lost), (values, lost_too) = compiled.values(x0, P), arrays.values(x0, P)
     assert_array_equal(np.flatnonzero(np.isfinite(lost.t_failed)), [4, 9, 10, 20])
     assert_allclose(lost_too.t_failed, lost.t_failed, rtol=1e-9)
-    assert_array_equal(lost_too.irregular, lost.irregular)
+    assert_array_equal(lost_too.failure, lost.failure)
     good = np.isnan(lost.t_failed)
     assert_allclose(values[good], expected[good], rtol=1e-9)
     assert_array_equal(np.isnan(values), np.isnan(expected))
@@ -126,7 +126,7 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
     for expected, found in zip(compiled.extremes(x0, P)[:2], arrays.extremes(x0, P)[:2], strict=True):
         assert_allclose(found, expected, rtol=1e-9)
     losses = arrays.extremes(x0, P)[2]
-    assert_array_equal(losses.irregular, [False, True, False])
+    assert_array_equal(losses.failure, [0, 1, 0])
     assert_allclose(losses.t_failed, [np.nan, 1.2, np.nan])
 
 

@@ -59,7 +59,7 @@ def test_a_sample_runs_as_it_does_alone(solver):
     together = simulator.run(samples)
     for k, sample in enumerate(samples):
         # Lanes share their step: alone, a sample takes others, within the tolerance.
-        shared = 1e-9 if isinstance(solver, mb.DormandPrince) else 0.0
+        shared = 1e-9 if isinstance(solver, mb.DormandPrince | mb.Rosenbrock) else 0.0
         assert_allclose(simulator.run(sample[None]).Y[0], together.Y[k], rtol=0, atol=shared)
         run = mb.simulate(spinning_body(TIMES), solver, dict(zip(("m", "c"), sample, strict=True)))
         assert_allclose(run.values, together.Y[k], atol=1e-8)
@@ -83,7 +83,8 @@ def test_the_bundle_pickles():
     assert (copy.q_names, copy.rows) == (dae.q_names, dae.rows)
 
 
-FIXED_STEP = [s for s in ALL_SOLVERS if not isinstance(s, mb.IDAS | mb.CVODES | mb.DormandPrince | mb.StabilizedIndex2)]
+ADAPTIVE = mb.IDAS | mb.CVODES | mb.DormandPrince | mb.StabilizedIndex2 | mb.Rosenbrock
+FIXED_STEP = [*(s for s in ALL_SOLVERS if not isinstance(s, ADAPTIVE)), mb.Rosenbrock(step=1e-3)]
 
 
 @pytest.mark.parametrize("solver", FIXED_STEP, ids=repr)

@@ -62,7 +62,7 @@ ORDERS = [
     (lambda n: mb.HHT(step=1 / n), 2, (400, 800, 1600)),
     (lambda n: mb.Newmark(step=1 / n), 1, (400, 800, 1600)),
     (lambda n: mb.BDFI3(step=1 / n), 2, (400, 800, 1600)),
-    (lambda n: mb.Rosenbrock(steps=n), 4, (800, 1200, 1600)),
+    (lambda n: mb.Rosenbrock(step=1 / n), 4, (800, 1200, 1600)),
 ]
 
 

@@ -1,5 +1,6 @@
 """What a scene can bear: trials, their limits, errors against equations by hand, and the advice."""
 
+import faulthandler
 import json
 import os
 import time
@@ -72,6 +73,7 @@ def test_trials_that_take_too_long_or_break_down_are_ended():
         time.sleep(60)
 
     def broken():
+        faulthandler.disable()  # its report would stand among those of the tests
         os.abort()
 
     ladder = [(1e-4, mb.CVODES(rtol=1e-4)), (1e-6, mb.CVODES(rtol=1e-6))]

@@ -1,0 +1,116 @@
+/* Steps of a scheme given as functions, each with Newton's method for its unknowns: of fixed length, or with step control.
+
+   Given before: study.h. x holds the history w (N_W), which begins with the state, the length of the step and the unknowns
+   z (N_Z). history(x, c, t, w) makes w from the state at t; with t at the end of the step, guess(x, c, t, z),
+   correct(x, c, t, d): Newton's change of z, then the N_TESTED parts of it that tell convergence, over their sizes; and
+   follow(x, c, t, w): the new history, then estimated errors of the state (N_E), if there are any. ORDER of the scheme;
+   GROWTH, the most that a step may be longer than the one before. */
+
+enum { MOST_ITERATIONS = 12 };
+#define STALLED 1e-6 /* a change this small that no longer falls is rounding */
+
+/* Newton's method for the step from t to t_new; marks the lanes that do not converge, 0 if there are any. */
+static int solve(Block *b, const Study *s, M *stuck) {
+  int solved = 1, most = 0;
+  EACH_PART(b) {
+    V *z = a->x + N_W + 1, before = each(INFINITY);
+    M active = (M)zero() == 0;
+    guess(a->x, a->c, each(b->t_new), z);
+    int n = 0;
+    for (; N_Z > 0 && n < MOST_ITERATIONS && !none(active); ++n) {
+      V change = zero();
+      correct(a->x, a->c, each(b->t_new), a->k);
+      for (int i = 0; i < N_TESTED; ++i) {
+        const V d = v_fabs(a->k[N_Z + i]);
+        change = choose((d > change) | (d != d), d, change);
+      }
+      for (int i = 0; i < N_Z; ++i) z[i] -= blend(active, a->k[i], zero());
+      active &= ~((M)(change <= s->newton) | ((M)(change <= STALLED) & (M)(change > 0.25 * before)));
+      before = change;
+    }
+    b->iterations += n;
+    most = n > most ? n : most;
+    stuck[a - b->part] = N_Z > 0 ? active : (M)zero();
+    solved &= none(stuck[a - b->part]);
+  }
+  if (solved && most > b->most) b->most = most;
+  return solved;
+}
+
+/* The largest of the lanes' errors over the tolerances; those too large are marked. */
+static double judge(Block *b, const Study *s, M *large) {
+  double e = 0.0;
+  EACH_PART(b) {
+    V sum = zero();
+    for (int i = 0; i < N_E; ++i) {
+      const V r = a->k[N_W + i] / (s->atol + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->k[i])));
+      sum += r * r;
+    }
+    sum = v_sqrt(sum / (double)SIZE(N_E));
+    large[a - b->part] = ~(M)(sum <= 1.0);
+    const double here = worst(sum);
+    e = here > e || here != here ? here : e;
+  }
+  return e;
+}
+
+/* No shorter step is left: the marked lanes fail. */
+static int give_up(Block *b, Study *s, const M *marked, char why) {
+  for (int l = 0; l < b->live; ++l)
+    if (marked[l / W][l % W]) {
+      s->t_failed[b->sample[l]] = b->t;
+      s->failure[b->sample[l]] = why;
+    }
+  return 0;
+}
+
+static int run(Block *b, Study *s) {
+  const double span = s->times[s->n_t - 1] - s->times[0], longest = s->longest > 0.0 ? s->longest : span;
+  const double shortest = s->rtol > 0.0 ? 1e-14 * span : 1e-4 * longest;
+  double wanted = s->rtol > 0.0 && longest > 1e-4 * span ? 1e-4 * span : longest;
+  int fresh = 1;
+  M marked[PARTS];
+  b->steps = b->iterations = b->most = 0;
+  while (b->next < s->n_t) {
+    const double left = s->times[b->next] - b->t, parts = ceil(left / wanted - 1e-9);
+    b->t_new = parts > 1.0 ? b->t + left / parts : s->times[b->next];
+    b->h = parts > 1.0 ? left / parts : left;
+    EACH_PART(b) {
+      a->x[N_W] = each(b->h);
+      if (fresh) {
+        history(a->x, a->c, each(b->t), a->k);
+        memcpy(a->x, a->k, N_W * sizeof(V));
+      }
+    }
+    if (++b->steps > s->most_steps) {
+      EACH_PART(b) marked[a - b->part] = (M)zero() == 0;
+      return give_up(b, s, marked, STEPS);
+    }
+    if (!solve(b, s, marked)) {
+      if (!(b->h > shortest)) return give_up(b, s, marked, NEWTON);
+      wanted = 0.5 * b->h;
+      continue;
+    }
+    EACH_PART(b) follow(a->x, a->c, each(b->t_new), a->k);
+    double factor = GROWTH;
+    if (s->rtol > 0.0) {
+      const double e = judge(b, s, marked);
+      const double best = e > 1e-12 ? 0.9 * pow(e, -1.0 / (ORDER + 1)) : GROWTH;
+      factor = best < GROWTH ? best : GROWTH;
+      if (!(e <= 1.0)) {
+        if (!(b->h > shortest)) return give_up(b, s, marked, STEPS);
+        wanted = b->h * (factor > 0.1 ? factor : 0.1);
+        continue;
+      }
+    }
+    const double next = factor * b->h < longest ? factor * b->h : longest;
+    wanted = factor < 1.0 || next > wanted ? next : wanted < GROWTH * b->h ? wanted : GROWTH * b->h;
+    fresh = 0;
+    b->t = b->t_new;
+    EACH_PART(b) memcpy(a->x, a->k, N_W * sizeof(V));
+    if (b->t < s->times[b->next]) continue;
+    observe(b);
+    if (!keep(b, s, b->next++, 1)) return 0;
+  }
+  return 1;
+}
