@@ -16,7 +16,9 @@ _CANDIDATES = 150
 def spread(places: Array, weights: Array, number: int) -> Array:
     """So many of the places (2, n_t, n_y, d), where most of the weight (2, n_t, n_y) is, not close to each other."""
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
-    heaviest = np.argsort(weights)[-min(len(weights), 20 * _CANDIDATES) :]
+    first = max(len(weights) - 20 * _CANDIDATES, 0)
+    heaviest = np.argpartition(weights, first)[first:]
+    heaviest = heaviest[np.argsort(weights[heaviest])]
     chosen = heaviest[:: max(1, len(heaviest) // _CANDIDATES)]
     points, weights = points[chosen], weights[chosen]
     near = np.exp(-np.square(points[:, None] - points[None]).sum(axis=2) * 2 / points.shape[1])
