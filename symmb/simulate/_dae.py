@@ -17,9 +17,10 @@ from symmb._types import Array, Executor, Mask
 from symmb.codegen.engine import REASONS, Losses
 from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
+from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
-from symmb.solve.compiled import AnyEngine, CompiledSolver, DormandPrince
+from symmb.solve.compiled import AnyEngine, CompiledSolver
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -43,7 +44,7 @@ class DAESimulator:
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default DormandPrince()
+    solver : Solver, optional      default: what a pilot run shows to be right, mostly DormandPrince()
 
     Attributes
     ----------
@@ -52,6 +53,7 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where the expression does not show it
     solver : Solver
+    reason : str                   why this solver, if none was given
     setup_seconds : float          deriving, compiling and starting
     threads : int                  CasADi threads that samples are spread over; 1 in a copy sent elsewhere
     """
@@ -59,7 +61,6 @@ class DAESimulator:
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         begin = time.perf_counter()
         self.name = scene.name
-        self.solver = DormandPrince() if solver is None else solver
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
@@ -69,13 +70,14 @@ class DAESimulator:
         kept = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
         self.dae: DAE = replace(kept, size=self.start.size())
         self.y = output_function(self.dae, scene, scene.y)
-        self._integrations: dict[tuple[int, bool], Integration] = {}
-        self._engines: dict[int, AnyEngine] = {}
         self.threads = os.cpu_count() or 1
-        if self.compiled:
-            self.engine()
+        self.reason = ""
+        if solver is None:
+            made: dict[Solver, DAESimulator] = {}
+            solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
+            self.__dict__ = made[solver].__dict__ | {"reason": self.reason}
         else:
-            self.integration()
+            self._take(solver)
         self.setup_seconds = time.perf_counter() - begin
 
     def __repr__(self) -> str:
@@ -93,9 +95,35 @@ class DAESimulator:
 
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate."""
+        return self.solved_by(self.solver.tighter())
+
+    def solved_by(self, solver: Solver) -> "DAESimulator":
+        """The same simulator with another solver."""
+        if solver == self.__dict__.get("solver"):
+            return self
         copy = object.__new__(DAESimulator)
-        copy.__dict__ = {**self.__dict__, "solver": self.solver.tighter(), "_integrations": {}, "_engines": {}}
+        copy.__dict__ = {**self.__dict__, "reason": ""}
+        copy._take(solver)
         return copy
+
+    def _take(self, solver: Solver) -> None:
+        self.solver = solver
+        self._integrations: dict[tuple[int, bool], Integration] = {}
+        self._engines: dict[int, AnyEngine] = {}
+        if self.compiled:
+            self.engine()
+        else:
+            self.integration()
+
+    def _pilot(self, made: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
+        """A run at the nominal parameters."""
+        made[solver] = copy = self.solved_by(solver)
+        P = self.dae.p_nominal[None]
+        begin = time.perf_counter()
+        ensemble = copy.run(P)
+        message = ensemble.messages[0] if ensemble.messages else ""
+        steps = copy.engine().counts.steps if copy.compiled else copy.integration().statistics().get("steps", 0)
+        return Pilot(message, steps, time.perf_counter() - begin, steps > MANY)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, made when first asked for."""

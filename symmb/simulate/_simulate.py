@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,10 +10,20 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.scene import Scene
+from symmb.simulate._choice import MANY, Pilot, choose, for_one_run
 from symmb.simulate._dae import DAESimulator
 from symmb.simulate._subject import require_scene, require_solver
 from symmb.simulate._trajectory import Trajectory
+from symmb.solve._integration import Run
 from symmb.solve.solvers import CVODES, Solver
+from symmb.solve.stiffness import stiffness
+
+
+class _Made(NamedTuple):
+    simulator: DAESimulator
+    run: Run
+    setup_seconds: float
+    run_seconds: float
 
 
 def simulate(
@@ -28,7 +39,8 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-    solver : Solver            default CVODES()
+    solver : Solver            default CVODES(), for stiff scenes CVODES(stiff=True), where these break down that with
+                               AugmentedLagrangian(); `trajectory.reason` tells why
     parameters : mapping       values in the place of nominal ones
     times, outputs             in the place of the scene's own
 
@@ -67,31 +79,56 @@ def simulate(
         values[name] = float(value)
     begin = time.perf_counter()
     simulator = DAESimulator(scene, CVODES() if solver is None else solver)
-    integration = simulator.integration(work=simulator.dae.power is not None)
     setup = time.perf_counter() - begin
-    begin = time.perf_counter()
     p = np.array(list(values.values()))
-    x0, (reason,) = simulator.start.states(p[None])
-    run = integration.run(x0, p[None])[0]
-    seconds = time.perf_counter() - begin
     told = ", ".join(f"{n} = {v:g}" for n, v in values.items())
-    if reason:
-        raise SimulationError(f"{scene.name} does not start at t = {simulator.times[0]:g} s ({told}): {reason}.")
+    x0, (wrong,) = simulator.start.states(p[None])
+    if wrong:
+        raise SimulationError(f"{scene.name} does not start at t = {simulator.times[0]:g} s ({told}): {wrong}.")
+    made: dict[Solver, _Made] = {}
+
+    def pilot(solver: Solver) -> Pilot:
+        begin = time.perf_counter()
+        solved = simulator.solved_by(solver)
+        integration = solved.integration(work=solved.dae.power is not None)
+        middle = time.perf_counter()
+        run = integration.run(x0, p[None])[0]
+        made[solver] = _Made(solved, run, middle - begin, time.perf_counter() - middle)
+        steps = integration.statistics().get("steps", 0)
+        return Pilot(run.message, steps, made[solver].run_seconds, steps > MANY and stiff_along(run.X))
+
+    def stiff_along(X: Array) -> bool:
+        some = np.unique(np.linspace(0, len(X) - 1, 5).astype(int))
+        span = float(simulator.times[-1] - simulator.times[0])
+        return stiffness(simulator.dae, X[some], p, simulator.times[some]).is_stiff(span)
+
+    reason = ""
+    if solver is not None:
+        pilot(solver)
+    else:
+        stiff = stiff_along(x0)
+        solver, reason = choose(for_one_run(stiff), pilot)
+        reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
+    simulator, run, own_setup, seconds = made[solver]
     if run.message:
-        raise SimulationError(f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}.")
+        raise SimulationError(
+            f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}."
+            + (f" {reason}." if len(made) > 1 else "")
+        )
     start = simulator.start
     return Trajectory(
         scene=scene,
         simulator=simulator,
         parameters=values,
-        solver=repr(simulator.solver),
+        solver=repr(solver),
+        reason=reason,
         t=simulator.times,
         x=run.X,
         work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
         statistics={
             "start": {name: list(getattr(start, name)) for name in ("held", "solved", "free", "redundant")},
-            "integrator": integration.statistics(),
+            "integrator": simulator.integration(work=simulator.dae.power is not None).statistics(),
         },
-        setup_seconds=setup,
+        setup_seconds=setup + own_setup,
         run_seconds=seconds,
     )

@@ -53,7 +53,7 @@ class Trajectory:
     ----------
     scene : Scene
     parameters : dict          values of this run
-    solver : str
+    solver, reason : str       its text, and why it was taken if none was given
     t : (n_t,)                 times [s]
     x : (n_t, n_x)             states (q, v, s)
     work : (n_t,)              work of forces without potential and of drives since the start [J]
@@ -65,6 +65,7 @@ class Trajectory:
     simulator: DAESimulator = field(repr=False)
     parameters: dict[str, float]
     solver: str
+    reason: str
     t: Array = field(repr=False)
     x: Array = field(repr=False)
     work: Array = field(repr=False)
@@ -186,6 +187,7 @@ class Trajectory:
         return "\n".join(
             [
                 f"{self.scene.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
+                *([f"  solver      chosen: {self.reason}"] if self.reason else []),
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
                 *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),

@@ -8,7 +8,7 @@ from symmb.solve._problem import Problem
 
 
 def rosenbrock(problem: Problem) -> Step:
-    """Six linear systems a step with one matrix, of the Jacobian that CasADi derives; no unknowns but a longer history."""
+    """Six linear systems a step with one matrix, of the Jacobian that CasADi derives; history with multipliers."""
     n_x, n_quad, n_z, t, p = problem.x.numel(), problem.quad.numel(), problem.z.numel(), problem.t, problem.p
     n, nothing = n_x + n_quad + n_z, ca.SX(0, 1)
     y, h = ca.SX.sym("w", n), ca.SX.sym("h")

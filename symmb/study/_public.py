@@ -37,7 +37,7 @@ def compare(
     box : Box                        default: the scene's
     reference : Method or Bounds     what errors are measured against; default: scanning at two resolutions, by a solver
                                      ten times more accurate
-    solver : Solver                  of all methods, for a Scene; default DormandPrince()
+    solver : Solver                  of all methods, for a Scene; default: by a pilot run
     times, outputs                   in the place of the scene's own
     executor : anything with `map`   runs blocks of samples
     progress : callable              told what runs, runs done, runs in all
@@ -84,4 +84,4 @@ def compare(
         executor=executor,
         progress=progress,
     )
-    return replace(comparison, units=simulator.units)
+    return replace(comparison, units=simulator.units, reason=simulator.reason)

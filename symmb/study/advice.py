@@ -3,14 +3,13 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 
+from symmb.solve.stiffness import STIFF, Stiffness
 from symmb.study.trials import Trial
 
 GOOD, STABLE = 1e-3, 0.1
 """Errors below which a run serves most purposes, and below which it is not nonsense."""
 _FAR = 1e-5
 """Violation of position rows that is worth a word [m, -]."""
-_STIFF = 4.0
-"""How much longer an explicit method takes than an implicit one on what is called stiff here."""
 
 
 def advice(
@@ -18,12 +17,14 @@ def advice(
     stress: Sequence[Trial],
     errors: Mapping[str, float],
     corners: Mapping[float, tuple[int, int]],
+    fastest: Stiffness,
+    span: float,
 ) -> str:
     """Which solver to take, what step the others bear, and what breaks the scene; errors by the key of a trial."""
     good = sorted((t for t in trials if errors.get(t.key, 1.0) <= GOOD), key=lambda t: t.seconds)
     sentences = [
         _choice(good),
-        _stiffness(trials),
+        _stiffness(fastest, span),
         *_steps(trials, errors),
         *_drift(good),
         *_stress(stress, errors),
@@ -43,20 +44,14 @@ def _choice(good: Sequence[Trial]) -> str:
     return f"To {GOOD:g} of the motion the fastest is {first.solver} ({1e3 * first.seconds:.2g} ms){also}."
 
 
-def _stiffness(trials: Sequence[Trial]) -> str:
-    explicit = {t.setting: t for t in trials if t.family == "CVODES"}
-    implicit = {t.setting: t for t in trials if t.family == "CVODES, stiff"}
-    for setting, slow in explicit.items():
-        fast = implicit.get(setting)
-        if fast is None or fast.reason:
-            continue
-        if slow.reason:
-            return f"It is stiff: Adams steps at {setting:g} did not finish ({slow.reason}), BDF did."
-        if slow.seconds > _STIFF * fast.seconds:
-            return (
-                f"It is stiff: Adams steps at {setting:g} take {slow.seconds / fast.seconds:.0f} times as long as BDF."
-            )
-    return "It is not stiff: explicit steps do."
+def _stiffness(fastest: Stiffness, span: float) -> str:
+    told = f"what dies away fastest does so at {fastest.decay:.1e} 1/s, "
+    told += f"what swings fastest at {fastest.frequency:.1e} rad/s"
+    if fastest.is_stiff(span):
+        return f"It is stiff: {told}. Explicit steps have to follow the first, implicit ones need not."
+    if fastest.rate * span > STIFF:
+        return f"It swings fast for long: {told}. Only methods that damp it can take steps longer than that."
+    return f"It is not stiff: {told}. Explicit steps do."
 
 
 def _steps(trials: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:

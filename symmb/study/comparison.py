@@ -25,7 +25,7 @@ class Comparison:
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not keep the
-    reference's cost, the solver's own error, `threads`, `repeats` and `units`: they are left out when read back.
+    reference's cost, the solver's own error, `threads`, `repeats`, `units` and `reason`: they are left out then.
 
     Attributes
     ----------
@@ -41,6 +41,7 @@ class Comparison:
                                     opposite corners of the box, in the norm of `Score.error`
     threads, repeats : int or None  how run_seconds was measured
     units : tuple of n_y str        units of the outputs for the picture, '' where they are not known
+    reason : str                    why this solver, if symmb chose it
     """
 
     scene: str
@@ -56,6 +57,7 @@ class Comparison:
     threads: int | None = None
     repeats: int | None = None
     units: tuple[str, ...] = ()
+    reason: str = ""
 
     def __repr__(self) -> str:
         return f"Comparison({self.scene!r}, {len(self.rows)} methods, {len(self.outputs)} outputs)"
@@ -156,7 +158,7 @@ class Comparison:
         lines = [
             f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
             f"box: {names}",
-            f"solver: {self.solver}" + self._setup(),
+            f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}" + self._setup(),
         ]
         if self.solver_error is not None:
             own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)

@@ -21,6 +21,7 @@ from symmb.simulate._dae import DAESimulator
 from symmb.solve.compiled import DormandPrince, RungeKutta
 from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
 from symmb.solve.solvers import CVODES, IDAS, Solver, StabilizedIndex2
+from symmb.solve.stiffness import stiffness
 from symmb.study.advice import advice
 from symmb.study.trials import Job, Trial, run_jobs
 from symmb.system import System
@@ -142,7 +143,8 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     """
     begin = time.monotonic()
     times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
-    if len(scene.times) < 2 or not DAESimulator(scene, CVODES()).dae.n_v:
+    dae = DAESimulator(scene, CVODES()).dae
+    if len(scene.times) < 2 or not dae.n_v:
         raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
     plain = scene.with_times(times)
     jobs = [Job("", lambda: plain, family, ladder) for family, ladder in _ladders(float(times[-1] - times[0]))]
@@ -162,18 +164,20 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
         return sorted(trials, key=lambda t: order.index((t.scene, t.family)))  # stable: settings stay in order
 
     references = collect([Job("", lambda: plain, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT)
-    true, uncertainty = _reference(references)
-    if true is None:
+    best, uncertainty = _reference(references)
+    if best is None:
         raise SimulationError(f"{scene.name}: no solver finishes. {references[0].reason}")
+    true, some = best.values, slice(None, None, max(1, TIMES // 10))
+    fastest = stiffness(dae, best.states[some], dae.p_nominal, times[some])
     trials, stress = collect(jobs, _LIMIT), collect(under, _LIMIT)
     errors = {trial.key: _error(trial.values, true) for trial in trials if not trial.reason}
     for name in dict.fromkeys(trial.scene for trial in stress):
-        some = [trial for trial in stress if trial.scene == name and not trial.reason]
-        best, _ = _reference(some)
+        done = [trial for trial in stress if trial.scene == name and not trial.reason]
+        best, _ = _reference(done)
         if best is not None:
-            errors |= {trial.key: _error(trial.values, best) for trial in some if trial.values is not best}
+            errors |= {trial.key: _error(trial.values, best.values) for trial in done if trial is not best}
     corners = _corners(scene)
-    text = advice(trials, stress, errors, corners)
+    text = advice(trials, stress, errors, corners, fastest, float(times[-1] - times[0]))
     return Stability(scene.name, times, tuple(trials), tuple(stress), errors, uncertainty, corners, text)
 
 
@@ -264,12 +268,12 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     return found
 
 
-def _reference(trials: Sequence[Trial]) -> tuple[Array | None, float]:
+def _reference(trials: Sequence[Trial]) -> tuple[Trial | None, float]:
     """Of the runs that finished, the second of the two that are closest, and how far these are apart."""
-    done = [trial.values for trial in trials if not trial.reason]
+    done = [trial for trial in trials if not trial.reason]
     if len(done) < 2:
         return (done[0], float("nan")) if done else (None, float("nan"))
-    apart, which = min((_error(done[i], done[j]), j) for j in range(len(done)) for i in range(j))
+    apart, which = min((_error(done[i].values, done[j].values), j) for j in range(len(done)) for i in range(j))
     return done[which], apart
 
 

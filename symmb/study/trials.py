@@ -33,6 +33,7 @@ class Trial:
     position, velocity : (n_t,) arrays     largest violation of a row, at every time
     energy : float             largest imbalance over the largest kinetic energy
     values : (n_t, n_y) array  outputs
+    states : (n_t, n_x) array
     """
 
     scene: str
@@ -45,6 +46,7 @@ class Trial:
     velocity: Array = field(default_factory=lambda: np.empty(0), repr=False)
     energy: float = float("nan")
     values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    states: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
 
     @property
     def key(self) -> str:
@@ -85,6 +87,7 @@ class Job:
                 velocity=run.drift.velocity,
                 energy=run.energy_drift,
                 values=run.values,
+                states=run.x,
             )
 
 

@@ -1,0 +1,53 @@
+"""How fast a motion could change: eigenvalues of its linearisation along a run."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.dae import DAE
+from symmb.symbolic.batch import batch
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """The fastest of the linearised motions.
+
+    Attributes
+    ----------
+    decay : float            largest rate at which something dies away [1/s]
+    frequency : float        largest angular frequency [rad/s]
+    """
+
+    decay: float
+    frequency: float
+
+    @property
+    def rate(self) -> float:
+        """What an explicit step times must stay below a few."""
+        return max(self.decay, self.frequency)
+
+    def is_stiff(self, span: float) -> bool:
+        """Whether something dies away so much faster than the time looked at that steps should not follow it."""
+        return self.decay * span > STIFF
+
+
+STIFF = 2e4
+"""Time constants in the time looked at: explicit steps would be thousands."""
+
+
+def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
+    """From the symbolic Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
+    n = X.shape[1]
+    x, P, t, direction = ca.SX.sym("x", n), ca.SX.sym("p", len(p)), ca.SX.sym("t"), ca.SX.sym("dx", n)
+    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, P, t))))
+    along = ca.Function("along", [x, direction, P, t], [ca.densify(ca.jtimes(rates, x, direction))], {"cse": True})
+    decay = frequency = 0.0
+    for state, time in zip(X if n else X[:0], times if n else times[:0], strict=True):
+        (columns,) = batch(along, state, np.eye(n), p, np.array([time]))
+        if np.isfinite(columns).all():
+            eigenvalues = np.linalg.eigvals(columns.reshape(n, n).T)
+            decay = max(decay, float(-eigenvalues.real.min()))
+            frequency = max(frequency, float(np.abs(eigenvalues.imag).max()))
+    return Stiffness(decay, frequency)
