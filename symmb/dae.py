@@ -1,7 +1,7 @@
 """The DAE bundle: what solvers get. It knows no coordinates by name, and it pickles, which SX does not."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import casadi as ca
@@ -13,6 +13,32 @@ from symmb.mechanics.pose import Spatial
 from symmb.symbolic.linear import symmetric_solver
 from symmb.symbolic.symbols import t
 from symmb.system import System
+
+
+@dataclass(frozen=True)
+class Scales:
+    """How large lengths, masses and rows of constraints are, so that solvers need not know in what units.
+
+    Attributes
+    ----------
+    length : float          [m]
+    energy : float          of the unit of velocity: largest inertia times squared displacement [kg m^2]
+    rows : (n_r,) array     rates of the rows at displacements of `of_length`, all 1 if not known
+    """
+
+    length: float = 1.0
+    energy: float = 1.0
+    rows: Array | None = None
+
+    @property
+    def size(self) -> float:
+        """What absolute tolerances are multiplied with: the length, but at most 1."""
+        return min(1.0, self.length)
+
+
+def is_linear(name: str) -> bool:
+    """Whether a coordinate or a velocity of this name is one of translation."""
+    return name.rpartition(".")[2] in ("x", "y", "z", "vx", "vy", "vz")
 
 
 @dataclass(frozen=True)
@@ -42,7 +68,7 @@ class DAE:
     upright                (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
-    size : float           of the motion, a power of ten [m], at most 1: what absolute tolerances are multiplied with
+    scales : Scales        of the motion; 1 as long as nothing is known of it
     """
 
     q_names: tuple[str, ...]
@@ -72,7 +98,7 @@ class DAE:
     s_start: ca.Function | None
     positive: ca.Function
     positive_names: tuple[str, ...]
-    size: float = 1.0
+    scales: Scales = field(default_factory=lambda: Scales())
 
     @property
     def n_q(self) -> int:
@@ -83,6 +109,24 @@ class DAE:
     def n_v(self) -> int:
         """Number of velocities."""
         return len(self.v_names)
+
+    @property
+    def displacements(self) -> Array:
+        """Scales of displacements along v (n_v,) [m, rad]."""
+        return self._sized(self.v_names)
+
+    @property
+    def coordinates(self) -> Array:
+        """Scales of q (n_q,) [m, rad, -]."""
+        return self._sized(self.q_names)
+
+    @property
+    def of_rows(self) -> Array:
+        """Scales of the rows (n_r,)."""
+        return np.ones(self.n_r) if self.scales.rows is None else self.scales.rows
+
+    def _sized(self, names: Sequence[str]) -> Array:
+        return np.array([self.scales.length if is_linear(name) else 1.0 for name in names])
 
     @property
     def n_s(self) -> int:

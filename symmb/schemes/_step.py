@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from symmb.dae import DAE
+from symmb.dae import DAE, is_linear
 from symmb.symbolic.geometry import is_zero
 from symmb.symbolic.jets import jets
+from symmb.symbolic.linear import general_solver
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,7 @@ class Step:
         """The change of z to be taken off in Newton's method (n_z,), and what of it counts, by weight."""
         if not self.z.numel():
             return self.z, self.z
-        matrix = ca.jacobian(self.residual, self.z)
-        # Orthogonal factors need no pivots, which would differ from sample to sample.
-        change = ca.densify(ca.qr_solve(ca.densify(self.residual), *ca.qr_sparse(matrix)))
+        change = general_solver(ca.jacobian(self.residual, self.z))(self.residual)
         counted = [i for i in range(change.numel()) if not is_zero(self.weight[i])]
         return change, (self.weight * change)[counted]
 
@@ -152,9 +151,10 @@ def sizes(dae: DAE, x: ca.SX) -> tuple[ca.SX, ca.SX]:
     Lengths are measured by the largest length, angles by the largest angle, and so with their rates.
     """
     names = [*dae.q_names, *dae.v_names, *dae.s_names]
-    linear = [name.rpartition(".")[2] in ("x", "y", "z", "vx", "vy", "vz") for name in names]
+    linear = [is_linear(name) for name in names]
     rates = range(dae.n_q, dae.n_q + dae.n_v)
-    largest = {(kind, rate): ca.SX(dae.size if kind else 1.0) for kind in (True, False) for rate in (True, False)}
+    both = (True, False)
+    largest = {(kind, rate): ca.SX(dae.scales.size if kind else 1.0) for kind in both for rate in both}
     for i, kind in enumerate(linear):
         largest[kind, i in rates] = ca.fmax(largest[kind, i in rates], ca.fabs(x[i]))
     return (

@@ -29,19 +29,21 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     cuts = [0, n_q, n_q + n_v, n_x, n_x + n_quad, n_x + 2 * n_quad, n_x + 2 * n_quad + n_v, n_x + 2 * n_quad + 2 * n_v]
     q, v, s, W, power_now, a, vdot, sdot = ca.vertsplit(w, [*cuts, w.numel()])
 
-    # Unknowns and residuals are displacements: else rounding in Phi over h^2 keeps Newton from ending.
-    scale = beta * h**2
+    # Unknowns and residuals are displacements, as shares of the motion's size: else rounding in Phi over h^2 keeps
+    # Newton from ending, and the matrix depends on units.
+    scale, of_v, of_rows = beta * h**2, ca.DM(dae.displacements), ca.DM(dae.of_rows)
+    unit_v, unit_lam = of_v / scale, dae.scales.energy / of_rows / scale
     unknown, unknown_lam, s_new = ca.SX.sym("vdot", n_v), ca.SX.sym("lam", dae.n_r), ca.SX.sym("s", n_s)
-    vdot_new, lam = unknown / scale, unknown_lam / scale
+    vdot_new, lam = unit_v * unknown, unit_lam * unknown_lam
     a_new = ((1 - alpha_f) * vdot_new + alpha_f * vdot - alpha_m * a) / (1 - alpha_m)
     v_new = v + h * ((1 - gamma) * a + gamma * a_new)
     q_new = dae.retract(q, h * v + h**2 * ((0.5 - beta) * a + beta * a_new))
     new = ca.vertcat(q_new, v_new, s_new)
     at = At(dae, new, p, t)
     residual = ca.vertcat(
-        scale * at.unbalance(vdot_new, lam),
-        at.Phi(),
-        h * at.Phi_dot()[dae.n_c :],
+        scale * of_v / dae.scales.energy * at.unbalance(vdot_new, lam),
+        at.Phi() / of_rows[: dae.n_c],
+        h * at.Phi_dot()[dae.n_c :] / of_rows[dae.n_c :],
         s_new - s - h * (at.sdot + sdot) / 2,
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
@@ -67,10 +69,10 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
         p=p,
         t=t,
         h=h,
-        guess=ca.vertcat(scale * vdot, scale * here.solved()[1], s),
+        guess=ca.vertcat(vdot / unit_v, here.solved()[1] / unit_lam, s),
         residual=ca.densify(residual),
         following=ca.vertcat(new, W + h * (power_now + power) / 2, power, a_new, vdot_new, at.sdot),
-        weight=ca.vertcat(1 / sizes(dae, w[:n_x])[1], ca.SX(dae.n_r, 1), ca.SX.ones(n_s)),
+        weight=ca.vertcat(of_v / sizes(dae, w[:n_x])[1], ca.SX(dae.n_r, 1), ca.SX.ones(n_s)),
         error=ca.SX(0, 1),
         n_x=n_x,
         n_quad=n_quad,

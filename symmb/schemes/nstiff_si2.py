@@ -14,7 +14,8 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
         M v' + G' lam - Q = 0,      N v - q' + Phi_q' mu = 0,      Phi / (b h) = 0,      (G v + Phi_t) / (b h) = 0,
 
     where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes
-    at the exact solution. Of index 3 there is no mu, and of the last equation only the velocity-only rows are left.
+    at the exact solution, and is weighed where motions are not of the size of 1 m. Of index 3 there is no mu, and
+    velocity-only rows are all that is left of the last equation.
 
     References
     ----------
@@ -33,24 +34,31 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     past = ((1 + ratio) ** 2 * now - ratio**2 * before) / (1 + 2 * ratio)
 
     heads = quaternions(dae) if stabilized else []
-    # Of index 3, unknowns and residuals are displacements: else rounding in Phi over h^2 keeps Newton from ending.
-    scale = 1 if stabilized else (b * h) ** 2
-    z = ca.SX.sym("z", n_x + dae.n_r + (dae.n_c + len(heads) if stabilized else 0))
-    rate, lam, mu = ca.vertsplit(z / scale, [0, n_x, n_x + dae.n_r, z.numel()])
+    # Unknowns and residuals are shares of what a step can change: the matrix is as good with any units and any step.
+    tau, length, energy = b * h, dae.scales.length, dae.scales.energy
+    of_q, of_v, of_rows = ca.DM(dae.coordinates), ca.DM(dae.displacements), ca.DM(dae.of_rows)
+    of_positions = ca.vertcat(of_rows[: dae.n_c], ca.DM.ones(len(heads)))
+    unit_x = ca.vertcat(of_q / tau, of_v / tau**2, ca.DM.ones(dae.n_s) / tau)
+    unit_lam = energy / of_rows / tau**2
+    unit_mu = length**2 / of_positions / tau if stabilized else ca.SX(0, 1)
+    units = ca.vertcat(unit_x, unit_lam, unit_mu)
+    z = ca.SX.sym("z", units.numel())
+    rate, lam, mu = ca.vertsplit(units * z, [0, n_x, n_x + dae.n_r, z.numel()])
     new = past + b * h * rate
     at = At(dae, new, p, t)
     q = x[:n_q]
     norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
     rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
     push = ca.SX.sym("mu", mu.numel())
-    back = ca.densify(ca.jacobian(rows, q).T @ push) if stabilized else ca.SX.zeros(n_q)
+    # Angles are moved as if they were lengths: without units the correction would be what the unit of length makes it.
+    back = (of_q / length) ** 2 * ca.densify(ca.jacobian(rows, q).T @ push) if stabilized else ca.SX.zeros(n_q)
     positions, towards = ca.Function("positions", [x, push, p, t], [rows, back])(new, mu, p, t)
-    residual = scale * ca.vertcat(
-        at.unbalance(rate[n_q : n_q + n_v], lam),
-        at.qdot - rate[:n_q] + towards,
-        at.sdot - rate[n_q + n_v :],
-        positions / (b * h) if stabilized else positions / (b * h) ** 2,
-        (at.Phi_dot() if stabilized else at.Phi_dot()[dae.n_c :]) / (b * h),
+    residual = ca.vertcat(
+        tau**2 / energy * of_v * at.unbalance(rate[n_q : n_q + n_v], lam),
+        tau / of_q * (at.qdot - rate[:n_q] + towards),
+        tau * (at.sdot - rate[n_q + n_v :]),
+        positions / of_positions,
+        tau * (at.Phi_dot() / of_rows if stabilized else at.Phi_dot()[dae.n_c :] / of_rows[dae.n_c :]),
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
     first = At(dae, x, p, t)
@@ -73,10 +81,10 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
         p=p,
         t=t,
         h=h,
-        guess=scale * ca.vertcat(rate_now, lam_now, ca.SX.zeros(mu.numel())),
+        guess=ca.vertcat(rate_now, lam_now, ca.SX.zeros(mu.numel())) / units,
         residual=ca.densify(residual),
         following=ca.vertcat(new, W + h * (power_now + power) / 2, power, now, h),
-        weight=ca.vertcat(b * h / scale / sizes(dae, now)[0], ca.SX(z.numel() - n_x, 1)),
+        weight=ca.vertcat(tau * unit_x / sizes(dae, now)[0], ca.SX(z.numel() - n_x, 1)),
         error=(new - predicted) * (1 + ratio) / (2 + 3 * ratio),
         n_x=n_x,
         n_quad=n_quad,

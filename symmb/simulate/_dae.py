@@ -68,7 +68,7 @@ class DAESimulator:
         whole = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, whole)
         kept = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
-        self.dae: DAE = replace(kept, size=self.start.size())
+        self.dae: DAE = replace(kept, scales=self.start.scales(kept))
         self.y = output_function(self.dae, scene, scene.y)
         self.threads = os.cpu_count() or 1
         self.reason = ""

@@ -78,8 +78,8 @@ def collocation(problem: Problem, degree: int) -> Advance:
     return Advance(_start_at_rest(problem), ca.Function("step", [w, p, t, h], [new]), n_x, n_quad)
 
 
-def implicit(scheme: Step, tolerance: float) -> Advance:
-    """An implicit scheme; CasADi derives Newton's matrix. Newton stops at residuals or changes below the tolerance."""
+def implicit(scheme: Step) -> Advance:
+    """An implicit scheme; CasADi derives Newton's matrix."""
     arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
     begin = ca.Function("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin], {"cse": True})
     following = ca.Function("following", [scheme.z, *arguments], [ca.densify(scheme.following)], {"cse": True})
@@ -90,7 +90,7 @@ def implicit(scheme: Step, tolerance: float) -> Advance:
             "newton",
             "newton",
             {"x": scheme.z, "p": ca.vertcat(*arguments), "g": scheme.residual},
-            {"abstol": tolerance, "abstolStep": tolerance, "max_iter": 20, "linear_solver": "csparse"},
+            {"abstol": 0.0, "abstolStep": 1e-12, "max_iter": 20, "linear_solver": "csparse"},
         )
         guess = ca.Function("guess", arguments, [scheme.guess], {"cse": True})
         z = newton(guess(*symbols), ca.vertcat(*symbols))

@@ -95,15 +95,19 @@ def build_problem(
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
     if algebraic and dae.n_r and dae.G is not None:
         M, G = dae.M(*at), dae.G(*at)
+        of_v, of_rows = ca.DM(dae.displacements), ca.DM(dae.of_rows)
+        unit = dae.scales.energy / of_rows  # unknowns and rows in terms of the motion's size, whatever the units
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
-            z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot, lam)
-            vdot, lam = z[: dae.n_v], z[dae.n_v :]
-            alg = ca.vertcat(M @ vdot + G.T @ lam - dae.Q(*at), G @ vdot - right)
+            z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
+            vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]
+            balance = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
+            alg = ca.vertcat(balance, (G @ vdot - right) / of_rows)
         else:
-            z, guess = ca.SX.sym("lam", dae.n_r), lam
+            z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
             # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
-            vdot, lam = ca.solve(M, dae.Q(*at) - G.T @ z), z
-            alg = G @ vdot - right
+            lam = unit * z
+            vdot = ca.solve(M, dae.Q(*at) - G.T @ lam)
+            alg = (G @ vdot - right) / of_rows
     if isinstance(stabilization, Projection):
         projected = _project(dae, x, p, time, projections)
     else:
@@ -147,7 +151,9 @@ def _augmented(
 def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
     """The stabilised index-2 form: positions and velocities are algebraic equations, multipliers lam and mu unknowns.
 
-        q' = N v - Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
+        q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
+
+    S, squares of the scales of q, weighs lengths against angles, whatever the units; mu vanishes at the exact solution.
 
     References
     ----------
@@ -157,22 +163,29 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
     p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, time)
     rates = dae.rhs.call(list(at))
-    lam, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
+    of_v, of_rows = ca.DM(dae.displacements), ca.DM(dae.of_rows)
+    unit = dae.scales.energy / of_rows  # unknowns and rows in terms of the motion's size, whatever the units
+    z, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
+    lam = unit * z
     qdot, vdot, guess, rows = rates[0], rates[1], ca.SX(0, 1), ca.SX(0, 1)
     if dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None:
         first, guess = dae.forward(*at, dae.gamma(*at))
-        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at)
+        guess = guess / unit
+        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at) / of_rows
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
-            vdot = a = ca.SX.sym("a", dae.n_v)
-            rows, guess = ca.vertcat(M @ a - force, rows), ca.vertcat(first, guess)
+            a = ca.SX.sym("a", dae.n_v)
+            vdot = of_v * a
+            balance = of_v / dae.scales.energy * (M @ vdot - force)
+            rows, guess = ca.vertcat(balance, rows), ca.vertcat(first / of_v, guess)
         else:
             vdot = ca.solve(M, force)
     if dae.Phi is not None and dae.Phi_q is not None:
-        qdot = qdot - dae.Phi_q(*at).T @ mu
-        rows = ca.vertcat(rows, dae.Phi(*at))
+        of_c, of_q = of_rows[: dae.n_c], ca.DM(dae.coordinates)
+        qdot = qdot - of_q**2 * (dae.Phi_q(*at).T @ (mu / of_c))
+        rows = ca.vertcat(rows, dae.Phi(*at) / of_c)
     return Problem(
         x=x,
-        z=ca.vertcat(a, lam, mu),
+        z=ca.vertcat(a, z, mu),
         p=p,
         t=time,
         ode=ca.densify(ca.vertcat(qdot, vdot, *rates[2:])),

@@ -5,6 +5,7 @@ import casadi as ca
 from symmb.schemes import rosenbrock as rodas
 from symmb.schemes._step import Step
 from symmb.solve._problem import Problem
+from symmb.symbolic.linear import general_solver
 
 
 def rosenbrock(problem: Problem) -> Step:
@@ -19,13 +20,13 @@ def rosenbrock(problem: Problem) -> Step:
     partial = ca.Function("partial", [y, p, t], [ca.densify(ca.jacobian(slope, t))])
     begin, now, stages = t - h, y, []
     differential = ca.vertcat(ca.SX.ones(n_x + n_quad), ca.SX(n_z, 1))
-    factors = ca.qr_sparse(ca.diag(differential / (h * rodas.GAMMA)) - J(y, p, begin))
+    solve = general_solver(ca.diag(differential / (h * rodas.GAMMA)) - J(y, p, begin))
     in_time = h * partial(y, p, begin)
     for c, d, row, past in zip(rodas.C, rodas.D, rodas.A, rodas.G, strict=True):
         now = y + sum((a * u for a, u in zip(row, stages, strict=True)), ca.SX(n, 1))
         right = f(now, p, begin + c * h) + d * in_time
         right += differential / h * sum((g * u for g, u in zip(past, stages, strict=True)), ca.SX(n, 1))
-        stages.append(ca.densify(ca.qr_solve(right, *factors)))
+        stages.append(solve(right))
     return Step(
         x=problem.x,
         begin=ca.vertcat(problem.x, ca.SX.zeros(n_quad), problem.z_guess),

@@ -93,7 +93,7 @@ class _Explicit(CompiledSolver):
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
             start.equations(x, problem.p) if start is not None and compiled and n_x <= SMALL else None,
         )
-        control = self.control(times, dae.size)
+        control = self.control(times, dae.scales.size)
         if isinstance(control, Tolerances) and not compiled:
             return ArrayEngine(f, times, control)
         return Engine(f, times, control)

@@ -49,7 +49,7 @@ class _Stepping(CompiledSolver):
     ) -> Engine:
         step = self.formula(dae, order, work)
         w, n_x = step.w, step.n_x
-        state, control = w[:n_x], self.control(times, dae.size)
+        state, control = w[:n_x], self.control(times, dae.scales.size)
         change, counted = step.newton()
         of_state = [step.x, state]
         f = scheme_function(
@@ -71,14 +71,14 @@ class _Stepping(CompiledSolver):
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         def stepwise() -> Integration:
-            control = self.control(times, dae.size)
+            control = self.control(times, dae.scales.size)
             if isinstance(control, Tolerances):
                 raise PropagationError(f"{self!r} controls its step, which needs a C compiler and no lockstep.")
             step = self.formula(dae, order, work)
             project = None
             if step.projected is not None:
                 project = ca.Function("project", [step.x, step.p, step.t], [step.projected], {"cse": True})
-            return fixed_step_integration(implicit(step, self.newton), times, control.longest, project)
+            return fixed_step_integration(implicit(step), times, control.longest, project)
 
         if self.available(dae) and dae.n_v:
             return CompiledIntegration(self, dae, times, order, work, stepwise)

@@ -65,7 +65,7 @@ class _Multistep(Solver):
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
-        return multistep_integration(problem, self.plugin, lambda length: self.options(length, dae.size), times)
+        return multistep_integration(problem, self.plugin, lambda length: self.options(length, dae.scales.size), times)
 
 
 @dataclass(frozen=True, repr=False)
@@ -114,7 +114,7 @@ class StabilizedIndex2(Solver):
         problem = stabilized_problem(dae, work=work)
         # Multipliers of index 2 are left out of all tests: their errors do not fall with the step, and they are what
         # positions and velocities ask for. A first step that has to be cut too often ends the run.
-        options = {**_tolerances(self.rtol, self.atol, dae.size), "suppress_algebraic": True, "calc_ic": False}
+        options = {**_tolerances(self.rtol, self.atol, dae.scales.size), "suppress_algebraic": True, "calc_ic": False}
         atol = options.pop("abstol")
         options["abstolv"] = [atol] * problem.x.numel() + [_UNTESTED] * problem.z.numel()
         first = 1e-3 * self.rtol**0.5 * float(np.diff(times).min(initial=1.0))

@@ -7,7 +7,7 @@ solves for the same ones from the nominal solution. Velocities are linear: depen
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import casadi as ca
@@ -15,7 +15,7 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Mask
-from symmb.dae import DAE
+from symmb.dae import DAE, Scales, is_linear
 from symmb.scene import Scene
 from symmb.solve._assembly import assemble, at_rest, check_upright, coordinate_of, kept_rows, owner, placed, rest
 from symmb.solve._implicit import ImplicitMap
@@ -95,11 +95,16 @@ class Start:
         q, v, s = np.split(x, [self.dae.n_q, self.dae.n_q + self.dae.n_v])
         return {"q": q, "v": v, "s": s, "p": self.dae.p_nominal}
 
-    def size(self) -> float:
-        """Of the motion, as coordinates at the nominal start show it: a power of ten [m], at most 1."""
-        at = [i for i, name in enumerate(self.dae.q_names) if name.rpartition(".")[2] in ("x", "y", "z")]
-        largest = float(np.abs(self.q_nominal[at]).max(initial=0.0))
-        return min(1.0, 10.0 ** math.ceil(math.log10(largest))) if largest > 0 else 1.0
+    def scales(self, dae: DAE) -> Scales:
+        """Of the motion of the DAE that this is the start of, as the nominal start shows them; powers of 2."""
+        lengths = [abs(q) for name, q in zip(dae.q_names, self.q_nominal, strict=True) if is_linear(name)]
+        length = _power(max(lengths, default=0.0))
+        scaled = replace(dae, scales=Scales(length)).displacements
+        at = self.nominal()
+        x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
+        energy = _power(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
+        rows = np.abs(dae.G(*x).full() * scaled).max(axis=1, initial=0.0) if dae.G is not None else np.empty(0)
+        return Scales(length, energy, np.array([_power(float(row)) for row in rows]))
 
     def _contradiction(self, x: Array, P: Array) -> Mask:
         """Whether samples violate rows that were not needed to solve for the start, (N,)."""
@@ -164,6 +169,10 @@ class Start:
             for parts, s in zip(x, _function_jets(self.dae.s_start, [q, P]), strict=True):
                 parts.append(s)
         return [np.hstack([_rows_of(part, m) for part in parts]) for parts in x]
+
+
+def _power(value: float) -> float:
+    return 2.0 ** round(math.log2(value)) if 0 < value < math.inf else 1.0
 
 
 def _rows_of(a: Array, N: int) -> Array:

@@ -32,6 +32,13 @@ def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
     return lambda r: ca.densify(ca.ldl_solve(ca.densify(r), D, L, order))
 
 
+def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of A z = r for a regular A (n, n), sparse; orthogonal factors need no pivots, which would differ from
+    sample to sample."""
+    factors = ca.qr_sparse(A)
+    return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
+
+
 def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
