@@ -21,6 +21,7 @@ REASONS = (
     "the step became too short, or the state infinite or NaN",
     "an output is not finite",
     "Newton's method does not converge, however short the step",
+    f"{MOST_STEPS} steps are not enough",
 )
 _LARGE = 5000
 """Values of a model whose compiler would take too long over sines and cosines in place."""

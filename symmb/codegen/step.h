@@ -84,7 +84,7 @@ static int run(Block *b, Study *s) {
     }
     if (++b->steps > s->most_steps) {
       EACH_PART(b) marked[a - b->part] = (M)zero() == 0;
-      return give_up(b, s, marked, STEPS);
+      return give_up(b, s, marked, MANY);
     }
     if (!solve(b, s, marked)) {
       if (!(b->h > shortest)) return give_up(b, s, marked, NEWTON);

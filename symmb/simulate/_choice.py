@@ -13,8 +13,8 @@ from symmb.solve.stabilization import AugmentedLagrangian
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
-_SINGULAR = AugmentedLagrangian()
-"""Goes on through singular positions."""
+_SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
+"""What goes on through singular positions if nothing is stiff."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,14 @@ def for_studies() -> Candidates:
     """Solvers of many runs."""
     if not has_compiler():  # which Rosenbrock needs to control its step
         return Candidates(DormandPrince(), *for_one_run(False)[1:])
-    singular = DormandPrince(stabilization=_SINGULAR), Rosenbrock(stabilization=_SINGULAR)
-    return Candidates(DormandPrince(), Rosenbrock(), singular)
+    return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
 
 
 def for_one_run(stiff: bool) -> Candidates:
     """Solvers of one run."""
     implicit = CVODES(stiff=True)
-    return Candidates(implicit if stiff else CVODES(), implicit, (CVODES(stiff=True, stabilization=_SINGULAR),))
+    through = CVODES(stiff=True, stabilization=AugmentedLagrangian())
+    return Candidates(implicit if stiff else CVODES(), implicit, (*(() if stiff else _SINGULAR), through))
 
 
 def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,15 +15,9 @@ from symmb.simulate._dae import DAESimulator
 from symmb.simulate._subject import require_scene, require_solver
 from symmb.simulate._trajectory import Trajectory
 from symmb.solve._integration import Run
+from symmb.solve._rank import singularity
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.stiffness import stiffness
-
-
-class _Made(NamedTuple):
-    simulator: DAESimulator
-    run: Run
-    setup_seconds: float
-    run_seconds: float
 
 
 def simulate(
@@ -85,7 +79,7 @@ def simulate(
     x0, (wrong,) = simulator.start.states(p[None])
     if wrong:
         raise SimulationError(f"{scene.name} does not start at t = {simulator.times[0]:g} s ({told}): {wrong}.")
-    made: dict[Solver, _Made] = {}
+    made: dict[Solver, tuple[Run, Trajectory]] = {}
 
     def pilot(solver: Solver) -> Pilot:
         begin = time.perf_counter()
@@ -93,9 +87,32 @@ def simulate(
         integration = solved.integration(work=solved.dae.power is not None)
         middle = time.perf_counter()
         run = integration.run(x0, p[None])[0]
-        made[solver] = _Made(solved, run, middle - begin, time.perf_counter() - middle)
-        steps = integration.statistics().get("steps", 0)
-        return Pilot(run.message, steps, made[solver].run_seconds, steps > MANY and stiff_along(run.X))
+        seconds, counted = time.perf_counter() - middle, integration.statistics()
+        start = {name: list(getattr(solved.start, name)) for name in ("held", "solved", "free", "redundant")}
+        trajectory = Trajectory(
+            scene=scene,
+            simulator=solved,
+            parameters=values,
+            solver=repr(solver),
+            reason="",
+            t=solved.times,
+            x=run.X,
+            work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(solved.times)),
+            statistics={"start": start, "integrator": counted},
+            setup_seconds=setup + middle - begin,
+            run_seconds=seconds,
+        )
+        made[solver] = run, trajectory
+        return Pilot(run.message, counted.get("steps", 0), seconds, False)
+
+    def judged(solver: Solver) -> Pilot:
+        found, (run, trajectory) = pilot(solver), made[solver]
+        if found.message:
+            return replace(found, message=f"t = {run.t_failed:g} s, {run.message}")
+        if trajectory.singularity and not trajectory.energy_drift < _SUSPECT:
+            # Branches of the motion meet there, and a solver may have taken another.
+            return replace(found, message=f"{trajectory.singularity}, energy drifts by {trajectory.energy_drift:.0e}")
+        return replace(found, slow=found.steps > MANY and stiff_along(run.X))
 
     def stiff_along(X: Array) -> bool:
         some = np.unique(np.linspace(0, len(X) - 1, 5).astype(int))
@@ -107,28 +124,18 @@ def simulate(
         pilot(solver)
     else:
         stiff = stiff_along(x0)
-        solver, reason = choose(for_one_run(stiff), pilot)
+        solver, reason = choose(for_one_run(stiff), judged)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
-    simulator, run, own_setup, seconds = made[solver]
+    run, trajectory = made[solver]
     if run.message:
-        raise SimulationError(
-            f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}."
-            + (f" {reason}." if len(made) > 1 else "")
-        )
-    start = simulator.start
-    return Trajectory(
-        scene=scene,
-        simulator=simulator,
-        parameters=values,
-        solver=repr(solver),
-        reason=reason,
-        t=simulator.times,
-        x=run.X,
-        work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
-        statistics={
-            "start": {name: list(getattr(start, name)) for name in ("held", "solved", "free", "redundant")},
-            "integrator": simulator.integration(work=simulator.dae.power is not None).statistics(),
-        },
-        setup_seconds=setup + own_setup,
-        run_seconds=seconds,
-    )
+        known = np.isfinite(run.X).all(axis=1)
+        near = singularity(simulator.dae, run.X[known], p, simulator.times[known])
+        texts = [f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}"]
+        texts += [f"The position may be singular: {near}"] if near else []
+        texts += [f"No other solver gets through: {reason}"] if len(made) > 1 else []
+        raise SimulationError(". ".join(texts) + ".")
+    return replace(trajectory, reason=reason)
+
+
+_SUSPECT = 1e-6
+"""Energy drift of a run through a singular position beyond which others are tried."""

@@ -17,6 +17,7 @@ from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator, output_function
+from symmb.solve._rank import Singularity, singularity
 from symmb.symbolic.batch import batch
 
 
@@ -157,6 +158,11 @@ class Trajectory:
         return Drift(position, velocity)
 
     @cached_property
+    def singularity(self) -> Singularity | None:
+        """The time of an output closest to a singular position, if one is close."""
+        return singularity(self.simulator.dae, self.x, self._p, self.t)
+
+    @cached_property
     def energy(self) -> Energy:
         """Kinetic and potential energy and the work done."""
         dae = self.simulator.dae
@@ -192,6 +198,7 @@ class Trajectory:
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
                 *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
                 *self._drift_line(),
+                *([f"  singular    {self.singularity}"] if self.singularity else []),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )

@@ -15,6 +15,7 @@ from symmb.solve._advance import Marching
 from symmb.solve._problem import Problem
 from symmb.symbolic.batch import batch
 
+MOST_STEPS = 1_000_000
 _COUNTED = {
     "nsteps": "steps",
     "nfevals": "evaluations",
@@ -152,14 +153,16 @@ def multistep_integration(
         dae = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
         dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
         dae = {name: e for name, e in dae.items() if e.numel()}
+        # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
+        limit = {"max_num_steps": max(MOST_STEPS // (len(times) - 1), 10_000)}
         if project is None:
-            whole = ca.integrator("whole", plugin, dae, times[0], times, options(float(times[-1] - times[0])))
+            whole = ca.integrator("whole", plugin, dae, times[0], times, options(float(times[-1] - times[0])) | limit)
         # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
         begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
         for name in {"ode", "alg", "quad"} & dae.keys():
             dae[name] = ca.substitute(dae[name], problem.t, begin + span * tau) * (1 if name == "alg" else span)
         dae |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
-        between = ca.integrator("between", plugin, dae, 0, 1, options(1.0))
+        between = ca.integrator("between", plugin, dae, 0, 1, options(1.0) | limit)
     return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
 
 

@@ -1,10 +1,13 @@
 """Rank of constraint rows at a consistent position, and which joints are to blame where it is short."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.dae import DAE
+from symmb.symbolic.batch import batch
 
 _RANK_TOLERANCE = 1e-9
 
@@ -43,3 +46,37 @@ def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[str, ...]:
     rank = int((sigma > _RANK_TOLERANCE * max(G.shape)).sum())
     involved = np.abs(U[:, rank:]).max(axis=1, initial=0.0) > 1e-6
     return tuple(name for name, where in rows.items() if involved[where].any())
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """Where rows come closest to depending on each other: time [s], least over largest singular value, constraints."""
+
+    time: float
+    ratio: float
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        joints = ", ".join(repr(name) for name in self.names)
+        return f"near t = {self.time:g} s rows of {joints} nearly depend on each other ({self.ratio:.0e})"
+
+
+NEARLY = 1e-2
+"""Least over largest singular value of rows below which a position is said to be nearly singular."""
+
+
+def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
+    """The position closest to a singular one among states X (m, n_x), if one is close."""
+    if dae.G is None or not len(X):
+        return None
+    cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
+    G = batch(dae.G, *np.split(X, cuts, axis=1), p, times[:, None])[0].reshape(len(X), -1, dae.n_v) * dae.displacements
+    scale = np.linalg.norm(G, axis=2, keepdims=True)
+    U, sigma, _ = np.linalg.svd(G / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    ratios = sigma[:, -1] / sigma[:, 0]
+    k = int(np.argmin(ratios))
+    if not ratios[k] < NEARLY:
+        return None
+    shares = {name: float(np.abs(U[k, where, -1]).max()) for name, where in dae.rows.items()}
+    names = tuple(name for name, share in shares.items() if share > 0.1)
+    return Singularity(float(times[k]), float(ratios[k]), names)

@@ -200,11 +200,9 @@ _UNTESTED = 1e10
 
 
 def _tolerances(rtol: float, atol: float | None, size: float) -> dict[str, Any]:
-    # The step limit holds from one output time to the next; a run that needs more is lost in a singularity.
     return {
         "reltol": rtol,
         "abstol": size * rtol / 100 if atol is None else atol,
-        "max_num_steps": 200_000,
         "quad_err_con": True,
         "disable_internal_warnings": True,
     }

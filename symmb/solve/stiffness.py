@@ -17,10 +17,12 @@ class Stiffness:
     Attributes
     ----------
     decay : float            largest rate at which something dies away [1/s]
+    growth : float           largest rate at which something grows [1/s]
     frequency : float        largest angular frequency [rad/s]
     """
 
     decay: float
+    growth: float
     frequency: float
 
     @property
@@ -29,8 +31,11 @@ class Stiffness:
         return max(self.decay, self.frequency)
 
     def is_stiff(self, span: float) -> bool:
-        """Whether something dies away so much faster than the time looked at that steps should not follow it."""
-        return self.decay * span > STIFF
+        """Whether something dies away so fast that steps should not follow it over so long a time [s].
+
+        Near an unstable position things die away as fast as others grow; these have to be followed.
+        """
+        return self.decay * span > STIFF and self.decay > 10 * self.growth
 
 
 STIFF = 2e4
@@ -43,11 +48,12 @@ def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
     x, P, t, direction = ca.SX.sym("x", n), ca.SX.sym("p", len(p)), ca.SX.sym("t"), ca.SX.sym("dx", n)
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, P, t))))
     along = ca.Function("along", [x, direction, P, t], [ca.densify(ca.jtimes(rates, x, direction))], {"cse": True})
-    decay = frequency = 0.0
+    decay = growth = frequency = 0.0
     for state, time in zip(X if n else X[:0], times if n else times[:0], strict=True):
         (columns,) = batch(along, state, np.eye(n), p, np.array([time]))
         if np.isfinite(columns).all():
             eigenvalues = np.linalg.eigvals(columns.reshape(n, n).T)
             decay = max(decay, float(-eigenvalues.real.min()))
+            growth = max(growth, float(eigenvalues.real.max()))
             frequency = max(frequency, float(np.abs(eigenvalues.imag).max()))
-    return Stiffness(decay, frequency)
+    return Stiffness(decay, growth, frequency)

@@ -1,0 +1,200 @@
+"""Problems that try solvers hard, each with a solution known to many digits (tests/data tells where from)."""
+
+import importlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import symmb as mb
+from symmb._types import Array
+
+DATA = Path(__file__).parent / "data"
+KNOWN = json.loads((DATA / "problems.json").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene at some times, what its first outputs are there, and how many digits are known."""
+
+    name: str
+    make: Callable[[], mb.Scene]
+    values: Array
+    digits: float = 12.0
+
+    def error(self, values: Array) -> float:
+        """Largest error of outputs (n_t, n_y) over all times, relative where they are larger than 1."""
+        found = values[:, : self.values.shape[1]]
+        return float((np.abs(found - self.values) / np.maximum(1.0, np.abs(self.values).max(axis=0))).max())
+
+
+def model(name: str, **variant: float | int) -> mb.Scene:
+    return importlib.import_module(f"models.{name}").scene(**variant)
+
+
+def andrews() -> Problem:
+    known = json.loads((DATA / "andrews.json").read_text(encoding="utf-8"))
+    angles = np.array(known["values"])[:, [known["names"].index(name) for name in ANDREWS]]
+    return Problem("Andrews", lambda: _keeping(model("andrews").with_times(known["times"]), ANDREWS), angles)
+
+
+ANDREWS = ("beta", "Theta", "gamma", "Phi", "delta", "Omega", "epsilon")
+
+
+def car_axis() -> Problem:
+    known = json.loads((DATA / "car_axis.json").read_text(encoding="utf-8"))
+    names = tuple(known["names"][:8])
+    return Problem(
+        "car axis",
+        lambda: _keeping(model("car_axis").with_times(known["times"]), names),
+        np.array(known["values"])[:, :8],
+    )
+
+
+def pendulum(length: float = 1.0) -> tuple[mb.Body, mb.Revolute]:
+    """A point mass on a rod without mass, whose angle is measured from the downward vertical."""
+    bob = mb.Body("bob", 1.0, 0.0, mb.Planar())
+    return bob, mb.Revolute("pivot", mb.Ground().point(0, 0), bob.point(0, length))
+
+
+def pendulum_179() -> Problem:
+    known = KNOWN["pendulum_179"]
+
+    def make() -> mb.Scene:
+        bob, pivot = pendulum()
+        start = {"bob.theta": np.deg2rad(179.0)}
+        system = mb.System(bob, pivot, mb.Gravity(0, -9.81))
+        return mb.Scene(system, start, [0.0, known["time"]], {"phi": bob.theta, "rate": bob.omega}, name="pendulum")
+
+    first = [np.deg2rad(179.0), 0.0]
+    return Problem("pendulum, 179 degrees, 1000 periods", make, np.array([first, known["values"]]))
+
+
+def pendulum_period_2(periods: int = 1000) -> Problem:
+    """Cartesian coordinates of a bead at a fixed distance."""
+    known = KNOWN["pendulum_period2"]
+    times = np.array([*known["times"], *(2 * np.linspace(1, periods, 11)[1:].round())])
+
+    def make() -> mb.Scene:
+        bob = mb.Body("bob", 1.0, pose=mb.Particle())
+        rod = mb.Distance("rod", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
+        outputs = {"x": bob.x, "y": bob.y, "vx": bob.vx, "vy": bob.vy}
+        system = mb.System(bob, rod, mb.Gravity(0, -known["g"]))
+        return mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0}, times, outputs, name="bead")
+
+    values = np.array(known["values"])
+    return Problem(f"bead, {periods} periods", make, np.vstack([values, np.tile(values[0], (10, 1))]))
+
+
+def stiff_spring(k: float, kind: str) -> Problem:
+    """A bead on a spring of length 1, at 1 rad from below, from where the spring does not swing or from its length."""
+    known = KNOWN["stiff_spring"][f"{k:g} {kind}"]
+    r, theta, r_dot, theta_dot = np.array(known["values"]).T
+    sine, cosine = np.sin(theta), np.cos(theta)
+    speed = (1 + r) * theta_dot
+    values = [(1 + r) * sine, -(1 + r) * cosine, r_dot * sine + speed * cosine, -r_dot * cosine + speed * sine]
+
+    def make() -> mb.Scene:
+        bob = mb.Body("bob", 1.0, pose=mb.Particle())
+        spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), k, 1.0)
+        start = {"bob.x": values[0][0], "bob.y": values[1][0]}
+        outputs = {"x": bob.x, "y": bob.y, "vx": bob.vx, "vy": bob.vy}
+        return mb.Scene(mb.System(bob, spring, mb.Gravity(0, -9.81)), start, known["times"], outputs, name="spring")
+
+    digits = 12.0 if kind == "slow_manifold" else 9.0 - np.log10(k) / 6
+    return Problem(f"spring, {k:g} N/m, {kind.replace('_', ' ')}", make, np.transpose(values), digits)
+
+
+def slider_crank(kind: str) -> Problem:
+    """With a coupler without mass; or of equal rods, with a slider without mass, through eleven singular positions."""
+    known = KNOWN[kind]
+    p, start = known["parameters"], known["start"]
+    columns = [known["names"].index(name) for name in ("theta", "dtheta", "x_slider", "dx_slider")]
+
+    def make() -> mb.Scene:
+        lengths = {name: float(p[name]) for name in ("l1", "l2", "m1", "m2", "m3")}
+        scene = model("slider_crank", **lengths, theta=start["theta"], omega=start["omega"]).with_times(known["times"])
+        return _keeping(scene, ("theta", "theta_dot", "x_slider", "x_slider_dot"))
+
+    return Problem(f"slider-crank, {kind.replace('_', ' ')}", make, np.array(known["values"])[:, columns])
+
+
+def n_four_bar(n: int, until: int = 10) -> Problem:
+    known = KNOWN["n_four_bar"]
+    return Problem(
+        f"{n} windows",
+        lambda: model("n_four_bar", N=n).with_times(known["times"][: until + 1]),
+        np.array(known["values"][str(n)])[: until + 1],
+    )
+
+
+def fast_top() -> Problem:
+    known = KNOWN["fast_top"]
+
+    def make() -> mb.Scene:
+        body = mb.Body("body", 1.0, tuple(known["inertia"]), mb.Spatial())
+        outputs = {name: body.omega[i] for i, name in enumerate(("wx", "wy", "wz"))}
+        outputs |= {f"e{i}": mb.System(body).q[3 + i] for i in range(4)}
+        start = {"body.omega": tuple(known["omega"])}
+        return mb.Scene(mb.System(body), start, known["times"], outputs, name="top")
+
+    return Problem("top at 1e4 rad/s", make, np.hstack([known["omega_body"], known["quaternion"]]))
+
+
+def four_bar_in_space() -> Problem:
+    """The planar four-bar of spatial bodies: twenty rows for eighteen velocities, three of them redundant."""
+    known = KNOWN["four_bar"]
+    p = known["parameters"]
+    a, b, c, base = (float(p[name]) for name in ("crank", "coupler", "rocker", "ground"))
+
+    def make() -> mb.Scene:
+        theta = known["start"]["theta"]
+        x, y = base - a * np.cos(theta), -a * np.sin(theta)
+        distance = np.hypot(x, y)
+        middle = np.arctan2(y, x) + np.arccos((b**2 + distance**2 - c**2) / (2 * b * distance))
+        last = np.arctan2(b * np.sin(middle) - y, b * np.cos(middle) - x)
+        angles = {"crank": theta, "coupler": middle, "rocker": last}
+        bodies = [
+            mb.Body(name, m, (1e-3 * m, m * size**2 / 12, m * size**2 / 12), mb.Spatial())
+            for name, size, m in zip(angles, (a, b, c), p["m"], strict=True)
+        ]
+        first, coupler, rocker = bodies
+        ground = mb.Ground()
+        joints = [
+            mb.Revolute("A", ground.point(0, 0, 0), first.point(-a / 2, 0, 0)),
+            mb.Revolute("B", first.point(a / 2, 0, 0), coupler.point(-b / 2, 0, 0)),
+            mb.Revolute("C", coupler.point(b / 2, 0, 0), rocker.point(c / 2, 0, 0)),
+            mb.Revolute("D", ground.point(base, 0, 0), rocker.point(-c / 2, 0, 0)),
+        ]
+        system = mb.System(*bodies, *joints, mb.Gravity(0, -9.81, 0))
+        guess = {f"{name}.rotation": mb.rotation(axis=(0, 0, 1), angle=angle) for name, angle in angles.items()}
+        start = {"crank.rotation": guess.pop("crank.rotation"), "crank.omega": (0, 0, known["start"]["omega"])}
+        C = coupler.point(b / 2, 0, 0)
+        outputs = {"Cx": C.x, "Cy": C.y, "vCx": C.vx, "vCy": C.vy}
+        return mb.Scene(system, start, known["times"], outputs, guess=guess, name="four-bar in space")
+
+    columns = [known["names"].index(name) for name in ("Cx", "Cy", "vCx", "vCy")]
+    return Problem("four-bar in space", make, np.array(known["values"])[:, columns])
+
+
+def all_problems() -> tuple[Problem, ...]:
+    """From short to long."""
+    return (
+        andrews(),
+        car_axis(),
+        *(stiff_spring(k, kind) for k in (1e2, 1e4, 1e6) for kind in ("slow_manifold", "natural_length")),
+        fast_top(),
+        four_bar_in_space(),
+        slider_crank("massless_coupler"),
+        slider_crank("dead_point"),
+        n_four_bar(2),
+        n_four_bar(40, 3),
+        pendulum_period_2(),
+        pendulum_179(),
+    )
+
+
+def _keeping(scene: mb.Scene, names: tuple[str, ...]) -> mb.Scene:
+    return scene.with_outputs({name: scene.outputs[name] for name in names})

@@ -1,0 +1,106 @@
+"""Hard problems to the digits that are known, and what symmb does with them if no solver is given."""
+
+import numpy as np
+import problems
+import pytest
+
+import symmb as mb
+
+AUGMENTED = mb.DormandPrince(rtol=1e-10, stabilization=mb.AugmentedLagrangian())
+CASES = [
+    (problems.andrews(), mb.DormandPrince(rtol=1e-12), 1e-11),
+    (problems.andrews(), mb.Rosenbrock(rtol=1e-9), 1e-8),
+    (problems.andrews(), mb.CVODES(rtol=1e-12, stiff=True), 1e-9),
+    (problems.car_axis(), mb.DormandPrince(rtol=1e-12), 1e-10),
+    (problems.car_axis(), mb.Rosenbrock(rtol=1e-9), 1e-7),
+    (problems.stiff_spring(1e6, "slow_manifold"), mb.CVODES(rtol=1e-11, stiff=True), 1e-7),
+    (problems.stiff_spring(1e6, "natural_length"), mb.DormandPrince(rtol=1e-11), 1e-7),
+    (problems.stiff_spring(1e6, "natural_length"), mb.Rosenbrock(rtol=1e-9), 1e-5),
+    (problems.fast_top(), mb.DormandPrince(rtol=1e-12), 1e-10),
+    (problems.fast_top(), mb.Rosenbrock(rtol=1e-10), 1e-8),
+    (problems.four_bar_in_space(), mb.DormandPrince(rtol=1e-12), 1e-9),
+    (problems.slider_crank("massless_coupler"), mb.DormandPrince(rtol=1e-12), 1e-10),
+    (problems.slider_crank("massless_coupler"), mb.Rosenbrock(), 1e-5),
+    (problems.slider_crank("dead_point"), AUGMENTED, 1e-8),
+    (problems.pendulum_period_2(), mb.DormandPrince(rtol=1e-13), 1e-6),
+    (problems.pendulum_179(), mb.DormandPrince(rtol=1e-13), 1e-3),
+]
+
+
+@pytest.mark.parametrize(("problem", "solver", "limit"), CASES, ids=[f"{p.name}, {s!r}" for p, s, _ in CASES])
+def test_digits(problem, solver, limit):
+    run = mb.simulate(problem.make(), solver)
+    assert problem.error(run.values) < limit
+    assert run.energy_drift < 1e-7
+
+
+@pytest.mark.parametrize("solver", [AUGMENTED, mb.NSTIFFSI2(step=1e-3), mb.GeneralizedAlpha(step=1e-3)], ids=repr)
+def test_singular_positions_are_passed(solver):
+    """Two windows over 10 s, ten times through the position where all bars lie on one line."""
+    run = mb.simulate(problems.n_four_bar(2).make(), solver)
+    assert run.energy_drift < 1e-3
+    assert abs(np.hypot(run["B0_x"], run["B0_y"]) - 1).max() < 1e-6
+
+
+def _told(value):
+    return value if isinstance(value, str) else value.name
+
+
+CHOSEN = {
+    "CVODES()": [problems.andrews(), problems.fast_top(), problems.slider_crank("massless_coupler")],
+    "AugmentedLagrangian": [problems.slider_crank("dead_point"), problems.n_four_bar(2)],
+}
+
+
+@pytest.mark.parametrize(("solver", "problem"), [(name, p) for name, some in CHOSEN.items() for p in some], ids=_told)
+def test_a_solver_is_chosen_that_gets_through(solver, problem):
+    run = mb.simulate(problem.make())
+    assert solver in run.solver and run.reason in str(run)
+    assert problem.error(run.values) < 1e-4
+    if solver != "CVODES()":
+        assert run.reason.startswith("CVODES() breaks down: ")
+
+
+def sprung(k):
+    """A bead on a spring and a damper so strong that it creeps."""
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    holder = mb.SpringDamper("holder", mb.Ground().point(0, 0), bead.point(0, 0), k, k, 0.0)
+    p = mb.Parameters(f=1.0)
+    system = mb.System(bead, holder, mb.Force("push", bead.point(0, 0), (p.f * k * mb.t, 0)), parameters=p)
+    return mb.Scene(system, {"bead.x": 1.0}, np.linspace(0, 2, 21), {"x": bead.x}, name="sprung")
+
+
+def test_stiff_scenes_get_implicit_solvers():
+    exact = 2 * np.exp(-np.linspace(0, 2, 21)) + np.linspace(0, 2, 21) - 1  # k (x' + x) = k t, but for x'' / k
+    run = mb.simulate(sprung(1e6))
+    assert run.solver == "CVODES(stiff=True)" and "too fast for explicit steps" in run.reason
+    np.testing.assert_allclose(run["x"], exact, atol=1e-5)
+    study = mb.DAESimulator(sprung(1e6))
+    assert repr(study.solver) == "Rosenbrock()" and "DormandPrince() takes" in study.reason
+    np.testing.assert_allclose(study.run(np.array([[1.0]])).Y[0, :, 0], exact, atol=1e-5)
+
+
+def test_studies_go_through_singular_positions():
+    study = mb.DAESimulator(problems.n_four_bar(2).make())
+    assert "AugmentedLagrangian" in repr(study.solver) and study.reason.startswith("DormandPrince() breaks down: ")
+
+
+def test_what_nothing_gets_through_is_told_with_every_reason():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    burst = mb.Scene(
+        mb.System(ball, mb.Force("burst", ball.point(0, 0), (2 * ball.vx**2, 0))), {"ball.vx": 1.0}, [0.0, 1]
+    )
+    with pytest.raises(
+        mb.SimulationError, match=r"breaks down at t = .*DormandPrince.*breaks down: .*CVODES\(stiff=True"
+    ):
+        mb.simulate(burst)
+
+
+def test_singular_positions_are_told():
+    scene = problems.n_four_bar(2).make().with_times(np.linspace(0, 1, 101))
+    run = mb.simulate(scene, AUGMENTED)
+    assert run.singularity is not None and abs(run.singularity.time - 0.7143555) < 0.01
+    assert "singular    near t = 0.71 s rows of " in str(run)
+    with pytest.raises(mb.SimulationError, match=r"The position may be singular: near t = 0\.71 s rows of '"):
+        mb.simulate(scene, mb.CVODES())
+    assert mb.simulate(problems.andrews().make()).singularity is None
