@@ -42,8 +42,8 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     at = At(dae, new, p, t)
     residual = ca.vertcat(
         scale * of_v / dae.scales.energy * at.unbalance(vdot_new, lam),
-        at.Phi() / of_rows[: dae.n_c],
-        h * at.Phi_dot()[dae.n_c :] / of_rows[dae.n_c :],
+        at.Phi() / of_rows[: dae.n_c, :],
+        h * at.Phi_dot()[dae.n_c :, :] / of_rows[dae.n_c :, :],
         s_new - s - h * (at.sdot + sdot) / 2,
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)

@@ -180,7 +180,7 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
         else:
             vdot = ca.solve(M, force)
     if dae.Phi is not None and dae.Phi_q is not None:
-        of_c, of_q = of_rows[: dae.n_c], ca.DM(dae.coordinates)
+        of_c, of_q = of_rows[: dae.n_c, :], ca.DM(dae.coordinates)
         qdot = qdot - of_q**2 * (dae.Phi_q(*at).T @ (mu / of_c))
         rows = ca.vertcat(rows, dae.Phi(*at) / of_c)
     return Problem(

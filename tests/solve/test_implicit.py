@@ -159,3 +159,14 @@ def test_scenes_in_any_unit_of_length_behave_alike(length):
         assert abs(run["theta"][-1] - np.pi / 2) < limit, solver
         if not isinstance(solver, mb.CVODES | mb.RungeKutta | None):
             assert run.position_drift < 2e-8 * length, solver
+
+
+@pytest.mark.parametrize("solver", IMPLICIT, ids=repr)
+def test_a_single_row_and_a_coordinate_that_nothing_touches(solver):
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    rod = mb.Distance("rod", mb.Ground().point(0, 0), bead.point(0, 0), 1.0)
+    scene = mb.Scene(
+        mb.System(bead, rod, mb.Gravity(0, -9.81)), {"bead.x": 1.0}, [0.0, 0.5], {"x": bead.x, "y": bead.y}
+    )
+    exact = mb.simulate(scene, mb.CVODES(rtol=1e-11)).values
+    assert_allclose(mb.simulate(scene, solver).values, exact, atol=5e-3)
