@@ -82,6 +82,7 @@ from symmb.solve.solvers import StabilizedIndex2 as StabilizedIndex2
 from symmb.solve.stabilization import AugmentedLagrangian as AugmentedLagrangian
 from symmb.solve.stabilization import Baumgarte as Baumgarte
 from symmb.solve.stabilization import Projection as Projection
+from symmb.solve.state_space import StateSpace as StateSpace
 from symmb.study import Comparison as Comparison
 from symmb.study import Stability as Stability
 from symmb.study import stability as stability

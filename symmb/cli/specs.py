@@ -21,6 +21,7 @@ from symmb.bounds import (
 from symmb.solve.compiled import DormandPrince, RungeKutta
 from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
 from symmb.solve.solvers import CVODES, IDAS, Collocation, StabilizedIndex2
+from symmb.solve.state_space import StateSpace
 
 _WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES"}
 """The numbers of the forms that are whole; any other is a real one."""
@@ -88,7 +89,9 @@ SOLVERS = (
     Spec("rosenbrock[:RTOL]", "Rosenbrock(rtol=RTOL)", Rosenbrock),
     Spec("si2", "StabilizedIndex2()", StabilizedIndex2),
     Spec("si2:RTOL", "StabilizedIndex2(rtol=RTOL)", lambda rtol: StabilizedIndex2(rtol=rtol)),
+    Spec("state-space[:RTOL]", "StateSpace(rtol=RTOL)", StateSpace),
     Spec("nstiff-si2[:STEP]", "NSTIFFSI2(step=STEP)", NSTIFFSI2),
+    Spec("nstiff-si2:tol=RTOL", "NSTIFFSI2(step=1.0, rtol=RTOL)", lambda rtol: NSTIFFSI2(step=1.0, rtol=rtol)),
     Spec("gen-alpha[:STEP]", "GeneralizedAlpha(step=STEP)", GeneralizedAlpha),
     Spec("hht[:STEP]", "HHT(step=STEP)", HHT),
     Spec("newmark[:STEP]", "Newmark(step=STEP)", Newmark),

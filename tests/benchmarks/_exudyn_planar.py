@@ -1,4 +1,4 @@
-"""Planar scenes of bodies, revolute joints, gravity, springs and torques as exudyn models, solved by generalised-alpha."""
+"""Planar scenes of bodies, revolute joints, gravity, springs and torques in exudyn, by generalised-alpha."""
 
 import time
 from collections.abc import Callable
@@ -41,18 +41,17 @@ def planar(scene: mb.Scene) -> Run:
             x, y, angle, vx, vy, omega = (
                 float(start[f"{body.name}.{c}"][0]) for c in ("x", "y", "theta", "vx", "vy", "omega")
             )
-            com = number(ca.vertcat(*body.com))
             nodes.append(
                 mbs.AddNode(NodeRigidBody2D(referenceCoordinates=[x, y, angle], initialVelocities=[vx, vy, omega]))
             )
             mass, inertia = float(number(body.mass)[0]), float(number(body.inertia)[0])
             made = ObjectRigidBody2D(nodeNumber=nodes[-1], physicsMass=mass, physicsInertia=inertia)
-            objects[body.name] = mbs.AddObject(made), com
+            objects[body.name] = mbs.AddObject(made)
 
         def marker(point: mb.mechanics.body.Point, kind: type = MarkerBodyPosition) -> int:
             s = number(point.s)
-            number_of, com = objects.get(point.body.name, (ground, np.zeros(3)))
-            return mbs.AddMarker(kind(bodyNumber=number_of, localPosition=[s[0] - com[0], s[1] - com[1], 0.0]))
+            on = objects.get(point.body.name, ground)
+            return mbs.AddMarker(kind(bodyNumber=on, localPosition=[s[0], s[1], 0.0]))
 
         for element in system.elements:
             if isinstance(element, mb.Revolute):
@@ -60,7 +59,7 @@ def planar(scene: mb.Scene) -> Run:
                 mbs.AddObject(ObjectJointRevolute2D(markerNumbers=ends))
             elif isinstance(element, mb.Gravity):
                 for body in system.bodies:
-                    at = mbs.AddMarker(MarkerBodyPosition(bodyNumber=objects[body.name][0]))
+                    at = mbs.AddMarker(MarkerBodyPosition(bodyNumber=objects[body.name]))
                     weight = float(number(body.mass)[0]) * number(ca.vertcat(element.gx, element.gy))
                     mbs.AddLoad(LoadForceVector(markerNumber=at, loadVector=[*weight, 0.0]))
             elif isinstance(element, mb.SpringDamper):
@@ -72,7 +71,7 @@ def planar(scene: mb.Scene) -> Run:
                     )
                 )
             elif isinstance(element, mb.Torque):
-                at = mbs.AddMarker(MarkerBodyRigid(bodyNumber=objects[element.body.name][0]))
+                at = mbs.AddMarker(MarkerBodyRigid(bodyNumber=objects[element.body.name]))
                 torque = [0.0, 0.0, float(number(element.torque)[0])]
                 mbs.AddLoad(LoadTorqueVector(markerNumber=at, loadVector=torque))
             elif element not in system.bodies:
@@ -81,7 +80,7 @@ def planar(scene: mb.Scene) -> Run:
         return container, mbs, nodes
 
     def run(steps: int) -> tuple[np.ndarray, float]:
-        container, mbs, nodes = build()
+        _container, mbs, nodes = build()  # which must outlive the run
         settings = exu.SimulationSettings()
         settings.timeIntegration.numberOfSteps = steps
         settings.timeIntegration.endTime = float(scene.times[-1] - scene.times[0])
