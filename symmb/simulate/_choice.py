@@ -19,12 +19,13 @@ _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
 
 @dataclass(frozen=True)
 class Pilot:
-    """A run at the nominal parameters: what stopped it, steps, run time [s], whether others may be faster."""
+    """A run at the nominal parameters: what stopped it, steps, run time [s], why others may be faster, or better."""
 
     message: str
     steps: int
     seconds: float
     slow: bool
+    doubt: str = ""
 
 
 class Candidates(NamedTuple):
@@ -44,32 +45,41 @@ def for_studies() -> Candidates:
 
 def for_one_run(stiff: bool) -> Candidates:
     """Solvers of one run."""
-    implicit = CVODES(stiff=True)
-    through = CVODES(stiff=True, stabilization=AugmentedLagrangian())
-    return Candidates(implicit if stiff else CVODES(), implicit, (*(() if stiff else _SINGULAR), through))
+    implicit, through = CVODES(stiff=True), CVODES(stiff=True, stabilization=AugmentedLagrangian())
+    if stiff:
+        return Candidates(implicit, implicit, (*((Rosenbrock(),) if has_compiler() else ()), through))
+    return Candidates(CVODES(), implicit, (DormandPrince(), *_SINGULAR, through))
 
 
 def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
     """The solver by which pilot runs finish, the faster one where the first is slow; and why."""
     first, implicit, others = candidates
     run = pilot(first)
-    if not run.message and not (run.slow and implicit != first):
-        return first, _count(run)
-    if not run.message:
+    if not (run.message or run.doubt):
+        if not run.slow or implicit == first:
+            return first, _count(run)
         other = pilot(implicit)
-        if other.message:
-            return first, f"{_count(run)}; {implicit!r} breaks down: {other.message}"
+        if other.message or other.doubt:
+            return first, f"{_count(run)}; {implicit!r}: {other.message or other.doubt}"
         times = run.seconds / other.seconds
         if times > 1:
             return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
         return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
-    told = [f"{first!r} breaks down: {run.message}"]
+    told = [_fault(first, run)]
+    finished = [] if run.message else [first]
     for solver in dict.fromkeys((*others, implicit)):
+        if solver == first:
+            continue
         run = pilot(solver)
-        if not run.message:
+        if not (run.message or run.doubt):
             return solver, "; ".join([*told, _count(run)])
-        told.append(f"{solver!r} breaks down: {run.message}")
-    return first, "; ".join(told)
+        told.append(_fault(solver, run))
+        finished += [] if run.message else [solver]
+    return (finished or [first])[0], "; ".join(told)
+
+
+def _fault(solver: Solver, run: Pilot) -> str:
+    return f"{solver!r} breaks down: {run.message}" if run.message else f"{solver!r}: {run.doubt}"
 
 
 def _count(run: Pilot) -> str:

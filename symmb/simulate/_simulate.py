@@ -109,9 +109,13 @@ def simulate(
         found, (run, trajectory) = pilot(solver), made[solver]
         if found.message:
             return replace(found, message=f"t = {run.t_failed:g} s, {run.message}")
-        if trajectory.singularity and not trajectory.energy_drift < _SUSPECT:
-            # Branches of the motion meet there, and a solver may have taken another.
-            return replace(found, message=f"{trajectory.singularity}, energy drifts by {trajectory.energy_drift:.0e}")
+        drift = trajectory.position_drift / simulator.dae.scales.length
+        if not drift < _FAR:
+            return replace(found, doubt=f"drifts off its constraints by {drift:.0e} of its size")
+        if trajectory.energy_drift > (_SUSPECT if trajectory.singularity else _LOST):
+            # Where positions are singular branches of the motion meet, and a solver may have taken another.
+            where = f"{trajectory.singularity}, " if trajectory.singularity else ""
+            return replace(found, doubt=f"{where}energy drifts by {trajectory.energy_drift:.0e}")
         return replace(found, slow=found.steps > MANY and stiff_along(run.X))
 
     def stiff_along(X: Array) -> bool:
@@ -137,5 +141,5 @@ def simulate(
     return replace(trajectory, reason=reason)
 
 
-_SUSPECT = 1e-6
-"""Energy drift of a run through a singular position beyond which others are tried."""
+_FAR, _LOST, _SUSPECT = 1e-6, 1e-4, 1e-6
+"""Drift of positions over the size, of energy, and of that through a singular position, at which others are tried."""

@@ -140,7 +140,9 @@ class _Motion:
             return y
         y = y.copy()
         y[: dae.n_q] = batch(dae.retract, y[: dae.n_q], np.zeros(dae.n_v))[0][0]
-        for _ in range(8 if dae.Phi is not None else 0):
+        for _ in range(8):
+            if dae.Phi is None:
+                break
             (violation,) = batch(dae.Phi, *self._at(y, t))[0]
             delta = np.zeros(dae.n_v)
             G = _matrix(dae, y, self._p, t)[: dae.n_c, which]
@@ -160,4 +162,6 @@ class _Motion:
 
 
 def _matrix(dae: DAE, y: Array, p: Array, t: float) -> Array:
+    if dae.G is None:
+        return np.zeros((0, dae.n_v))
     return batch(dae.G, *_Motion(dae, p, np.arange(0))._at(y, t))[0][0].reshape(dae.n_r, dae.n_v)

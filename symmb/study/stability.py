@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from symmb import plot
@@ -128,8 +129,8 @@ class Stability:
 def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:
     """Try every solver on a scene, plain and under stress, each run within 3 s and all within a minute.
 
-    Stress is what any scene can be put to: stiffnesses of its springs 100 and 10,000 times as large, horizons 10 and
-    100 times as long, and its box widened to 10, 20 and 50 %.
+    Stress is what any scene can be put to: stiffnesses of its springs 100 and 10,000 times as large, its lightest body
+    so much lighter, horizons 10 and 100 times as long, and its box widened to 10, 20 and 50 %.
 
     Parameters
     ----------
@@ -230,6 +231,9 @@ def _stresses(scene: Scene, times: Array) -> list[tuple[str, int, Callable[[], S
     if any(_stiffnesses(element) for element in scene.system.elements):
         for factor in _STIFFER:
             found.append((f"stiffness x {factor:g}", 1, lambda k=factor: _stiffer(scene.with_times(times), k)))
+    if len(scene.system.bodies) > 1:
+        for factor in _STIFFER:
+            found.append((f"mass ratio x {factor:g}", 1, lambda k=factor: _lighter(scene.with_times(times), k)))
     for factor in _LONGER:
         longer = times[0] + factor * (times - times[0])
         found.append((f"horizon x {factor}", factor, lambda longer=longer: scene.with_times(longer)))
@@ -251,6 +255,20 @@ def _stiffer(scene: Scene, factor: float) -> Scene:
             object.__setattr__(changed, name, stiffer)
         elements.append(changed if _stiffnesses(element) else element)
     return replace(scene, system=System(*elements, parameters=scene.system.parameters))
+
+
+def _lighter(scene: Scene, factor: float) -> Scene:
+    """The scene with its lightest body lighter by a factor, if that is not without mass."""
+    system = scene.system
+    elements = copy.deepcopy((*system.bodies, *(e for e in system.elements if e not in system.bodies)))
+    values = ca.Function("masses", [system.p], [ca.vertcat(*[ca.SX(body.mass) for body in system.bodies])])
+    masses = values(system.parameters.nominal).full().ravel()
+    lightest = elements[int(np.argmin(np.where(masses > 0, masses, np.inf)))]
+    for name in ("mass", "inertia"):
+        value = getattr(lightest, name)
+        lighter = tuple(principal / factor for principal in value) if isinstance(value, tuple) else value / factor
+        object.__setattr__(lightest, name, lighter)
+    return replace(scene, system=System(*elements, parameters=system.parameters))
 
 
 def _corners(scene: Scene) -> dict[float, tuple[int, int]]:

@@ -5,12 +5,14 @@ import json
 import os
 import time
 
+import casadi as ca
 import numpy as np
 import pytest
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
 from symmb.cli.main import main
+from symmb.study.stability import _lighter
 from symmb.study.trials import Job, run_jobs
 
 SPRUNG = """
@@ -87,6 +89,16 @@ def test_trials_that_take_too_long_or_break_down_are_ended():
     assert trials["fine", 1e-4].startswith("the run breaks down at t = ")
     late = {t.reason for t in run_jobs(jobs[:1], 0.5, begin)}
     assert late == {"left out for want of time"}
+
+
+def test_the_lightest_body_gets_lighter(found):
+    lighter = double_pendulum(np.linspace(0, 1.5, 31))
+    assert {t.scene for t in found.stress} >= {"mass ratio x 100", "mass ratio x 10000", "horizon x 10"}
+    first, second = (b.mass for b in _lighter(lighter, 100.0).system.bodies)
+    masses = ca.Function("m", [lighter.system.p], [first, second])([1.0, 0.8])
+    before = ca.Function("m", [lighter.system.p], [ca.SX(b.mass) for b in lighter.system.bodies])([1.0, 0.8])
+    ratios = sorted(float(a / b) for a, b in zip(before, masses, strict=True))
+    np.testing.assert_allclose(ratios, [1.0, 100.0])
 
 
 def test_a_scene_without_motion_is_refused():
