@@ -74,7 +74,7 @@ def sprung(k):
 def test_stiff_scenes_get_implicit_solvers():
     exact = 2 * np.exp(-np.linspace(0, 2, 21)) + np.linspace(0, 2, 21) - 1  # k (x' + x) = k t, but for x'' / k
     run = mb.simulate(sprung(1e6))
-    assert run.solver == "CVODES(stiff=True)" and "too fast for explicit steps" in run.reason
+    assert "stiff=True" in run.solver and "too fast for explicit steps" in run.reason
     np.testing.assert_allclose(run["x"], exact, atol=1e-5)
     study = mb.DAESimulator(sprung(1e6))
     assert repr(study.solver) == "Rosenbrock()" and "DormandPrince() takes" in study.reason

@@ -38,8 +38,8 @@ class Stiffness:
         return self.decay * span > STIFF and self.decay > 10 * self.growth
 
 
-STIFF = 2e4
-"""Time constants in the time looked at: explicit steps would be thousands."""
+STIFF = 2e3
+"""Time constants in the time looked at: as many as explicit steps with fixed-point iterations, or half as many."""
 
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:

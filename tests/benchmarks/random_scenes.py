@@ -22,7 +22,7 @@ import symmb as mb
 
 SPAN = 1.0
 """Seconds that the scenes last."""
-POSITION, ENERGY, LIMIT, PEER = 1e-5, 1e-3, 30.0, 2e-3
+POSITION, ENERGY, LIMIT, PEER = 1e-5, 1e-3, 90.0, 5e-3
 """Allowed drift of positions over the size, of energy over the largest kinetic one; seconds; difference to exudyn."""
 
 

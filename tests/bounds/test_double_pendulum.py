@@ -66,7 +66,18 @@ def test_bounds_agree_with_an_independent_implementation(bounds, method, name, s
 
 @pytest.mark.parametrize(("method", "spread", "runs", "error", "early", "late"), KNOWN)
 def test_metrics_of_the_baselines(bounds, method, spread, runs, error, early, late):
-    result = bounds(method, spread)
+    check_metrics(bounds(method, spread), spread, runs, error, early, late)
+
+
+@pytest.mark.parametrize(("method", "spread", "runs", "error", "early", "late"), KNOWN[:2])
+def test_metrics_of_the_paper_with_its_solver(method, spread, runs, error, early, late):
+    """In the steps of 5 ms that it takes there."""
+    scene_at = scene().with_times(TIMES)
+    box = mb.Box.around(scene_at.system.parameters, spread)
+    check_metrics(mb.propagate(scene_at, method, box, mb.NSTIFFSI2(step=5e-3)), spread, runs, error, early, late)
+
+
+def check_metrics(result, spread, runs, error, early, late):
     assert result.evaluations == runs and result.kind == "estimate"
     true = digits(spread, "true")
     score = yardstick(*true).score(result.lower, result.upper)
