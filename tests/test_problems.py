@@ -115,3 +115,13 @@ def test_runs_that_drift_are_made_by_another_solver():
     run = mb.simulate(scene)
     assert run.solver == "DormandPrince()" and "drifts off its constraints" in run.reason
     assert run.position_drift < 1e-9 and run.energy_drift < 1e-4
+
+
+def test_bounds_of_a_stiff_scene():
+    """x = exp(-t) + f (t - 1 + exp(-t)) but for x'' / k: linear in f, whose ends give the bounds."""
+    scene = sprung(1e6)
+    bounds = mb.propagate(scene, mb.PolynomialChaos(), mb.Box(f=(0.8, 1.2)))
+    t = np.asarray(scene.times)
+    for f, found in ((0.8, bounds.lower), (1.2, bounds.upper)):
+        np.testing.assert_allclose(found[:, 0], np.exp(-t) + f * (t - 1 + np.exp(-t)), atol=1e-5)
+    assert not bounds.failed and bounds.evaluations < 10

@@ -8,6 +8,7 @@ import casadi as ca
 
 from symmb._errors import PropagationError
 from symmb._types import Array
+from symmb.codegen.build import has_compiler
 from symmb.codegen.engine import Engine, FixedStep, Scheme, Tolerances, scheme_function
 from symmb.dae import DAE
 from symmb.schemes._step import Step
@@ -25,6 +26,10 @@ _FULL = 12
 """Velocities up to which a full matrix costs no more than a sparse one."""
 
 
+_LARGE = 300
+"""Velocities beyond which compilers take minutes."""
+
+
 class _Stepping(CompiledSolver):
     """Steps of a scheme given in symbols; each with Newton's method, to a share of the motion's size."""
 
@@ -32,6 +37,9 @@ class _Stepping(CompiledSolver):
     def newton(self) -> float:
         """Largest change of unknowns, over their sizes, at which Newton's method ends."""
         return 0.0
+
+    def available(self, dae: DAE) -> bool:
+        return has_compiler() and dae.n_v <= _LARGE
 
     @abstractmethod
     def formula(self, dae: DAE, order: int, work: bool) -> Step:
@@ -73,7 +81,10 @@ class _Stepping(CompiledSolver):
         def stepwise() -> Integration:
             control = self.control(times, dae.scales.size)
             if isinstance(control, Tolerances):
-                raise PropagationError(f"{self!r} controls its step, which needs a C compiler and no lockstep.")
+                raise PropagationError(
+                    f"{self!r} controls its step, which needs a C compiler, up to {_LARGE} velocities and no lockstep: "
+                    "give it a step in the place of a tolerance."
+                )
             step = self.formula(dae, order, work)
             project = None
             if step.projected is not None:
