@@ -179,6 +179,32 @@ def four_bar_in_space() -> Problem:
     return Problem("four-bar in space", make, np.array(known["values"])[:, columns])
 
 
+def windows_in_space(n: int = 2, until: float = 0.6) -> mb.Scene:
+    """Windows of spatial bodies: for each window, three rows of its hinges are redundant."""
+    ground = mb.Ground()
+    cranks, couplers = (
+        [mb.Body(f"{name}{i}", 1.0, inertia, mb.Spatial()) for i in range(count)]
+        for name, count, inertia in (
+            ("crank", n + 1, (1 / 12, 1e-3, 1 / 12)),
+            ("coupler", n, (1e-3, 1 / 12, 1 / 12)),
+        )
+    )
+    joints = [mb.Revolute(f"foot{i}", ground.point(i, 0, 0), c.point(0, -0.5, 0)) for i, c in enumerate(cranks)]
+    for i, coupler in enumerate(couplers):
+        joints.append(mb.Revolute(f"left{i}", cranks[i].point(0, 0.5, 0), coupler.point(-0.5, 0, 0)))
+        joints.append(mb.Revolute(f"right{i}", cranks[i + 1].point(0, 0.5, 0), coupler.point(0.5, 0, 0)))
+    B0 = cranks[0].point(0, 0.5, 0)
+    return mb.Scene(
+        mb.System(*cranks, *couplers, *joints, mb.Gravity(0, -9.81, 0)),
+        {"crank0.rotation": mb.rotation(axis=(0, 0, 1), angle=0.0), "crank0.omega": (0, 0, -1.0)},
+        np.linspace(0, until, 7),
+        {"B0_x": B0.x, "B0_y": B0.y, "B0_x_dot": B0.vx, "B0_y_dot": B0.vy},
+        guess={f"coupler{i}.x": i + 0.5 for i in range(n)} | {f"coupler{i}.y": 1.0 for i in range(n)}
+        | {f"crank{i}.x": float(i) for i in range(n + 1)} | {f"crank{i}.y": 0.5 for i in range(n + 1)},
+        name=f"{n} windows in space",
+    )  # fmt: skip
+
+
 def all_problems() -> tuple[Problem, ...]:
     """From short to long."""
     return (

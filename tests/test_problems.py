@@ -125,3 +125,10 @@ def test_bounds_of_a_stiff_scene():
     for f, found in ((0.8, bounds.lower), (1.2, bounds.upper)):
         np.testing.assert_allclose(found[:, 0], np.exp(-t) + f * (t - 1 + np.exp(-t)), atol=1e-5)
     assert not bounds.failed and bounds.evaluations < 10
+
+
+def test_windows_in_space_move_as_in_the_plane():
+    space = mb.simulate(problems.windows_in_space(2))
+    assert len(space.statistics["start"]["redundant"]) > 0
+    plane = mb.simulate(problems.n_four_bar(2).make().with_times(space.t), mb.CVODES(rtol=1e-12))
+    np.testing.assert_allclose(space.values, plane.values, atol=1e-6)

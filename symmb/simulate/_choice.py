@@ -47,8 +47,8 @@ def for_one_run(stiff: bool) -> Candidates:
     """Solvers of one run."""
     implicit, through = CVODES(stiff=True), CVODES(stiff=True, stabilization=AugmentedLagrangian())
     if stiff:
-        tighter = CVODES(rtol=1e-12, stiff=True)
-        return Candidates(implicit, implicit, (tighter, *((Rosenbrock(),) if has_compiler() else ()), through))
+        tighter, compiled = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince()) if has_compiler() else ()
+        return Candidates(implicit, implicit, (tighter, *compiled, through))
     return Candidates(CVODES(), implicit, (DormandPrince(), *_SINGULAR, through))
 
 
