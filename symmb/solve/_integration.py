@@ -15,7 +15,8 @@ from symmb.solve._advance import Marching
 from symmb.solve._problem import Problem
 from symmb.symbolic.batch import batch
 
-MOST_STEPS = 1_000_000
+MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
+"""Steps of a run, and steps times states: more take minutes."""
 _COUNTED = {
     "nsteps": "steps",
     "nfevals": "evaluations",
@@ -154,7 +155,8 @@ def multistep_integration(
         dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
         dae = {name: e for name, e in dae.items() if e.numel()}
         # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
-        limit = {"max_num_steps": max(MOST_STEPS // (len(times) - 1), 10_000)}
+        most = min(MOST_STEPS, MOST_STATES // problem.x.numel())
+        limit = {"max_num_steps": max(most // (len(times) - 1), 1000)}
         if project is None:
             whole = ca.integrator("whole", plugin, dae, times[0], times, options(float(times[-1] - times[0])) | limit)
         # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.

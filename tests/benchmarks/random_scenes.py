@@ -144,7 +144,7 @@ class Mechanism:
         elif self.fault == "runs away":
             inertia = float(np.max(bodies[-1].inertia)) if self.spatial else float(bodies[-1].inertia)
             spin = bodies[-1].omega
-            rate = 1e3 * inertia * (1 + (spin.T @ spin if self.spatial else spin**2))
+            rate = 1e7 * inertia * (1 + (spin.T @ spin if self.spatial else spin**2))
             elements.append(mb.Torque("run", bodies[-1], (rate, 0, 0) if self.spatial else rate))
         elif self.fault == "nothing carries it":
             loose = mb.Body("loose", 0.0, (0, 0, 0) if self.spatial else 0.0, bodies[0].pose)
