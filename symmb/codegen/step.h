@@ -72,6 +72,7 @@ static int run(Block *b, Study *s) {
   M marked[PARTS];
   b->steps = b->iterations = b->most = 0;
   while (b->next < s->n_t) {
+    if (!(wanted > shortest)) wanted = shortest;
     const double left = s->times[b->next] - b->t, parts = ceil(left / wanted - 1e-9);
     b->t_new = parts > 1.0 ? b->t + left / parts : s->times[b->next];
     b->h = parts > 1.0 ? left / parts : left;
@@ -87,7 +88,7 @@ static int run(Block *b, Study *s) {
       return give_up(b, s, marked, MANY);
     }
     if (!solve(b, s, marked)) {
-      if (!(b->h > shortest)) return give_up(b, s, marked, NEWTON);
+      if (!(b->h > 1.0000001 * shortest)) return give_up(b, s, marked, NEWTON);
       wanted = 0.5 * b->h;
       continue;
     }
@@ -98,7 +99,7 @@ static int run(Block *b, Study *s) {
       const double best = e > 1e-12 ? 0.9 * pow(e, -1.0 / (ORDER + 1)) : GROWTH;
       factor = best < GROWTH ? best : GROWTH;
       if (!(e <= 1.0)) {
-        if (!(b->h > shortest)) return give_up(b, s, marked, STEPS);
+        if (!(b->h > 1.0000001 * shortest)) return give_up(b, s, marked, STEPS);
         wanted = b->h * (factor > 0.1 ? factor : 0.1);
         continue;
       }

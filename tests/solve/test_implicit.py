@@ -170,3 +170,15 @@ def test_a_single_row_and_a_coordinate_that_nothing_touches(solver):
     )
     exact = mb.simulate(scene, mb.CVODES(rtol=1e-11)).values
     assert_allclose(mb.simulate(scene, solver).values, exact, atol=5e-3)
+
+
+@pytest.mark.parametrize("solver", [mb.NSTIFFSI2(step=1e-2), mb.Rosenbrock(), mb.GeneralizedAlpha(step=1e-2)], ids=repr)
+def test_a_lost_sample_leaves_its_neighbours_as_if_it_had_not_been_there(solver):
+    simulator = mb.DAESimulator(explosion(), solver)
+    together = simulator.run(np.array([[0.3], [1.0], [0.25], [2.0]]))
+    assert_array_equal(together.ok, [True, False, True, False])
+    assert_allclose(together.t_failed[[1, 3]], [1.0, 0.5], atol=0.11)
+    alone = simulator.run(np.array([[0.3], [0.25]]))
+    assert_array_equal(together.Y[[0, 2]], alone.Y)
+    lower, upper = simulator.run(np.array([[0.3], [1.0], [0.25]])).extremes()
+    assert_array_equal([lower, upper], [alone.Y.min(axis=0), alone.Y.max(axis=0)])
