@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds._legendre import MultiIndices
-from symmb.bounds._parts import in_parts
+from symmb.bounds._parts import on_threads
 from symmb.codegen.build import load
 from symmb.codegen.engine import header
 
@@ -65,12 +65,11 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
     library = load(_SOURCE)
 
-    def work(part: slice) -> None:
-        numbers = (ctypes.c_long(i) for i in (lanes, part.start, part.stop))
-        if not library.dense(ctypes.byref(grid), *numbers, *pointers):
+    def work(dealt: ctypes.c_long) -> None:
+        if not library.dense(ctypes.byref(grid), ctypes.byref(dealt), ctypes.c_long(lanes), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    in_parts(work, lanes, 8)
+    on_threads(work, lanes)
     at = np.empty((2, m, d))
     at[:, :, order] = points[:, MOST_PARAMETERS - d :, :m].swapaxes(1, 2)
     return found[0, :m], found[1, :m], at[0], at[1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds._chebyshev import LowerSet, halving
-from symmb.bounds._parts import in_parts
+from symmb.bounds._parts import on_threads
 from symmb.bounds._terms import LANES, Terms, terms_of
 from symmb.codegen.build import load
 
@@ -52,18 +52,18 @@ def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tu
     tables = _tables(terms.products)
     b, m = tables.basis, len(C)
     depth = _LEVELS * b.d
-    found = np.empty(m), np.empty(m), np.empty((m, b.d)), np.empty((m, b.d)), np.empty(m), np.empty(m)
+    found, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
+    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points, gaps)]
     library = load(_SOURCE)
 
-    def work(part: slice) -> None:
+    def work(dealt: ctypes.c_long) -> None:
         sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
         own = [np.zeros(size) for size in sizes]
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
-        pointers = (ctypes.c_void_p(a[part].ctypes.data) for a in (C, *found))
-        library.ranges(ctypes.byref(search), ctypes.c_long(part.stop - part.start), *pointers)
+        library.ranges(ctypes.byref(search), ctypes.byref(dealt), ctypes.c_long(m), *pointers)
 
-    in_parts(work, m)
-    return found
+    on_threads(work, m)
+    return *found, *points, *gaps
 
 
 @lru_cache(maxsize=64)

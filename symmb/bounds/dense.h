@@ -131,12 +131,12 @@ static void scan(const Grid *g, const V *c, V *plane, V *row, V best[2][PIECES],
   }
 }
 
-/* C (n0 n1 n2, m) by rows -> values (2, m) and points (2, 3, m) of minima and maxima, of polynomials from number begin to
-   end, multiples of W. 0 if there is not enough memory. */
-int dense(const Grid *g, long m, long begin, long end, const double *C, double *values, double *points) {
+/* C (n0 n1 n2, m) by rows -> values (2, m) and points (2, 3, m) of minima and maxima, m a multiple of W; threads count
+   those dealt in one place. 0 if there is not enough memory. */
+int dense(const Grid *g, long *dealt, long m, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
   V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), best[2][PIECES], sample[2][PIECES] = {{{0}}};
-  for (long i = begin; c && i < end; i += W) {
+  for (long i; c && (i = __atomic_fetch_add(dealt, W, __ATOMIC_RELAXED)) < m;) {
     for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
     scan(g, c, c + n, c + n + n12, best, sample);
     V low = best[0][0], high = best[1][0];

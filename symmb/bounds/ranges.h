@@ -8,7 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { W = 8, PATIENCE = 10, FEW = 32, STARTS = 10 }; /* boxes before a descent pays; terms not worth leaving out; further descents */
+enum { W = 8, PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent pays; terms not worth leaving
+   out; further descents; polynomials that a thread takes at once */
 #define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
 #define PRUNED 0.9
 #define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
@@ -323,48 +324,56 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   return 1;
 }
 
-/* C (m, padded) -> bounds (m), points (m, d) where they are nearly taken, and how far beyond the values there a bound lies
-   where the budget ran out (m), else 0. */
-void ranges(const Search *s, long m, double *C, double *lower, double *upper, double *at_lower, double *at_upper,
-            double *below, double *above) {
+/* Bounds of a polynomial, points where they are nearly taken, and how far beyond the values there a bound lies where the
+   budget ran out, else 0. The coefficients are lost. */
+static void range(const Search *s, double *c, double *found, double *const *at, double *gaps) {
   const Basis *b = s->basis;
-  for (long i = 0; i < m; ++i) {
-    double *c = C + i * b->padded, floor = 0.0;
-    Extreme two[] = {{0.0, 0.0, at_lower + i * b->d}, {0.0, 0.0, at_upper + i * b->d}};
-    for (long j = 0; j < b->n; ++j) floor = fabs(c[j]) > floor ? fabs(c[j]) : floor;
-    floor *= 1e-13;
-    for (long k = 0; k < b->d; ++k) {
-      two[0].at[k] = c[b->linear[k]] > 0.0 ? -1.0 : 1.0;
-      two[1].at[k] = -two[0].at[k];
-    }
-    double y[] = {value(s, c, two[0].at, b->n), value(s, c, two[1].at, b->n)};
-    if (y[0] > y[1]) {
-      for (long k = 0; k < b->d; ++k) two[0].at[k] *= -1.0, two[1].at[k] *= -1.0;
-      const double other = y[0];
-      y[0] = y[1], y[1] = other;
-    }
-    two[0].best = y[0];
-    two[1].best = -y[1];
-    double *gaps[] = {below + i, above + i}, slope[b->n_sums];
-    long steady = 0;
-    weighted(b, c, b->padded, slope);
-    for (long k = 0; k < b->d; ++k) steady += fabs(c[b->linear[k]]) >= slope[k];
-    if (steady == b->d) { /* monotone: both are taken at corners */
-      lower[i] = y[0], upper[i] = y[1];
-      below[i] = above[i] = 0.0;
-      continue;
-    }
-    for (int side = 0; side < 2; ++side) {
-      Extreme *e = two + side, *other = two + 1 - side;
-      double loose = 1.0;
-      while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) {
-        if (loose == 1.0) explore(s, c, e, RELAXED * (-other->best - e->best));
-        loose = fmax(4.0 * loose, RELAXED / s->tolerance);
-      }
-      *gaps[side] = loose > 1.0 ? value(s, c, e->at, b->n) - e->bound : 0.0;
-      for (long j = 0; j < b->n; ++j) c[j] = -c[j];
-    }
-    lower[i] = two[0].bound;
-    upper[i] = -two[1].bound;
+  double floor = 0.0;
+  Extreme two[] = {{0.0, 0.0, at[0]}, {0.0, 0.0, at[1]}};
+  for (long j = 0; j < b->n; ++j) floor = fabs(c[j]) > floor ? fabs(c[j]) : floor;
+  floor *= 1e-13;
+  for (long k = 0; k < b->d; ++k) {
+    two[0].at[k] = c[b->linear[k]] > 0.0 ? -1.0 : 1.0;
+    two[1].at[k] = -two[0].at[k];
   }
+  double y[] = {value(s, c, two[0].at, b->n), value(s, c, two[1].at, b->n)};
+  if (y[0] > y[1]) {
+    for (long k = 0; k < b->d; ++k) two[0].at[k] *= -1.0, two[1].at[k] *= -1.0;
+    const double other = y[0];
+    y[0] = y[1], y[1] = other;
+  }
+  two[0].best = y[0];
+  two[1].best = -y[1];
+  double slope[b->n_sums];
+  long steady = 0;
+  weighted(b, c, b->padded, slope);
+  for (long k = 0; k < b->d; ++k) steady += fabs(c[b->linear[k]]) >= slope[k];
+  if (steady == b->d) { /* monotone: both are taken at corners */
+    found[0] = y[0], found[1] = y[1];
+    gaps[0] = gaps[1] = 0.0;
+    return;
+  }
+  for (int side = 0; side < 2; ++side) {
+    Extreme *e = two + side, *other = two + 1 - side;
+    double loose = 1.0;
+    while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) {
+      if (loose == 1.0) explore(s, c, e, RELAXED * (-other->best - e->best));
+      loose = fmax(4.0 * loose, RELAXED / s->tolerance);
+    }
+    gaps[side] = loose > 1.0 ? value(s, c, e->at, b->n) - e->bound : 0.0;
+    for (long j = 0; j < b->n; ++j) c[j] = -c[j];
+  }
+  found[0] = two[0].bound;
+  found[1] = -two[1].bound;
+}
+
+/* C (m, padded) -> bounds (2, m), points (2, m, d) and gaps (2, m); threads count those dealt in one place. */
+void ranges(const Search *s, long *dealt, long m, double *C, double *found, double *points, double *gaps) {
+  const Basis *b = s->basis;
+  for (long i; (i = __atomic_fetch_add(dealt, PART, __ATOMIC_RELAXED)) < m;)
+    for (const long end = i + PART < m ? i + PART : m; i < end; ++i) {
+      double y[2], gap[2], *at[] = {points + i * b->d, points + (m + i) * b->d};
+      range(s, C + i * b->padded, y, at, gap);
+      for (int side = 0; side < 2; ++side) found[side * m + i] = y[side], gaps[side * m + i] = gap[side];
+    }
 }
