@@ -36,6 +36,7 @@ from symmb.bounds import propagate as propagate
 from symmb.dae import compile_dae as compile_dae
 from symmb.mechanics.body import Body as Body
 from symmb.mechanics.body import Ground as Ground
+from symmb.flexible.modes import Modes as Modes
 from symmb.mechanics.constraint import Cylindrical as Cylindrical
 from symmb.mechanics.constraint import Distance as Distance
 from symmb.mechanics.constraint import Gear as Gear
@@ -49,6 +50,7 @@ from symmb.mechanics.constraint import Spherical as Spherical
 from symmb.mechanics.constraint import Universal as Universal
 from symmb.mechanics.constraint import VelocityConstraint as VelocityConstraint
 from symmb.mechanics.constraint import Weld as Weld
+from symmb.mechanics.flexible import FlexibleBody as FlexibleBody
 from symmb.mechanics.force import Bushing as Bushing
 from symmb.mechanics.force import Damper as Damper
 from symmb.mechanics.force import Force as Force

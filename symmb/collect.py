@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb.binding import Binding
-from symmb.mechanics.body import Body, Ground
+from symmb.mechanics.body import Body, Ground, Inertial
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Element
 from symmb.mechanics.force import Action, ForceElement, Load
@@ -43,6 +43,7 @@ class Collected:
     block_sizes: tuple[int, ...]
     states: tuple[Symbol, ...]
     M: ca.SX
+    M_flow: ca.SX  # the share of M whose change along the motion is mass that joins or leaves
     Q: ca.SX
     Q_work: ca.SX  # the share of Q without potential, whose power is counted
     potential: ca.SX
@@ -84,6 +85,8 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     for element in elements:
         if isinstance(element, Element):
             faults.extend(element.faults())
+        elif isinstance(element, Body):
+            faults.extend(element.faults)
     bodies = tuple(e for e in elements if isinstance(e, Body))
     bind = Binding(parameters, bodies)
 
@@ -111,7 +114,8 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     if faults:
         raise DeclarationError("\n".join(dict.fromkeys(faults)))
 
-    Q_work, Q_potential, potential = _forces(bodies, inertial, actions)
+    shares = [body.inertial(*values) for body, values in inertial]
+    Q_work, Q_potential, potential = _forces(bodies, shares, actions)
     Phi = [row for rows in positions.values() for row in rows]
     Psi = [row for rows in velocities.values() for row in rows]
     draft = Collected(
@@ -124,7 +128,10 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
         block_sizes=tuple(b.frame.v.numel() for b in bodies),
         states=bind.states(_vertcat([Q_work, Q_potential, *Phi, *Psi])),
-        M=ca.diagcat(*[_mass_block(b, *values) for b, values in inertial]) if bodies else ca.SX(0, 0),
+        M=ca.diagcat(*[share.M for share in shares]) if bodies else ca.SX(0, 0),
+        M_flow=ca.diagcat(*[share.M if share.flows else ca.SX(*share.M.shape) for share in shares])
+        if bodies
+        else ca.SX(0, 0),
         Q=Q_work + Q_potential,
         Q_work=Q_work,
         potential=potential,
@@ -157,15 +164,8 @@ def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
 
 
-def _mass_block(body: Body, mass: ca.SX, J: ca.SX) -> ca.SX:
-    S = body.frame.S
-    return ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S)
-
-
 def _forces(
-    bodies: Sequence[Body],
-    inertial: Sequence[tuple[Body, tuple[ca.SX, ca.SX]]],
-    actions: Mapping[str, Sequence[Action]],
+    bodies: Sequence[Body], shares: Sequence[Inertial], actions: Mapping[str, Sequence[Action]]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Generalised forces without and with potential, gyroscopic terms among the latter, and the potential."""
     zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
@@ -174,7 +174,7 @@ def _forces(
 
     def add(share: dict[int, ca.SX], load: Load) -> None:
         if not isinstance(load.body, Ground):
-            share[id(load.body)] += load.body.frame.S.T @ ca.vertcat(load.force, load.torque)
+            share[id(load.body.owner)] += load.body.frame.S.T @ ca.vertcat(load.force, load.torque)
 
     for acts in actions.values():
         for action in acts:
@@ -182,9 +182,12 @@ def _forces(
                 add(work if action.potential is None else conservative, load)
             if action.potential is not None:
                 potential += action.potential
-    for body, (_, J) in inertial:
-        omega = body.frame.omega
-        add(conservative, Load(body, ca.SX(3, 1), -ca.cross(omega, J @ omega)))
+    for body, share in zip(bodies, shares, strict=True):
+        conservative[id(body)] += share.Q
+        if share.Q_work is not None:
+            work[id(body)] += share.Q_work
+        if share.potential is not None:
+            potential += share.potential
     return _vertcat([work[id(b)] for b in bodies]), _vertcat([conservative[id(b)] for b in bodies]), potential
 
 
@@ -234,6 +237,7 @@ def _without_untouched(c: Collected) -> Collected:
         v_names=tuple(c.v_names[i] for i in v_keep),
         block_sizes=tuple(sizes),
         M=c.M[v_keep, v_keep],
+        M_flow=c.M_flow[v_keep, v_keep],
         Q=c.Q[v_keep],
         Q_work=c.Q_work[v_keep],
         drifting=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in drop),

@@ -37,8 +37,9 @@ class Scales:
 
 
 def is_linear(name: str) -> bool:
-    """Whether a coordinate or a velocity of this name is one of translation."""
-    return name.rpartition(".")[2] in ("x", "y", "z", "vx", "vy", "vz")
+    """Whether a coordinate or a velocity of this name is one of translation, or of a mode."""
+    part = name.rpartition(".")[2]
+    return part in ("x", "y", "z", "vx", "vy", "vz") or part.startswith("eta")
 
 
 @dataclass(frozen=True)
@@ -285,7 +286,7 @@ def _retract(system: System, delta: ca.SX) -> ca.SX:
     c = system.collected
     out, at_q, at_v = [], 0, 0
     for body, n_v in zip(c.bodies, c.block_sizes, strict=True):
-        n_q = 7 if isinstance(body.pose, Spatial) else n_v
+        n_q = n_v + isinstance(body.pose, Spatial)
         out.append(body.pose.retract(c.q[at_q : at_q + n_q], delta[at_v : at_v + n_v]))
         at_q, at_v = at_q + n_q, at_v + n_v
     return ca.vertcat(*out) if out else ca.SX(0, 1)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from symmb.mechanics.body import Body
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.force import ForceElement
 from symmb.mechanics.pose import Spatial
@@ -23,7 +24,7 @@ def describe(system: "System") -> str:
     forces = [e for e in system.elements if isinstance(e, ForceElement)]
     dropped = c.written - c.Phi.numel()
     lines = [
-        f"bodies       {_count([type(b.pose).__name__.lower() for b in c.bodies])}",
+        f"bodies       {_count([_kind(b) for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
         f"forces       {_count([type(e).__name__ for e in forces])}",
         f"parameters   {', '.join(system.parameters) or 'none'}",
@@ -38,6 +39,10 @@ def describe(system: "System") -> str:
     lines += [f"fell away    {x} moves uniformly, nothing touches it" for x, *_ in c.drifting]
     lines.append(f"left out     {'; '.join(_left_out(system)) or 'nothing'}")
     return "System\n" + "\n".join("  " + line for line in lines)
+
+
+def _kind(body: Body) -> str:
+    return ("flexible " if body.pose.modes else "") + type(body.pose).__name__.lower()
 
 
 def _count(kinds: list[str]) -> str:

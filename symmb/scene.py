@@ -1,6 +1,6 @@
 """A scene: a system with its start, its times, what is looked at, and which parameters are uncertain."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -42,7 +42,8 @@ class Scene:
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
                            coordinates and velocities
     box : Box              intervals of the uncertain parameters
-    guess : mapping        first guesses for coordinates not listed in start; they pick the assembly branch
+    guess : mapping        first guesses for coordinates not listed in start; they pick the assembly branch. Modes of
+                           flexible bodies start undeformed and at rest unless listed in start or, to follow, here
     name : str             for tables and files
 
     Raises
@@ -87,8 +88,8 @@ class Scene:
 
     @cached_property
     def held(self) -> Held:
-        """The start as listed."""
-        return _resolve(self.system, self.start, "start")
+        """The start as listed; modes of flexible bodies are at rest and undeformed unless a guess sets them free."""
+        return _with_modes(self.system, _resolve(self.system, self.start, "start"), self.guess)
 
     @cached_property
     def guesses(self) -> dict[int, ca.SX]:
@@ -213,7 +214,7 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
                 drift[name] = bind(value, name)
             elif name in q_at and not _is_quaternion(name, spatial):
                 q[q_at[name]] = bind(value, name)
-                displacements.add(v_at[f"{body}.{_RATE_OF[part]}"])
+                displacements.add(v_at[f"{body}.{_RATE_OF.get(part, f'{part}_dot')}"])
             elif name in v_at:
                 v[v_at[name]] = bind(value, name)
             else:
@@ -225,6 +226,20 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
     if faults:
         raise DeclarationError("\n".join(faults))
     return Held(q, v, frozenset(displacements), drift)
+
+
+def _with_modes(system: System, held: Held, guess: Collection[str]) -> Held:
+    c = system.collected
+    modes = [f"{b.name}.{x}" for b in c.bodies for x in b.pose.coordinates[len(b.pose.rigid_coordinates) :]]
+    fixed = [name for name in modes if name not in guess]
+    at = {c.q_names.index(name): c.v_names.index(f"{name}_dot") for name in fixed}
+    zero = ca.SX(0)
+    return replace(
+        held,
+        q={**dict.fromkeys(at, zero), **held.q},
+        v={**dict.fromkeys(at.values(), zero), **held.v},
+        displacements=held.displacements | set(at.values()),
+    )
 
 
 def _is_quaternion(name: str, spatial: set[str]) -> bool:

@@ -229,7 +229,8 @@ class System:
         What joins a body, or leaves it, has the body's own velocity: M v' = Q holds as it stands.
         """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
-        M_dot = ca.jtimes(self.M, self.q, self.qdot) + ca.reshape(ca.jacobian(self.M, t), self.M.shape)
+        M = self.collected.M_flow
+        M_dot = ca.jtimes(M, self.q, self.qdot) + ca.reshape(ca.jacobian(M, t), M.shape)
         return (
             ca.dot(self.v, self.collected.Q_work)
             + ca.dot(ca.SX(self.lam), at_rest)
@@ -255,7 +256,7 @@ class System:
         rows = self.collected.rows[name]
         # Virtual power of the rows: the wrench on the body about its centre of mass is -(d rows'/d twist)' lam.
         twist = ca.SX.sym("twist", 6)
-        q_rate = ca.substitute(frame.rate, frame.v, frame.S.T @ twist)
+        q_rate = ca.substitute(frame.rate, frame.v, ca.densify(frame.rigid @ twist))
         rate = ca.jtimes(self.Phi[rows], frame.q, q_rate)
         wrench = -ca.jacobian(rate, twist).T @ self.lam(name)
         force, torque = wrench[:3], frame.R @ wrench[3:]

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.binding import Binding
-from symmb.mechanics.body import Body, Ground, as_matrix, inertia_matrix
+from symmb.mechanics.body import Body, Ground, _Framed, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Element
 from symmb.mechanics.force import Action
@@ -46,8 +46,8 @@ def membership_faults(elements: Sequence[object]) -> list[str]:
         except AttributeError:  # a wrong kind of point, which the element's own faults tell
             continue
         for body in attached:
-            if isinstance(body, Body) and id(body) not in known:
-                faults.append(f"{e.title}: body {body.name!r} is not part of the System. Add it to System(...).")
+            if isinstance(body, _Framed) and isinstance(body.owner, Body) and id(body.owner) not in known:
+                faults.append(f"{e.title}: body {body.owner.name!r} is not part of the System. Add it to System(...).")
     return faults
 
 
@@ -123,10 +123,10 @@ def plane_faults(title: str, action: Action) -> list[str]:
     faults = []
     for load in action.loads:
         wrench = ca.vertcat(load.force, load.torque)
-        S = np.asarray(ca.DM(load.body.frame.S))
+        S = load.body.frame.S
         if isinstance(load.body, Ground) or isinstance(load.body.pose, Particle):
             continue
-        outside = [i for i in range(6) if not S[i].any() and not is_zero(wrench[i])]
+        outside = [i for i in range(6) if is_zero(S[i, :]) and not is_zero(wrench[i])]
         if outside:
             what = (
                 "force along x",

@@ -5,7 +5,7 @@ import math
 import casadi as ca
 
 from symmb.mechanics.body import _Framed
-from symmb.mechanics.pose import angle_about_z, turns_about_z
+from symmb.mechanics.pose import turns_about_z
 from symmb.symbolic.geometry import triad, turn
 from symmb.symbolic.symbols import Kind, Symbol, declare
 
@@ -18,7 +18,7 @@ def relative_angle(name: str, a: _Framed, axis_a: ca.SX, b: _Framed, axis_b: ca.
     so that an error in it never becomes an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
-        return (angle_about_z(b.pose, b.frame) - angle_about_z(a.pose, a.frame)) * axis_a[2], ()
+        return (b.frame.angle - a.frame.angle) * axis_a[2], ()
     frame_a = triad(axis_a)
     A = a.frame.R @ frame_a
     B = b.frame.R @ turn(axis_a, axis_b) @ frame_a

@@ -21,6 +21,11 @@ class _Framed:
     frame: Frame
     com: tuple[Expr, ...]
 
+    @property
+    def owner(self) -> "_Framed":
+        """The body whose coordinates carry the frame."""
+        return self
+
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
         """Point fixed to the body at (x, y, z) [m] in body axes, from the origin of the points (see `com`)."""
         return Point(self, vector([x, y, z], f"point of {self.name!r}") - vector(self.com, f"com of {self.name!r}"))
@@ -67,14 +72,12 @@ class _Framed:
             raise DeclarationError(
                 f"Body {self.name!r} is {self.pose!r} and has no single angle theta. Use joint.angle or body.rotation."
             )
-        return self.frame.q[2]
+        return self.frame.angle
 
     @property
     def omega(self) -> ca.SX:
         """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial one."""
-        if isinstance(self.pose, Planar):
-            return self.frame.v[2]
-        return self.frame.omega
+        return self.frame.omega[2] if isinstance(self.pose, Planar) else self.frame.omega
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +115,42 @@ class Body(_Framed):
             )
         object.__setattr__(self, "frame", self.pose.frame(self.name))
 
+    @property
+    def center(self) -> _Framed:
+        """What carries the centre of mass: gravity acts there."""
+        return self
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with the body by itself, one sentence with remedy each."""
+        return ()
+
+    def inertial(self, mass: ca.SX, J: ca.SX) -> "Inertial":
+        """The body's share of the equations, from its mass and its inertia about the centre of mass (3, 3)."""
+        S, omega = self.frame.S, self.frame.omega
+        gyroscopic = S.T @ ca.vertcat(ca.SX(3, 1), -ca.cross(omega, J @ omega))
+        return Inertial(ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S), gyroscopic)
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """What a body itself adds to the equations of motion.
+
+    Attributes
+    ----------
+    M : (n_v, n_v)         its block of the mass matrix
+    Q : (n_v,)             gyroscopic and elastic forces, which conserve energy
+    Q_work : (n_v,)        forces of its own damping
+    potential : scalar     strain energy [J]
+    flows : bool           whether a change of M along the motion is mass that joins or leaves
+    """
+
+    M: ca.SX
+    Q: ca.SX
+    Q_work: ca.SX | None = None
+    potential: ca.SX | None = None
+    flows: bool = True
+
 
 class Ground(_Framed):
     """The world frame, which does not move."""
@@ -128,7 +167,7 @@ class Ground(_Framed):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point fixed to a body, `s` (3,) from its centre of mass in body axes [m]."""
+    """A point fixed to a body, or to a node of a flexible one, `s` (3,) from its frame in its axes [m]."""
 
     body: "_Framed"
     s: ca.SX

@@ -89,8 +89,8 @@ class Gravity(ForceElement):
             *[bind(c, f"Gravity: {n}") for n, c in zip(("gx", "gy", "gz"), (self.gx, self.gy, self.gz), strict=True)]
         )
         for body, mass in masses:
-            potential = -mass * ca.dot(g, body.frame.r) if _constant(g, mass) else None
-            yield Action((Load(body, mass * g, ca.SX(3, 1)),), potential)
+            potential = -mass * ca.dot(g, body.center.frame.r) if _constant(g, mass) else None
+            yield Action((Load(body.center, mass * g, ca.SX(3, 1)),), potential)
 
 
 @dataclass(frozen=True, eq=False)

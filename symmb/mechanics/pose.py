@@ -1,12 +1,13 @@
 """How a body may move: each pose gives coordinates, velocities and the frame they span.
 
 All poses feed one and the same kinematics: position r (3,), rotation R (3, 3), body to world, and the twist
-(r', omega) in R^6 = S v, with r' in world axes, omega in body axes and S a constant selection. A planar pose is the
-spatial one with structural zeros.
+(r', omega) in R^6 = S v, with r' in world axes, omega in body axes and S a selection of velocities. A planar pose is
+the spatial one with structural zeros. A flexible body has modal coordinates after those of its floating frame.
 """
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -17,9 +18,11 @@ from symmb.symbolic.symbols import Kind, Symbol, declare
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Coordinates of one body and the frame they span.
+    """Coordinates of one body and a frame that they carry: the body's own, or that of a node of a flexible one.
 
-    q (n_q,), v (n_v,), rate q' = N v (n_q,), r (3,) [m], R (3, 3), S (6, n_v); `records` keep the symbols known.
+    q (n_q,), v (n_v,), rate q' = N v (n_q,), r (3,) [m], R (3, 3), twist (r', omega) = S v with S (6, n_v), the angle
+    about +z [rad] of what turns about z alone, and `rigid` (n_v, 6): velocities at which the body moves as if it were
+    rigid, from the frame's twist. `records` keep the symbols known.
     """
 
     q: ca.SX
@@ -28,6 +31,8 @@ class Frame:
     r: ca.SX
     R: ca.SX
     S: ca.SX
+    angle: ca.SX
+    rigid: ca.SX
     records: tuple[Symbol, ...]
 
     @property
@@ -42,10 +47,28 @@ class Frame:
 
 
 class Pose(ABC):
-    """What a body may do: its coordinates and the frame they span."""
+    """What a body may do: its coordinates and the frame they span.
 
-    coordinates: tuple[str, ...]
-    velocities: tuple[str, ...]
+    Parameters
+    ----------
+    modes : int            modal coordinates of a flexible body
+    """
+
+    rigid_coordinates: ClassVar[tuple[str, ...]]
+    rigid_velocities: ClassVar[tuple[str, ...]]
+
+    def __init__(self, modes: int = 0) -> None:
+        self.modes = modes
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates, those of modes last."""
+        return (*self.rigid_coordinates, *(f"eta{j + 1}" for j in range(self.modes)))
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Names of the velocities, those of modes last."""
+        return (*self.rigid_velocities, *(f"eta{j + 1}_dot" for j in range(self.modes)))
 
     @abstractmethod
     def frame(self, name: str) -> Frame:
@@ -59,8 +82,8 @@ class Pose(ABC):
         return f"{type(self).__name__}()"
 
 
-def _selection(rows: tuple[int, ...]) -> ca.SX:
-    S = np.zeros((6, len(rows)))
+def _selection(rows: tuple[int, ...], n_v: int) -> ca.SX:
+    S = np.zeros((6, n_v))
     S[list(rows), range(len(rows))] = 1.0
     return ca.SX(ca.sparsify(ca.DM(S)))
 
@@ -72,19 +95,19 @@ def _frame(
     v_names = tuple(f"{name}.{c}" for c in pose.velocities)
     q = ca.vertcat(*[ca.SX.sym(n) for n in q_names])
     v = ca.vertcat(*[ca.SX.sym(n) for n in v_names])
-    return q, v, _selection(rows), q_names, v_names
+    return q, v, _selection(rows, len(v_names)), q_names, v_names
 
 
 class Planar(Pose):
     """Motion in the xy plane: q = (x, y, theta), v = q', theta [rad] positive about +z."""
 
-    coordinates = ("x", "y", "theta")
-    velocities = ("vx", "vy", "omega")
+    rigid_coordinates = ("x", "y", "theta")
+    rigid_velocities = ("vx", "vy", "omega")
 
     def frame(self, name: str) -> Frame:
         q, v, S, q_names, v_names = _frame(self, name, (0, 1, 5))
         records = declare(q_names, Kind.COORDINATE, q, v) + declare(v_names, Kind.VELOCITY, v)
-        return Frame(q, v, v, vector(q[:2]), rotation_z(q[2]), S, records)
+        return Frame(q, v, v, vector(q[:2]), rotation_z(q[2]), S, q[2], S.T, records)
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
         return q + delta
@@ -93,30 +116,30 @@ class Planar(Pose):
 class Spatial(Pose):
     """Free motion in space: q = (r, e), v = (r', omega), e a unit quaternion, scalar first, omega in body axes."""
 
-    coordinates = ("x", "y", "z", "e0", "e1", "e2", "e3")
-    velocities = ("vx", "vy", "vz", "omega_x", "omega_y", "omega_z")
+    rigid_coordinates = ("x", "y", "z", "e0", "e1", "e2", "e3")
+    rigid_velocities = ("vx", "vy", "vz", "omega_x", "omega_y", "omega_z")
 
     def frame(self, name: str) -> Frame:
         q, v, S, q_names, v_names = _frame(self, name, (0, 1, 2, 3, 4, 5))
-        rate = ca.vertcat(v[:3], quaternion_rate(q[3:], v[3:]))
+        rate = ca.vertcat(v[:3], quaternion_rate(q[3:7], v[3:6]), v[6:])
         records = declare(q_names, Kind.COORDINATE, q, rate) + declare(v_names, Kind.VELOCITY, v)
-        return Frame(q, v, rate, q[:3], rotation_matrix(q[3:]), S, records)
+        return Frame(q, v, rate, q[:3], rotation_matrix(q[3:7]), S, ca.SX(), S.T, records)
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        e = product(q[3:], rotation_by(delta[3:]))
-        return ca.vertcat(q[:3] + delta[:3], e / ca.sqrt(ca.sumsqr(e)))
+        e = product(q[3:7], rotation_by(delta[3:6]))
+        return ca.vertcat(q[:3] + delta[:3], e / ca.sqrt(ca.sumsqr(e)), q[7:] + delta[6:])
 
 
 class Particle(Pose):
     """Translation in space without rotation: q = (x, y, z), v = q'."""
 
-    coordinates = ("x", "y", "z")
-    velocities = ("vx", "vy", "vz")
+    rigid_coordinates = ("x", "y", "z")
+    rigid_velocities = ("vx", "vy", "vz")
 
     def frame(self, name: str) -> Frame:
         q, v, S, q_names, v_names = _frame(self, name, (0, 1, 2))
         records = declare(q_names, Kind.COORDINATE, q, v) + declare(v_names, Kind.VELOCITY, v)
-        return Frame(q, v, v, q, ca.SX.eye(3), S, records)
+        return Frame(q, v, v, q, ca.SX.eye(3), S, ca.SX(), S.T, records)
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
         return q + delta
@@ -125,12 +148,12 @@ class Particle(Pose):
 class Fixed(Pose):
     """No motion: the pose of the ground."""
 
-    coordinates = ()
-    velocities = ()
+    rigid_coordinates = ()
+    rigid_velocities = ()
 
     def frame(self, name: str) -> Frame:
         none = ca.SX(0, 1)
-        return Frame(none, none, none, ca.SX(3, 1), ca.SX.eye(3), ca.SX(6, 0), ())
+        return Frame(none, none, none, ca.SX(3, 1), ca.SX.eye(3), ca.SX(6, 0), ca.SX(0), ca.SX(0, 6), ())
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
         return q
@@ -139,8 +162,3 @@ class Fixed(Pose):
 def turns_about_z(pose: Pose) -> bool:
     """Whether a pose can turn about z alone, so that its angle is a plain coordinate."""
     return isinstance(pose, Planar | Fixed)
-
-
-def angle_about_z(pose: Pose, frame: Frame) -> ca.SX:
-    """The angle about +z of a pose that turns about z alone [rad]."""
-    return frame.q[2] if isinstance(pose, Planar) else ca.SX(0)

@@ -7,22 +7,58 @@ import casadi as ca
 from symmb.symbolic.geometry import is_zero
 
 
-def invert_blocks(M: ca.SX, sizes: Sequence[int]) -> ca.SX | None:
-    """Inverse of a block-diagonal matrix block by block; None if a block is singular by structure."""
-    blocks, at = [], 0
-    for n in sizes:
-        block = ca.sparsify(M[at : at + n, at : at + n])
-        at += n
-        if block.sparsity().is_diag():
-            diagonal = ca.diag(block)
-            if any(is_zero(diagonal[i]) for i in range(n)):
-                return None
-            blocks.append(ca.diag(1 / diagonal))
-        elif ca.sprank(block) < n:
-            return None
-        else:
-            blocks.append(ca.sparsify(ca.inv_minor(block)))
-    return ca.diagcat(*blocks)
+_SMALL = 6
+"""Velocities of a rigid body: larger blocks, of flexible ones, are factorised, those of smaller ones inverted."""
+
+
+class MassBlocks:
+    """Inverse of a regular block-diagonal matrix, block by block.
+
+    The block of a flexible body is an arrow: its modal part is diagonal and the order that keeps factors sparse
+    eliminates it first.
+    """
+
+    def __init__(self, M: ca.SX, sizes: Sequence[int]) -> None:
+        self._blocks: list[tuple[slice, ca.SX | Callable[[ca.SX], ca.SX]]] = []
+        at = 0
+        for n in sizes:
+            block = ca.sparsify(M[at : at + n, at : at + n])
+            inverse = _inverse(block) if n <= _SMALL or block.sparsity().is_diag() else symmetric_solver(block)
+            self._blocks.append((slice(at, at + n), inverse))
+            at += n
+
+    def __call__(self, f: ca.SX) -> ca.SX:
+        """M^-1 f (n_v,)."""
+        parts = [inverse(f[at]) if callable(inverse) else inverse @ f[at] for at, inverse in self._blocks]
+        return ca.vertcat(*parts)
+
+    def right(self, G: ca.SX) -> ca.SX:
+        """G M^-1 (n_c, n_v)."""
+        parts = []
+        for at, inverse in self._blocks:
+            rows = G[:, at]
+            if not isinstance(inverse, ca.SX):
+                touched = [i for i in range(rows.shape[0]) if not is_zero(rows[i, :])]
+                solved = ca.SX(*rows.shape)
+                for i in touched:
+                    solved[i, :] = inverse(rows[i, :].T).T
+                parts.append(solved)
+            else:
+                parts.append(rows @ inverse)
+        return ca.sparsify(ca.horzcat(*parts))
+
+
+def is_singular(M: ca.SX, sizes: Sequence[int]) -> bool:
+    """Whether a block of a block-diagonal matrix is singular by structure."""
+    starts = [sum(sizes[:k]) for k in range(len(sizes))]
+    blocks = [ca.sparsify(M[at : at + n, at : at + n]) for at, n in zip(starts, sizes, strict=True)]
+    return any(ca.sprank(block) < block.shape[0] for block in blocks)
+
+
+def _inverse(block: ca.SX) -> ca.SX:
+    if block.sparsity().is_diag():
+        return ca.sparsify(ca.diag(1 / ca.diag(block)))
+    return ca.sparsify(ca.inv_minor(block))
 
 
 def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
@@ -55,8 +91,7 @@ def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, 
     callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
     """
     n_c = G.shape[0]
-    inverse = invert_blocks(M, sizes)
-    if inverse is None:
+    if is_singular(M, sizes):
         # (M + w G'G) a + G' lam = f + w G'g has the same solution, and no unit of length or mass makes it worse.
         starts = [sum(sizes[:k]) for k in range(len(sizes)) if sizes[k]]
         weight = sum((M[k, k] for k in starts), ca.SX(0)) / len(starts)
@@ -70,13 +105,14 @@ def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, 
             return a - back @ lam, lam
 
         return solve_heavier
+    inverse = MassBlocks(M, sizes)
     if n_c == 0:
-        return lambda f, g: (inverse @ f, ca.SX(0, 1))
-    W = ca.sparsify(G @ inverse)
+        return lambda f, g: (inverse(f), ca.SX(0, 1))
+    W = inverse.right(G)
     multipliers = symmetric_solver(W @ G.T)
 
     def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         lam = multipliers(W @ f - g)
-        return inverse @ f - W.T @ lam, lam
+        return inverse(f) - W.T @ lam, lam
 
     return solve
