@@ -18,6 +18,7 @@ FLOORS = {
     "_table": 0,
     "_box": 0,
     "plot": 0,
+    "flexible": 1,
     "symbolic": 1,
     "mechanics": 2,
     "binding": 3,
