@@ -1,0 +1,59 @@
+"""What mesh data is made of: finite numbers, never symbols."""
+
+import numpy as np
+import numpy.typing as npt
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+
+
+def numbers(value: npt.ArrayLike, owner: str, name: str, shape: tuple[int | str, ...] = ()) -> Array:
+    """A read-only copy of an array of finite numbers; letters in `shape` stand for any size, the same one if repeated.
+
+    Raises
+    ------
+    DeclarationError
+        If the value holds a symbol, is not finite or has another shape.
+    """
+    if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
+        raise DeclarationError(
+            f"{owner}: {name} holds a symbol. Modes are computed once, in numbers; a parameter of the scene would need "
+            "them anew at every value. Put what is uncertain into joints, forces or rigid bodies."
+        )
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DeclarationError(f"{owner}: {name} must be {_words(shape)}, got {value!r}.") from error
+    if not _fits(array.shape, shape):
+        raise DeclarationError(f"{owner}: {name} must be {_words(shape)}, got the shape {array.shape}.")
+    if not np.isfinite(array).all():
+        raise DeclarationError(f"{owner}: {name} must be finite, got {value!r}.")
+    array.setflags(write=False)
+    return array
+
+
+def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
+    """A finite number above zero."""
+    number = float(numbers(value, owner, name))
+    if number <= 0:
+        raise DeclarationError(f"{owner}: {name} must be above 0, got {number:g}.")
+    return number
+
+
+def _items(value: npt.ArrayLike) -> list[object]:
+    if isinstance(value, list | tuple):
+        return [inner for item in value for inner in _items(item)]
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return list(value.flat)
+    return [value]
+
+
+def _fits(found: tuple[int, ...], wanted: tuple[int | str, ...]) -> bool:
+    if len(found) != len(wanted):
+        return False
+    sizes: dict[int | str, int] = {size: size for size in wanted if isinstance(size, int)}
+    return all(sizes.setdefault(name, size) == size for name, size in zip(wanted, found, strict=True))
+
+
+def _words(shape: tuple[int | str, ...]) -> str:
+    return "an array (" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")" if shape else "a number"
