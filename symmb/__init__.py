@@ -34,9 +34,9 @@ from symmb.bounds import TotalDegree as TotalDegree
 from symmb.bounds import Vertex as Vertex
 from symmb.bounds import propagate as propagate
 from symmb.dae import compile_dae as compile_dae
+from symmb.flexible.modes import Modes as Modes
 from symmb.mechanics.body import Body as Body
 from symmb.mechanics.body import Ground as Ground
-from symmb.flexible.modes import Modes as Modes
 from symmb.mechanics.constraint import Cylindrical as Cylindrical
 from symmb.mechanics.constraint import Distance as Distance
 from symmb.mechanics.constraint import Gear as Gear

@@ -14,6 +14,7 @@ from models import (
     n_four_bar,
     rolling_disc,
     slider_crank,
+    slider_crank_flexible,
     slider_crank_spatial,
     spherical_pendulum,
 )
@@ -111,4 +112,5 @@ ALL_MODELS = (
     car_axis,
     rolling_disc,
     slider_crank_spatial,
+    slider_crank_flexible,
 )

@@ -68,7 +68,10 @@ class FlexibleBody(Body):
             raise DeclarationError(f"FlexibleBody {name!r}: pose {pose!r} cannot turn. Use Planar() or Spatial().")
         given = {"name": name, "mass": modes.mass, "com": (0.0, 0.0, 0.0), "modes": modes}
         J = (modes.J0 + modes.J0.T) / 2
-        given |= {"inertia": float(J[2, 2]) if isinstance(pose, Planar) else J, "pose": type(pose)(len(modes.stiffness))}
+        given |= {
+            "inertia": float(J[2, 2]) if isinstance(pose, Planar) else J,
+            "pose": type(pose)(len(modes.stiffness)),
+        }
         for key, value in given.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "_nodes", {})
@@ -143,9 +146,7 @@ class FlexibleBody(Body):
         nodes: dict[int, _Carrier] = getattr(self, "_nodes")  # noqa: B009  (set past the frozen dataclass)
         if number not in nodes:
             m = self.modes
-            nodes[number] = _Carrier(
-                self, f"node{number}", m.positions[number], m.shapes[number], m.rotations[number]
-            )
+            nodes[number] = _Carrier(self, f"node{number}", m.positions[number], m.shapes[number], m.rotations[number])
         return nodes[number]
 
     @cached_property
@@ -157,7 +158,7 @@ class FlexibleBody(Body):
         m, n, eta, rate = self.modes, self._n, self.eta, self.eta_dot
         R, omega = self.frame.R, self.frame.omega
         S = _numbers(m.S)
-        first = _numbers(mass * m.center if np.any(m.center) else np.zeros(3)) + S @ eta
+        first = _numbers(m.mass * m.center) + S @ eta
         J, G = _inertia(m, eta), _momentum(m, eta)
         # Momenta of a body whose frame's origin is at rest: by Galilei the forces are those of any other.
         P, H = ca.cross(omega, first) + S @ rate, J @ omega + G @ rate
@@ -168,9 +169,7 @@ class FlexibleBody(Body):
             ca.jtimes(spin, eta, rate) - ca.gradient(0.5 * ca.dot(omega, J @ omega) + ca.dot(spin, rate), eta),
         )
         moment = -R @ ca.skew(first)
-        M = ca.blockcat(
-            [[mass * ca.SX.eye(3), moment, R @ S], [moment.T, J, G], [(R @ S).T, G.T, ca.SX.eye(n)]]
-        )
+        M = ca.blockcat([[mass * ca.SX.eye(3), moment, R @ S], [moment.T, J, G], [(R @ S).T, G.T, ca.SX.eye(n)]])
         rigid = self.frame.S[:, :-n] if n else self.frame.S
         select = ca.diagcat(rigid, ca.SX.eye(n))
         stiffness, damping = _numbers(m.stiffness), _numbers(m.damping)
@@ -228,19 +227,14 @@ def _numbers(values: Array) -> ca.SX:
     return ca.SX(ca.sparsify(ca.DM(values)))
 
 
-def _symmetric(entry: dict[tuple[int, int], ca.SX]) -> ca.SX:
-    return ca.sparsify(ca.blockcat([[entry[min(k, l), max(k, l)] for l in range(3)] for k in range(3)]))
-
-
 def _inertia(m: Modes, eta: ca.SX) -> ca.SX:
     """J(eta) about the frame's origin, (3, 3)."""
-    return _symmetric(
-        {
-            (k, l): float(m.J0[k, l]) + ca.dot(_numbers(m.J1[:, k, l]) + _numbers(_triangle(m.J2[:, :, k, l])) @ eta, eta)
-            for k in range(3)
-            for l in range(k, 3)
-        }
-    )
+    J = ca.SX(3, 3)
+    for i in range(3):
+        for k in range(i, 3):
+            slope = _numbers(m.J1[:, i, k]) + _numbers(_triangle(m.J2[:, :, i, k])) @ eta
+            J[i, k] = J[k, i] = float(m.J0[i, k]) + ca.dot(slope, eta)
+    return ca.sparsify(J)
 
 
 def _triangle(A: Array) -> Array:

@@ -6,7 +6,6 @@ import casadi as ca
 
 from symmb.symbolic.geometry import is_zero
 
-
 _SMALL = 6
 """Velocities of a rigid body: larger blocks, of flexible ones, are factorised, those of smaller ones inverted."""
 

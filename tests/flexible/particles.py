@@ -1,4 +1,4 @@
-"""A flexible body that is nothing but particles with shapes: an oracle by d'Alembert's principle, without invariants."""
+"""A flexible body of particles with shapes, and its motion by d'Alembert's principle, without any invariants."""
 
 import casadi as ca
 import numpy as np
