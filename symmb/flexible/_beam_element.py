@@ -29,9 +29,9 @@ class Line:
     stiffness: Array
     """(e, 12, 12)"""
     slopes: Array
-    """(e, 12, 12) ∫ (v'² + w'²) dx: the geometric stiffness under a unit axial force"""
+    """(e, g, 2, 12) slopes v' and w'"""
     axial: Array
-    """(e, 12) mean axial force"""
+    """(e, 12) axial force, which nodal displacements make uniform"""
 
 
 def properties(ends: Array, xi: Array) -> Array:
@@ -84,7 +84,7 @@ def elements(length: Array, axes: Array, ends: Array, E: float, G: float) -> Lin
     turn[:, :, 0, [3, 9]] = linear
     strain[:, :, 0, [0, 6]] = rise
     strain[:, :, 3, [3, 9]] = rise
-    slopes = np.zeros((e, 12, 12))
+    slopes = np.zeros((e, g, 2, 12))
     weights = WEIGHTS * length[:, None]
     # Rotation about y is minus the slope of z.
     for plane, columns, sign in ((1, BENDING_XY, np.ones(4)), (2, BENDING_XZ, np.array([1, -1, 1, -1]))):
@@ -96,7 +96,7 @@ def elements(length: Array, axes: Array, ends: Array, E: float, G: float) -> Lin
         turn[:, :, 3 - plane, columns] = theta if plane == 1 else -theta
         strain[:, :, plane, columns] = slope - theta
         strain[:, :, 6 - plane, columns] = curvature if plane == 1 else -curvature
-        slopes[np.ix_(range(e), columns, columns)] += np.einsum("eg,egi,egj->eij", weights, slope, slope)
+        slopes[:, :, plane - 1, columns] = slope
     area, Iy, Iz, J, shear_y, shear_z = np.moveaxis(section, -1, 0)
     shear = [np.where(np.isinf(A), 0.0, G * A) for A in (shear_y, shear_z)]  # where infinite, the strain is 0
     law = np.stack([E * area, *shear, G * J, E * Iy, E * Iz], axis=-1)
@@ -110,6 +110,6 @@ def elements(length: Array, axes: Array, ends: Array, E: float, G: float) -> Lin
         back @ u @ turned,
         back @ turn @ turned,
         T.swapaxes(1, 2) @ local @ T,
-        T.swapaxes(1, 2) @ slopes @ T,
+        slopes @ turned,
         np.einsum("eg,egi->ei", WEIGHTS * E * area, strain[:, :, 0] @ T),
     )

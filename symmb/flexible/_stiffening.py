@@ -18,19 +18,16 @@ def centrifugal_stiffness(
     shapes X (d, n).
     """
     s, n = samples.positions - origin, X.shape[1]
-    pairs = [(a, b) for a in range(3) for b in range(a, 3)]
-    loads = []
-    for a, b in pairs:
-        force = float(a == b) * s
-        force[:, a] -= s[:, b] / 2
-        force[:, b] -= s[:, a] / 2
-        loads.append(samples.translation.T @ (samples.mass[:, None] * force).ravel())
-    displacement = np.zeros((len(X), len(pairs)))
-    displacement[free] = factorized(K[free][:, free])(np.stack(loads, axis=1)[free])
-    forces = np.einsum("ei,eip->ep", axial.force, displacement[axial.dofs])
-    bent = X[axial.dofs]
-    products = np.einsum("eai,eab,ebj->eij", bent, axial.slopes, bent, optimize=True).reshape(len(forces), -1)
+    static = factorized(K[free][:, free])
+    bent = np.einsum("egpi,ein->egpn", axial.slopes, X[axial.dofs], optimize=True)
     W = np.zeros((n, n, 3, 3))
-    for (a, b), gain in zip(pairs, (forces.T @ products).reshape(-1, n, n), strict=True):
-        W[:, :, a, b] = W[:, :, b, a] = gain
+    for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        pull = float(a == b) * s
+        pull[:, a] -= s[:, b] / 2
+        pull[:, b] -= s[:, a] / 2
+        loads = samples.mass[:, None] * pull
+        displacements = np.zeros(len(X))
+        displacements[free] = static((samples.translation.T @ loads.ravel())[free])
+        forces = axial.weights * axial.forces(displacements, loads[: axial.weights.size])
+        W[:, :, a, b] = W[:, :, b, a] = np.einsum("eg,egpi,egpj->ij", forces, bent, bent, optimize=True)
     return W

@@ -114,14 +114,29 @@ class Beam:
 
 @dataclass(frozen=True, eq=False)
 class AxialForces:
-    """What axial forces do to bending: per element, of 12 degrees of freedom."""
+    """Axial forces in beams and what they pull at, for e elements with g Gauss points, the first e g samples."""
 
     dofs: Indices
     """(e, 12)"""
+    axis: Array
+    """(e, 3) unit vectors along the elements"""
     force: Array
-    """(e, 12) axial force by displacements [N/m, N/rad]"""
+    """(e, 12) axial force by nodal displacements [N/m, N/rad]"""
+    weights: Array
+    """(e, g) [m]"""
     slopes: Array
-    """(e, 12, 12) geometric stiffness by axial force"""
+    """(e, g, 2, 12) slopes in both planes by nodal displacements"""
+
+    def forces(self, displacements: Array, loads: Array) -> Array:
+        """(e, g) axial forces [N] under loads (e g, 3) [N] on the samples, which are taken as linear along an element.
+
+        What an element's own load adds to the uniform force follows from equilibrium: p₁ at its first end, -p₂ at its
+        second, the load's share of either.
+        """
+        along = np.einsum("ega,ea->eg", loads.reshape(len(self.axis), -1, 3), self.axis)
+        first, second = (along @ (1 - XI))[:, None], (along @ XI)[:, None]
+        own = first * (1 - 4 * XI + 3 * XI**2) + second * (2 * XI - 3 * XI**2)
+        return (self.force * displacements[self.dofs]).sum(axis=1)[:, None] + own
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +167,13 @@ def mesh(beams: Sequence[Beam]) -> Mesh:
     stiffness = np.concatenate([line.stiffness for line in lines])
     rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
     K = csc_array((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=(d, d))
-    axial = AxialForces(where, np.concatenate([x.axial for x in lines]), np.concatenate([x.slopes for x in lines]))
+    axial = AxialForces(
+        where,
+        np.concatenate([beam.axes()[:, 0].repeat(beam.elements, axis=0) for beam in beams]),
+        np.concatenate([line.axial for line in lines]),
+        np.concatenate([line.weights for line in lines]),
+        np.concatenate([line.slopes for line in lines]),
+    )
     return Mesh(positions, (K + K.T) / 2, joined(samples), axial)
 
 
