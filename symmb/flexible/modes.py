@@ -27,6 +27,11 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
 }
 
 
+def nearest(positions: Array, point: tuple[float, float, float]) -> int:
+    """Row of the position nearest to a point, the first of equals."""
+    return int(np.argmin(np.linalg.norm(positions - numbers(point, "nearest", "point", (3,)), axis=1)))
+
+
 @dataclass(frozen=True, eq=False)
 class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
@@ -106,7 +111,7 @@ class Modes:
 
     def nearest(self, x: float, y: float, z: float = 0.0) -> int:
         """Number of the node nearest to (x, y, z) [m] in the frame, undeformed; the first of equals."""
-        return int(np.argmin(np.linalg.norm(self.positions - [x, y, z], axis=1)))
+        return nearest(self.positions, (x, y, z))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write an uncompressed NumPy archive `.npz`: one array a field, by its name, and `layout`, a text."""

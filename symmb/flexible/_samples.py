@@ -1,0 +1,93 @@
+"""Where the mass of a flexible body sits, and how it moves with the degrees of freedom."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symmb._types import Array, Indices
+
+Sparse = Any
+"""A SciPy sparse matrix or array."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Point masses with inertia that move with d degrees of freedom; together they integrate over the body.
+
+    Parameters
+    ----------
+    mass : (s,)                [kg]
+    positions : (s, 3)         undeformed [m]
+    translation : (3 s, d)     sparse: displacement of each sample by the degrees of freedom
+    rotary : (s, 3, 3)         inertia about the sample itself [kg m^2]
+    rotation : (3 s, d)        sparse: small rotation of each sample
+    """
+
+    mass: Array
+    positions: Array
+    translation: Sparse
+    rotary: Array
+    rotation: Sparse
+
+    def mass_matrix(self) -> Sparse:
+        """(d, d) consistent mass matrix Σ (m Nᵀ N + Θᵀ J Θ)."""
+        from scipy.sparse import csc_array, diags_array
+
+        masses = diags_array(np.repeat(self.mass, 3))
+        return csc_array(
+            self.translation.T @ masses @ self.translation + self.rotation.T @ blocks(self.rotary) @ self.rotation
+        )
+
+
+def blocks(matrices: Array) -> Sparse:
+    """Block-diagonal sparse matrix of (s, 3, 3) blocks."""
+    from scipy.sparse import bsr_array
+
+    s = len(matrices)
+    return bsr_array((matrices, np.arange(s), np.arange(s + 1)), shape=(3 * s, 3 * s))
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """All samples of several sets over the same degrees of freedom."""
+    from scipy.sparse import vstack
+
+    return Samples(
+        np.concatenate([part.mass for part in parts]),
+        np.concatenate([part.positions for part in parts]),
+        vstack([part.translation for part in parts], format="csr"),
+        np.concatenate([part.rotary for part in parts]),
+        vstack([part.rotation for part in parts], format="csr"),
+    )
+
+
+def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_node: int) -> Samples:
+    """Samples that sit at nodes and move with their degrees of freedom."""
+    from scipy.sparse import csr_array
+
+    def rows(first: int) -> Sparse:
+        shape = (3 * len(nodes), per_node * len(positions))
+        if first >= per_node:
+            return csr_array(shape)
+        columns = (nodes[:, None] * per_node + first + np.arange(3)).ravel()
+        return csr_array((np.ones(columns.size), (np.arange(columns.size), columns)), shape=shape)
+
+    return Samples(np.asarray(mass), positions[nodes], rows(0), np.asarray(rotary), rows(3))
+
+
+def rigid_motions(positions: Array, per_node: int) -> Array:
+    """(per_node k, 6) displacements of the nodes under unit translations and rotations about the origin."""
+    motions = np.zeros((len(positions), per_node, 6))
+    motions[:, :3, :3] = np.eye(3)
+    motions[:, :3, 3:] = -cross(positions)
+    if per_node == 6:
+        motions[:, 3:, 3:] = np.eye(3)
+    return motions.reshape(-1, 6)
+
+
+def cross(vectors: Array) -> Array:
+    """(s, 3, 3) matrices of the cross products a × of (s, 3) vectors."""
+    x, y, z = vectors.T
+    o = np.zeros_like(x)
+    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
