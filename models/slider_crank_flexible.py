@@ -66,6 +66,7 @@ def rod_modes(*, published: bool = False) -> tuple[mb.Modes, np.ndarray]:
         G1=np.einsum("ij,k->ikj", shapes.T @ (mixed.T - mixed) @ shapes, turn),
         stiffness=squares,
         damping=np.zeros(n),
+        origin=np.zeros(3),
         positions=np.array([[0.0, 0, 0], [L2 / 2, 0, 0], [L2, 0, 0]]),
         shapes=at_nodes @ shapes,
         rotations=np.zeros((3, 3, n)),

@@ -34,7 +34,11 @@ from symmb.bounds import TotalDegree as TotalDegree
 from symmb.bounds import Vertex as Vertex
 from symmb.bounds import propagate as propagate
 from symmb.dae import compile_dae as compile_dae
-from symmb.flexible.modes import Modes as Modes
+from symmb.flexible import Beam as Beam
+from symmb.flexible import FiniteElements as FiniteElements
+from symmb.flexible import Material as Material
+from symmb.flexible import Modes as Modes
+from symmb.flexible import Section as Section
 from symmb.mechanics.body import Body as Body
 from symmb.mechanics.body import Ground as Ground
 from symmb.mechanics.constraint import Cylindrical as Cylindrical

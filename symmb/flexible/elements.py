@@ -126,6 +126,7 @@ class FiniteElements:
         clamped: int | None = None,
         damping: npt.ArrayLike = 0.0,
         stiffening: bool = False,
+        planar: bool = False,
     ) -> Modes:
         """Reduce the structure to a few mass-normalised modes.
 
@@ -149,6 +150,7 @@ class FiniteElements:
         stiffening : bool      let steady rotation stiffen the body, which needs beams and a clamped node: the
                                centrifugal forces of each product of angular velocities pull at the beams, and the work
                                of that pull as they bend is taken off J2. Without it a fast rotor softens instead
+        planar : bool          only motion in the xy plane, for bodies whose pose is `Planar()`
 
         Raises
         ------
@@ -165,12 +167,15 @@ class FiniteElements:
         fixed = chosen(() if clamped is None else (clamped,), len(self.positions), f"{OWNER}: clamped")
         kept = chosen(interfaces, len(self.positions), f"{OWNER}: interfaces")
         self._check(kept, fixed, count, cutoff, stiffening)
-        free = np.setdiff1d(np.arange(self.K.shape[0]), self._dofs(fixed))
+        held = [2, 3, 4] if planar else []
+        every = np.arange(self.K.shape[0])
+        free = np.setdiff1d(every[~np.isin(every % self.per_node, held)], self._dofs(fixed))
         K, M, axes = (A[free][:, free] for A in (self.K, self.M, self._axes()))
         motions = rigid_motions(self.positions, self.per_node)
-        rigid = motions[free] if clamped is None else np.zeros((free.size, 0))
+        moves = np.setdiff1d(np.arange(6), held)
+        rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
         below = None if cutoff is None else (2 * np.pi * positive(cutoff, OWNER, "cutoff")) ** 2
-        stiffness, inner = reduced(K, M, rigid, axes, np.searchsorted(free, self._dofs(kept)), count, below)
+        stiffness, inner = reduced(K, M, rigid, axes, np.flatnonzero(np.isin(free, self._dofs(kept))), count, below)
         if count is not None and cutoff is None and len(stiffness) < count:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
@@ -180,15 +185,16 @@ class FiniteElements:
         W = None
         if stiffening and self.axial is not None:
             W = centrifugal_stiffness(self.K, free, self.samples, self.axial, X, origin)
-        return self._modes(stiffness, X, origin, zeta, W, clamped is None)
+        return self._modes(stiffness, X, origin, zeta, W, moves if clamped is None else moves[:0])
 
-    def _modes(self, stiffness: Array, X: Array, origin: Array, zeta: Array, W: Array | None, free: bool) -> Modes:
-        """Invariants of the shapes X (d, n) in a frame at the origin."""
+    def _modes(self, stiffness: Array, X: Array, origin: Array, zeta: Array, W: Array | None, free: Indices) -> Modes:
+        """Invariants of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
         n, placed = len(stiffness), self.positions - origin
         rigid = rigid_motions(placed, self.per_node)
         momentum = self.M @ rigid
-        if free:
-            X = X - rigid @ np.linalg.solve(rigid.T @ momentum, momentum.T @ X)
+        if free.size:
+            gram = rigid[:, free].T @ momentum[:, free]
+            X = X - rigid[:, free] @ np.linalg.solve(gram, momentum[:, free].T @ X)
         nodal = X.reshape(-1, self.per_node, n)
         X = X * _signs(nodal[:, :3].reshape(-1, n))
         whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
@@ -210,6 +216,7 @@ class FiniteElements:
             G1=cleaned(G1, 1.0),
             stiffness=stiffness,
             damping=2 * zeta * np.sqrt(stiffness),
+            origin=origin,
             positions=cleaned(placed, length),
             shapes=cleaned(shapes, size),
             rotations=cleaned(rotations, size / length),

@@ -21,6 +21,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "G1": ("n", 3, "n"),
     "stiffness": ("n",),
     "damping": ("n",),
+    "origin": (3,),
     "positions": ("k", 3),
     "shapes": ("k", 3, "n"),
     "rotations": ("k", 3, "n"),
@@ -56,6 +57,7 @@ class Modes:
     G0, G1 : (3, n), (n, 3, n)    angular momentum about the origin of η̇ [kg^½ m], [1]; G1[i, :, j] = -G1[j, :, i]
     stiffness : (n,)              ω_j² [1/s^2]
     damping : (n,)                2 ζ_j ω_j [1/s]
+    origin : (3,)                 of the frame, in the axes of the mesh [m]
     positions : (k, 3)            nodes of the undeformed body, from the frame's origin [m]
     shapes : (k, 3, n)            translations of the nodes [kg^-½]
     rotations : (k, 3, n)         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
@@ -81,6 +83,7 @@ class Modes:
     G1: Array
     stiffness: Array
     damping: Array
+    origin: Array
     positions: Array
     shapes: Array
     rotations: Array

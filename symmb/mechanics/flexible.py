@@ -43,11 +43,11 @@ class FlexibleBody(Body):
     Examples
     --------
     >>> import symmb as mb
-    >>> steel = mb.Material(young=2.1e11, poisson=0.3, density=7850.0)
-    >>> mesh = mb.FiniteElements.beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
-    >>> rod = FlexibleBody("rod", mesh.modes(count=4))
+    >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
+    >>> beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
+    >>> rod = FlexibleBody("rod", mb.FiniteElements.beams(beam).modes(count=4))
     >>> rod.point(0.5, 0).body.name, rod.pose.coordinates[-1]
-    ('rod.node8', 'eta4')
+    ('rod.node4', 'eta4')
 
     References
     ----------
@@ -131,14 +131,14 @@ class FlexibleBody(Body):
                 f"point of {self.name!r}: nodes of a flexible body are fixed in numbers, got {(x, y, z)!r}. "
                 "Put what is uncertain into joints, forces or rigid bodies."
             )
-        place = np.array([x, y, z], dtype=float)
+        place = np.array([x, y, z], dtype=float) - m.origin
         number = m.nearest(*place)
         arm = place - m.positions[number]
         arm[np.abs(arm) < 1e-9 * np.ptp(m.positions, axis=0).max(initial=1e-300)] = 0.0
         if arm.any() and self._n and not m.rotations.any():
             raise DeclarationError(
                 f"point of {self.name!r}: no node at ({x:g}, {y:g}, {z:g}), and nodes without rotations hold no arm. "
-                f"The nearest is node {number} at {tuple(m.positions[number])}."
+                f"The nearest is node {number} at {tuple((m.positions[number] + m.origin).tolist())}."
             )
         return Point(self._carrier(number), vector(arm.tolist()))
 

@@ -34,6 +34,7 @@ def particle_modes(n: int, planar: bool = False, seed: int = 0) -> tuple[mb.Mode
         G1=np.einsum("akl,g,gki,glj->iaj", levi, masses, shapes, shapes),
         stiffness=rng.uniform(50, 100, n),
         damping=rng.uniform(0, 0.5, n),
+        origin=np.zeros(3),
         positions=places,
         shapes=shapes,
         rotations=np.zeros((12, 3, n)),
