@@ -180,6 +180,7 @@ class FiniteElements:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner
+        X *= _signs(X.reshape(-1, self.per_node, X.shape[1])[:, :3].reshape(-1, X.shape[1]))
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
         zeta = np.broadcast_to(numbers(damping, OWNER, "damping", np.shape(damping) and (len(X.T),)), len(X.T))
         W = None
@@ -195,8 +196,6 @@ class FiniteElements:
         if free.size:
             gram = rigid[:, free].T @ momentum[:, free]
             X = X - rigid[:, free] @ np.linalg.solve(gram, momentum[:, free].T @ X)
-        nodal = X.reshape(-1, self.per_node, n)
-        X = X * _signs(nodal[:, :3].reshape(-1, n))
         whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
         J1, J2, G1 = deformed_inertia(self.samples, X, origin)
         J2 = J2 if W is None else J2 - W
