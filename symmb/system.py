@@ -210,7 +210,7 @@ class System:
     @cached_property
     def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
         """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, factorised once (see `saddle_solver`)."""
-        return saddle_solver(self.M, self.G, self.block_sizes)
+        return saddle_solver(self.M, self.G, self.block_sizes, any(body.nearly_singular for body in self.bodies))
 
     @property
     def kinetic_energy(self) -> ca.SX:

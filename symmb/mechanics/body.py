@@ -121,6 +121,11 @@ class Body(_Framed):
         return self
 
     @property
+    def nearly_singular(self) -> bool:
+        """Whether its block of M loses digits when it is inverted."""
+        return False
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """What is wrong with the body by itself, one sentence with remedy each."""
         return ()

@@ -93,6 +93,11 @@ class FlexibleBody(Body):
         )
 
     @property
+    def nearly_singular(self) -> bool:
+        # Modes in a clamped frame hold most of what the frame's own motion does.
+        return bool(self.modes.S.any() or self.modes.G0.any())
+
+    @property
     def eta(self) -> ca.SX:
         """Modal coordinates [m sqrt(kg)], (n,)."""
         return self.frame.q[-self._n :] if self._n else ca.SX(0, 1)

@@ -74,32 +74,40 @@ def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
     return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
 
 
-def saddle_solver(M: ca.SX, G: ca.SX, sizes: Sequence[int]) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+def saddle_solver(
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False
+) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
     Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. With a structurally
-    singular mass block (a massless body) M + w G'G takes the place of M, w the mean mass.
+    singular mass block (a massless body) M + G'w G takes the place of M, w the mean mass.
 
     Parameters
     ----------
     M : (n_v, n_v) SX, block-diagonal with blocks of the given sizes
     G : (n_c, n_v) SX, may have no rows
+    coupled : bool         blocks are regular but nearly singular, as of flexible bodies whose modes almost hold what
+                           the frame does: M + G'w G is used as well, w what the rows see of the masses
 
     Returns
     -------
     callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
     """
     n_c = G.shape[0]
-    if is_singular(M, sizes):
-        # (M + w G'G) a + G' lam = f + w G'g has the same solution, and no unit of length or mass makes it worse.
-        starts = [sum(sizes[:k]) for k in range(len(sizes)) if sizes[k]]
-        weight = sum((M[k, k] for k in starts), ca.SX(0)) / len(starts)
-        heavier = symmetric_solver(M + weight * G.T @ G)
+    singular = is_singular(M, sizes)
+    if singular or (coupled and n_c):
+        # (M + G'w G) a + G' lam = f + G'w g has the same solution, and no unit of length or mass makes it worse.
+        if singular:
+            starts = [sum(sizes[:k]) for k in range(len(sizes)) if sizes[k]]
+            weight = sum((M[k, k] for k in starts), ca.SX(0)) / len(starts)
+        else:
+            weight = 1 / ((G * G) @ (1 / ca.diag(M)))
+        heavier = symmetric_solver(M + G.T @ (weight * G))
         back = ca.horzcat(*[heavier(G[i, :].T) for i in range(n_c)])
         multipliers = symmetric_solver(G @ back)
 
         def solve_heavier(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
-            a = heavier(f + weight * G.T @ g)
+            a = heavier(f + G.T @ (weight * g))
             lam = multipliers(G @ a - g)
             return a - back @ lam, lam
 
