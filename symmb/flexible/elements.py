@@ -189,12 +189,12 @@ class FiniteElements:
         momentum = self.M @ rigid
         if free:
             X = X - rigid @ np.linalg.solve(rigid.T @ momentum, momentum.T @ X)
-        nodal = X.reshape(-1, self.per_node, n)
-        X = X * _signs(nodal[:, :3].reshape(-1, n))
+        nodal = X.reshape(len(placed), self.per_node, n)
+        X = X * _signs(nodal[:, :3].reshape(3 * len(placed), n))
         whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
         J1, J2, G1 = deformed_inertia(self.samples, X, origin)
         J2 = J2 if W is None else J2 - W
-        nodal = X.reshape(-1, self.per_node, n)
+        nodal = X.reshape(len(placed), self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         # Sizes beside which a value is but rounding: of the body, and of each mode.
         length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
