@@ -39,7 +39,7 @@ FLOORS = {
     "": 10,  # symmb/__init__.py, the public names
     "cli": 11,  # a client of the public names
 }
-HEAVY = ("sympy", "matplotlib", "scipy.stats", "scipy.optimize", "symmb.cli")
+HEAVY = ("sympy", "matplotlib", "scipy.sparse", "scipy.stats", "scipy.optimize", "symmb.cli")
 LONGEST = 400
 FILES = sorted(path for path in ROOT.rglob("*.py") if "models" not in path.relative_to(ROOT).parts)
 

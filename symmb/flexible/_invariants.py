@@ -36,11 +36,11 @@ def deformed_inertia(samples: Samples, X: Array, origin: Array) -> tuple[Array, 
     With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is that of
     Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is held constant.
     """
-    n = X.shape[1]
-    phi = (samples.translation @ X).reshape(-1, 3, n)
+    s, n = len(samples.mass), X.shape[1]
+    phi = (samples.translation @ X).reshape(s, 3, n)
     weighted = samples.mass[:, None, None] * phi
     B = np.einsum("sa,sbj->jab", samples.positions - origin, weighted)
-    A = (weighted.reshape(-1, 3 * n).T @ phi.reshape(-1, 3 * n)).reshape(3, n, 3, n).transpose(1, 3, 0, 2)
+    A = (weighted.reshape(s, 3 * n).T @ phi.reshape(s, 3 * n)).reshape(3, n, 3, n).transpose(1, 3, 0, 2)
     return _inertia(B + B.swapaxes(1, 2)), _inertia((A + A.swapaxes(2, 3)) / 2), np.einsum("abc,ijbc->iaj", EPSILON, A)
 
 

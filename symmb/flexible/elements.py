@@ -180,7 +180,8 @@ class FiniteElements:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner
-        X *= _signs(X.reshape(-1, self.per_node, X.shape[1])[:, :3].reshape(-1, X.shape[1]))
+        k, n = len(self.positions), X.shape[1]
+        X *= _signs(X.reshape(k, self.per_node, n)[:, :3].reshape(3 * k, n))
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
         zeta = np.broadcast_to(numbers(damping, OWNER, "damping", np.shape(damping) and (len(X.T),)), len(X.T))
         W = None
@@ -199,7 +200,7 @@ class FiniteElements:
         whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
         J1, J2, G1 = deformed_inertia(self.samples, X, origin)
         J2 = J2 if W is None else J2 - W
-        nodal = X.reshape(-1, self.per_node, n)
+        nodal = X.reshape(len(placed), self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         # Sizes beside which a value is but rounding: of the body, and of each mode.
         length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
