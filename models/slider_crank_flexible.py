@@ -70,6 +70,8 @@ def rod_modes(*, published: bool = False) -> tuple[mb.Modes, np.ndarray]:
         positions=np.array([[0.0, 0, 0], [L2 / 2, 0, 0], [L2, 0, 0]]),
         shapes=at_nodes @ shapes,
         rotations=np.zeros((3, 3, n)),
+        S2=np.zeros((3, n, n)),
+        shapes2=np.zeros((3, 3, n, n)),
     ), shapes
 
 

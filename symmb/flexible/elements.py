@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
+from symmb.flexible._foreshortening import foreshortening
 from symmb.flexible._invariants import cleaned, deformed_inertia, rigid_inertia
 from symmb.flexible._matrices import checked, lumped, read
 from symmb.flexible._numbers import numbers, positive
 from symmb.flexible._reduction import chosen, reduced
 from symmb.flexible._samples import Samples, Sparse, at_nodes, joined, rigid_motions
-from symmb.flexible._stiffening import centrifugal_stiffness
 from symmb.flexible.beams import AxialForces, Beam, mesh
 from symmb.flexible.modes import Modes, nearest
 
@@ -147,9 +147,9 @@ class FiniteElements:
                                the body free in a frame that rides with it: the origin is the centre of mass, and the
                                modes move neither it nor the angular momentum (S = 0, G0 = 0)
         damping : float, (n,)  modal damping ratio ζ, of all modes or of each
-        stiffening : bool      let steady rotation stiffen the body, which needs beams and a clamped node: the
-                               centrifugal forces of each product of angular velocities pull at the beams, and the work
-                               of that pull as they bend is taken off J2. Without it a fast rotor softens instead
+        stiffening : bool      let beams that bend grow shorter, which needs a clamped node: all loads along them,
+                               centrifugal, of gravity or at their ends, then stiffen or soften them. Without it a fast
+                               rotor softens
         planar : bool          only motion in the xy plane, for bodies whose pose is `Planar()`
 
         Raises
@@ -184,24 +184,32 @@ class FiniteElements:
         X *= _signs(X.reshape(k, self.per_node, n)[:, :3].reshape(3 * k, n))
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
         zeta = np.broadcast_to(numbers(damping, OWNER, "damping", np.shape(damping) and (len(X.T),)), len(X.T))
-        W = None
+        D = None
         if stiffening and self.axial is not None:
-            W = centrifugal_stiffness(self.K, free, self.samples, self.axial, X, origin)
-        return self._modes(stiffness, X, origin, zeta, W, moves if clamped is None else moves[:0])
+            D = foreshortening(self.K, free, self.samples, self.axial, X)
+        return self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
 
-    def _modes(self, stiffness: Array, X: Array, origin: Array, zeta: Array, W: Array | None, free: Indices) -> Modes:
+    def _modes(
+        self,
+        stiffness: Array,
+        X: Array,
+        origin: Array,
+        zeta: Array,
+        D: tuple[Array, Array] | None,
+        free: Indices,
+    ) -> Modes:
         """Invariants of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
-        n, placed = len(stiffness), self.positions - origin
+        k, n, placed = len(self.positions), len(stiffness), self.positions - origin
         rigid = rigid_motions(placed, self.per_node)
         momentum = self.M @ rigid
         if free.size:
             gram = rigid[:, free].T @ momentum[:, free]
             X = X - rigid[:, free] @ np.linalg.solve(gram, momentum[:, free].T @ X)
         whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
-        J1, J2, G1 = deformed_inertia(self.samples, X, origin)
-        J2 = J2 if W is None else J2 - W
-        nodal = X.reshape(len(placed), self.per_node, n)
+        J1, J2, G1, S2 = deformed_inertia(self.samples, X, origin, None if D is None else D[1])
+        nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
+        nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
         # Sizes beside which a value is but rounding: of the body, and of each mode.
         length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
@@ -212,6 +220,7 @@ class FiniteElements:
             J1=cleaned(J1, root * length),
             J2=cleaned(J2, max(1.0, np.abs(J2).max(initial=0))),
             S=cleaned(first[:3], root),
+            S2=cleaned(S2, 1 / length),
             G0=cleaned(first[3:], root * length),
             G1=cleaned(G1, 1.0),
             stiffness=stiffness,
@@ -220,6 +229,7 @@ class FiniteElements:
             positions=cleaned(placed, length),
             shapes=cleaned(shapes, size),
             rotations=cleaned(rotations, size / length),
+            shapes2=cleaned(nodal2, np.abs(nodal2).max(initial=0)),
         )
 
     def _check(

@@ -17,6 +17,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "J1": ("n", 3, 3),
     "J2": ("n", "n", 3, 3),
     "S": (3, "n"),
+    "S2": (3, "n", "n"),
     "G0": (3, "n"),
     "G1": ("n", 3, "n"),
     "stiffness": ("n",),
@@ -25,6 +26,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "positions": ("k", 3),
     "shapes": ("k", 3, "n"),
     "rotations": ("k", 3, "n"),
+    "shapes2": ("k", 3, "n", "n"),
 }
 
 
@@ -37,11 +39,14 @@ def nearest(positions: Array, point: tuple[float, float, float]) -> int:
 class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
 
-    In the floating frame a material point is x = s + u(s), with u = Σ φ_j η_j the elastic displacement. With the
-    frame's velocity v and angular velocity ω in its own axes, the energies are
+    In the floating frame a material point is x = s + u(s), with u = Σ φ_j η_j + Σ η_i η_j D_ij the elastic displacement;
+    D is how beams grow shorter as they bend, where that is asked for. With the frame's velocity v and angular velocity ω
+    in its own axes, the energies are
 
-        T = ½ m v² + v·(ω × (m c + S η)) + v·S η̇ + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
-        V = ½ Σ stiffness_j η_j²,        J(η) = J0 + Σ η_j J1_j + Σ η_i η_j J2_ij
+        T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
+        V = ½ Σ stiffness_j η_j²
+
+        f(η) = m c + S η + Σ η_i η_j S2_ij        J(η) = J0 + Σ η_j J1_j + Σ η_i η_j J2_ij
 
     SI units, axes of the frame; η in m √kg. Modes are of unit modal mass.
 
@@ -51,16 +56,16 @@ class Modes:
     center : (3,)                 centre of mass of the undeformed body, from the frame's origin [m]
     J0 : (3, 3)                   inertia of the undeformed body about the frame's origin [kg m^2]
     J1 : (n, 3, 3)                its first derivative by η [kg^½ m]
-    J2 : (n, n, 3, 3)             its second-order part [1], J2[i, j] = J2[j, i]; less the geometric stiffness where
-                                  the modes are stiffened by rotation (see `FiniteElements.modes`)
-    S : (3, n)                    first moment's derivative by η [kg^½]; 0 in a frame that rides with the body
-    G0, G1 : (3, n), (n, 3, n)    angular momentum about the origin of η̇ [kg^½ m], [1]; G1[i, :, j] = -G1[j, :, i]
+    J2 : (n, n, 3, 3)             its second-order part [1], J2[i, j] = J2[j, i]
+    S, S2 : (3, n), (3, n, n)     first moment's parts by η [kg^½], [1/m]; S is 0 in a frame that rides with the body
+    G0, G1 : (3, n), (n, 3, n)    angular momentum about the origin of η̇ [kg^½ m], [1]
     stiffness : (n,)              ω_j² [1/s^2]
     damping : (n,)                2 ζ_j ω_j [1/s]
     origin : (3,)                 of the frame, in the axes of the mesh [m]
     positions : (k, 3)            nodes of the undeformed body, from the frame's origin [m]
     shapes : (k, 3, n)            translations of the nodes [kg^-½]
     rotations : (k, 3, n)         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
+    shapes2 : (k, 3, n, n)        D of the nodes [1/(kg m)]
 
     Raises
     ------
@@ -79,6 +84,7 @@ class Modes:
     J1: Array
     J2: Array
     S: Array
+    S2: Array
     G0: Array
     G1: Array
     stiffness: Array
@@ -87,6 +93,7 @@ class Modes:
     positions: Array
     shapes: Array
     rotations: Array
+    shapes2: Array
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))

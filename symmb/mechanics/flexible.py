@@ -1,10 +1,10 @@
 """Flexible bodies: a floating frame, and small deformations in modal coordinates on top of it.
 
 A material point of the body is at r + R (s + u), u = sum of its mode shapes times the modal coordinates eta. With the
-first moment m c(eta), the inertia J(eta) about the frame's origin and G(eta), the angular momentum of eta', all in the
+first moment f(eta), the inertia J(eta) about the frame's origin and G(eta), the angular momentum of eta', all in the
 frame's axes and polynomials in eta with coefficients computed once (`Modes`),
 
-    T = m r'.r' / 2 + r'.R (omega x m c + S eta') + omega.J omega / 2 + omega.G eta' + eta'.eta' / 2
+    T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.eta' / 2
 
 and Boltzmann-Hamel equations give all inertia forces. The modal part of the mass matrix is the identity.
 """
@@ -151,20 +151,26 @@ class FlexibleBody(Body):
         nodes: dict[int, _Carrier] = getattr(self, "_nodes")  # noqa: B009  (set past the frozen dataclass)
         if number not in nodes:
             m = self.modes
-            nodes[number] = _Carrier(self, f"node{number}", m.positions[number], m.shapes[number], m.rotations[number])
+            place = _polynomial(m.positions[number], m.shapes[number], m.shapes2[number], self.eta)
+            nodes[number] = _Carrier(self, f"node{number}", place, m.rotations[number])
         return nodes[number]
 
     @cached_property
     def center(self) -> _Framed:
         m = self.modes
-        return _Carrier(self, "center", m.center, m.S / m.mass, np.zeros_like(m.S))
+        return _Carrier(self, "center", self._first_moment / m.mass, np.zeros_like(m.S))
+
+    @cached_property
+    def _first_moment(self) -> ca.SX:
+        """In the frame's axes, from its origin [kg m], (3,)."""
+        m = self.modes
+        return _polynomial(m.mass * m.center, m.S, m.S2, self.eta)
 
     def inertial(self, mass: ca.SX, J: ca.SX) -> Inertial:
         m, n, eta, rate = self.modes, self._n, self.eta, self.eta_dot
         R, omega = self.frame.R, self.frame.omega
-        S = _numbers(m.S)
-        first = _numbers(m.mass * m.center) + S @ eta
-        J, G = _inertia(m, eta), _momentum(m, eta)
+        first = self._first_moment
+        S, J, G = ca.jacobian(first, eta), _inertia(m, eta), _momentum(m, eta)
         # Momenta of a body whose frame's origin is at rest: by Galilei the forces are those of any other.
         P, H = ca.cross(omega, first) + S @ rate, J @ omega + G @ rate
         spin = G.T @ omega
@@ -189,13 +195,13 @@ class FlexibleBody(Body):
 
 
 class _Carrier(_Framed):
-    """A frame at a place s of a flexible body that moves with its shapes (3, n) and turns with its rotations (3, n)."""
+    """A frame at a place (3,) in the axes of a flexible body's frame, turned by small rotations (3, n) times eta."""
 
-    def __init__(self, body: FlexibleBody, what: str, s: Array, shapes: Array, rotations: Array) -> None:
+    def __init__(self, body: FlexibleBody, what: str, place: ca.SX, rotations: Array) -> None:
         self.name, self.pose, self.com, self._body = f"{body.name}.{what}", body.pose, (0.0, 0.0, 0.0), body
         frame, eta = body.frame, body.eta
-        Phi, Theta = _numbers(shapes), _numbers(rotations)
-        place, psi = _numbers(s) + Phi @ eta, Theta @ eta
+        Phi, Theta = ca.jacobian(place, eta), _numbers(rotations)
+        psi = Theta @ eta
         n = eta.numel()
         if isinstance(body.pose, Planar):
             angle = frame.angle + psi[2]
@@ -230,6 +236,15 @@ class _Carrier(_Framed):
 def _numbers(values: Array) -> ca.SX:
     """Numbers as SX whose zeros are structural."""
     return ca.SX(ca.sparsify(ca.DM(values)))
+
+
+def _polynomial(constant: Array, linear: Array, quadratic: Array, eta: ca.SX) -> ca.SX:
+    """Vector (3,) with coefficients (3,), (3, n) and (3, n, n)."""
+    rows = [
+        float(constant[k]) + ca.dot(_numbers(linear[k]) + _numbers(_triangle(quadratic[k])) @ eta, eta)
+        for k in range(3)
+    ]
+    return ca.densify(ca.vertcat(*rows))
 
 
 def _inertia(m: Modes, eta: ca.SX) -> ca.SX:

@@ -38,6 +38,8 @@ def particle_modes(n: int, planar: bool = False, seed: int = 0) -> tuple[mb.Mode
         positions=places,
         shapes=shapes,
         rotations=np.zeros((12, 3, n)),
+        S2=np.zeros((3, n, n)),
+        shapes2=np.zeros((12, 3, n, n)),
     )
     return modes, masses, places, shapes
 

@@ -49,6 +49,7 @@ def test_without_modes_it_is_the_rigid_body(pose: str) -> None:
         "J1": np.zeros((0, 3, 3)), "J2": np.zeros((0, 0, 3, 3)), "S": np.zeros((3, 0)), "G0": np.zeros((3, 0)),
         "G1": np.zeros((0, 3, 0)), "stiffness": np.zeros(0), "damping": np.zeros(0),
         "shapes": np.zeros((12, 3, 0)), "rotations": np.zeros((12, 3, 0)),
+        "S2": np.zeros((3, 0, 0)), "shapes2": np.zeros((12, 3, 0, 0)),
     }  # fmt: skip
     ground = mb.Ground()
 
