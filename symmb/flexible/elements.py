@@ -174,7 +174,7 @@ class FiniteElements:
         if count is not None and cutoff is None and len(stiffness) < count:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
-        X[free] = inner
+        X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
         zeta = np.broadcast_to(numbers(damping, OWNER, "damping", np.shape(damping) and (len(X.T),)), len(X.T))
         W = None
@@ -189,8 +189,6 @@ class FiniteElements:
         momentum = self.M @ rigid
         if free:
             X = X - rigid @ np.linalg.solve(rigid.T @ momentum, momentum.T @ X)
-        nodal = X.reshape(len(placed), self.per_node, n)
-        X = X * _signs(nodal[:, :3].reshape(3 * len(placed), n))
         whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
         J1, J2, G1 = deformed_inertia(self.samples, X, origin)
         J2 = J2 if W is None else J2 - W
@@ -243,9 +241,9 @@ class FiniteElements:
 
         return diags_array(np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))).tocsc()
 
-
-def _signs(shapes: Array) -> Array:
-    """(n,) signs that make the largest component of each column positive, the first of equals."""
-    size = np.abs(shapes)
-    first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
-    return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
+    def _signs(self, X: Array, dofs: Indices) -> Array:
+        """(n,) signs that make the largest translation of each column of X, rows `dofs`, positive; the first of equals."""
+        shapes = X[dofs % self.per_node < 3]
+        size = np.abs(shapes)
+        first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
+        return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
