@@ -17,7 +17,7 @@ def rigid(positions):
     return np.stack(columns + turns, axis=1)
 
 
-@pytest.mark.parametrize("elements", [8, 90], ids=["all modes", "Lanczos"])
+@pytest.mark.parametrize("elements", [8, 70], ids=["all modes", "Lanczos"])
 @pytest.mark.parametrize("held", [None, 0], ids=["free", "clamped"])
 def test_natural_frequencies_are_those_of_the_whole_structure(elements, held):
     """A round tube, every bending frequency of which is double."""
@@ -29,7 +29,7 @@ def test_natural_frequencies_are_those_of_the_whole_structure(elements, held):
     assert below.frequencies == pytest.approx(exact[:9] / TAU, rel=1e-7)
 
 
-@pytest.mark.parametrize("elements", [8, 90], ids=["all modes", "Lanczos"])
+@pytest.mark.parametrize("elements", [8, 70], ids=["all modes", "Lanczos"])
 def test_modes_of_one_frequency_lie_along_the_axes(elements):
     modes = cantilever(elements, TUBE, STEEL).modes(clamped=0, count=4)
     assert (np.abs(modes.shapes[-1]) > 1e-3).tolist() == [[False] * 4, [True, False] * 2, [False, True] * 2]
