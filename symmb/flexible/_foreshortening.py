@@ -10,7 +10,7 @@ from symmb.flexible.beams import AxialForces
 
 
 def foreshortening(K: Sparse, free: Indices, samples: Samples, axial: AxialForces, X: Array) -> tuple[Array, Array]:
-    """Displacements of second order, Σ η_i η_j D[:, i, j], of all degrees of freedom (d, n, n) and samples (s, 3, n, n).
+    """Second-order displacements Σ η_i η_j D[:, i, j] of degrees of freedom (d, n, n) and of samples (s, 3, n, n).
 
     Bending by v and w draws the ends of an element together by ½ ∫ (v'² + w'²) dx. The structure, held where it is not
     `free`, follows as if its elements were that much too short.
@@ -25,15 +25,15 @@ def foreshortening(K: Sparse, free: Indices, samples: Samples, axial: AxialForce
     D = np.zeros((len(X), n, n))
     D[np.ix_(free)[0][:, None], pairs[0], pairs[1]] = factorized(K[free][:, free])(loads[free][:, *pairs])
     D[:, pairs[1], pairs[0]] = D[:, pairs[0], pairs[1]]
-    at = (samples.translation @ D.reshape(len(X), -1)).reshape(-1, 3, n, n)
+    at = (samples.translation @ D.reshape(len(X), n * n)).reshape(len(samples.mass), 3, n, n)
     # Displacements along an element are linear between its nodes; what bending draws in is not.
     within = np.einsum("gh,eh,ehij->egij", _PARTIAL, axial.weights, drawn) - np.einsum("g,eij->egij", XI, short)
-    at[: e * XI.size] += np.einsum("ea,egij->egaij", axial.axis, within).reshape(-1, 3, n, n)
+    at[: e * XI.size] += np.einsum("ea,egij->egaij", axial.axis, within).reshape(e * XI.size, 3, n, n)
     return D, at
 
 
 def _partial() -> Array:
-    """(g, g): what of each Gauss point's weight an integral up to each other takes, exact for polynomials through all."""
+    """(g, g): the share of each Gauss point's weight in integrals up to each other, exact for polynomials."""
     legendre = np.polynomial.legendre
     order = np.arange(XI.size)
     series = np.linalg.inv(legendre.legvander(2 * XI - 1, XI.size - 1))

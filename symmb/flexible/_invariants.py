@@ -33,17 +33,17 @@ def rigid_inertia(M: Array) -> RigidInertia:
 def deformed_inertia(
     samples: Samples, X: Array, origin: Array, D: Array | None = None
 ) -> tuple[Array, Array, Array, Array]:
-    """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n) and S2 (3, n, n) of point masses moving with X (d, n), from the origin.
+    """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n), S2 (3, n, n) of point masses moving with X (d, n), from the origin.
 
     With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is that of
-    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is held constant. Displacements of second order
-    D (s, 3, n, n) of the masses add what is linear in them.
+    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is held constant. Second-order
+    displacements D (s, 3, n, n) of the masses add what is linear in them.
     """
-    n = X.shape[1]
-    phi = (samples.translation @ X).reshape(-1, 3, n)
+    s, n = len(samples.mass), X.shape[1]
+    phi = (samples.translation @ X).reshape(s, 3, n)
     weighted, places = samples.mass[:, None, None] * phi, samples.positions - origin
     B = np.einsum("sa,sbj->jab", places, weighted)
-    A = (weighted.reshape(-1, 3 * n).T @ phi.reshape(-1, 3 * n)).reshape(3, n, 3, n).transpose(1, 3, 0, 2)
+    A = (weighted.reshape(s, 3 * n).T @ phi.reshape(s, 3 * n)).reshape(3, n, 3, n).transpose(1, 3, 0, 2)
     second, angular = (A + A.swapaxes(2, 3)) / 2, np.einsum("abc,ijbc->iaj", EPSILON, A)
     if D is None:
         return _inertia(B + B.swapaxes(1, 2)), _inertia(second), angular, np.zeros((3, n, n))

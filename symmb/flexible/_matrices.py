@@ -45,6 +45,8 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
     """Raise a DeclarationError unless K and M are those of a body free in space."""
     if K.shape != M.shape:
         raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, M {M.shape}. They must be the same.")
+    if not np.ptp(positions, axis=0).any():
+        raise DeclarationError(f"{OWNER}: a structure has two nodes at least, at different places.")
     motions = rigid_motions(positions - positions.mean(axis=0), K.shape[0] // len(positions))
     largest = abs(K) @ np.abs(motions)
     wrong = np.abs(K @ motions) > STRAIN * np.maximum(largest, largest.max(axis=0) * 1e-3)

@@ -6,9 +6,11 @@ import numpy.typing as npt
 from symmb._errors import DeclarationError
 from symmb._types import Array
 
+Shape = tuple[int | str, ...]
 
-def numbers(value: npt.ArrayLike, owner: str, name: str, shape: tuple[int | str, ...] = ()) -> Array:
-    """A read-only copy of an array of finite numbers; letters in `shape` stand for any size, the same one if repeated.
+
+def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
+    """A read-only copy of finite numbers of one of the shapes, a letter for any one size; a number if there is none.
 
     Raises
     ------
@@ -20,12 +22,14 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, shape: tuple[int | str,
             f"{owner}: {name} holds a symbol. Modes are computed once, in numbers; a parameter of the scene would need "
             "them anew at every value. Put what is uncertain into joints, forces or rigid bodies."
         )
+    shapes = shapes or ((),)
+    wanted = " or ".join(map(_words, shapes))
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise DeclarationError(f"{owner}: {name} must be {_words(shape)}, got {value!r}.") from error
-    if not _fits(array.shape, shape):
-        raise DeclarationError(f"{owner}: {name} must be {_words(shape)}, got the shape {array.shape}.")
+        raise DeclarationError(f"{owner}: {name} must be {wanted}, got {value!r}.") from error
+    if not any(_fits(array.shape, shape) for shape in shapes):
+        raise DeclarationError(f"{owner}: {name} must be {wanted}, got the shape {array.shape}.")
     if not np.isfinite(array).all():
         raise DeclarationError(f"{owner}: {name} must be finite, got {value!r}.")
     array.setflags(write=False)
@@ -48,12 +52,12 @@ def _items(value: npt.ArrayLike) -> list[object]:
     return [value]
 
 
-def _fits(found: tuple[int, ...], wanted: tuple[int | str, ...]) -> bool:
+def _fits(found: tuple[int, ...], wanted: Shape) -> bool:
     if len(found) != len(wanted):
         return False
     sizes: dict[int | str, int] = {size: size for size in wanted if isinstance(size, int)}
     return all(sizes.setdefault(name, size) == size for name, size in zip(wanted, found, strict=True))
 
 
-def _words(shape: tuple[int | str, ...]) -> str:
+def _words(shape: Shape) -> str:
     return "an array (" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")" if shape else "a number"

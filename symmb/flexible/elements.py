@@ -106,8 +106,7 @@ class FiniteElements:
         """
         owner = "FiniteElements.with_mass"
         where = np.array(chosen((node,), len(self.positions), owner))
-        given = np.asarray(inertia, dtype=object)
-        tensor = numbers(inertia, owner, "inertia", given.shape if given.shape in ((), (3,)) else (3, 3))
+        tensor = numbers(inertia, owner, "inertia", (), (3,), (3, 3))
         tensor = np.diag(tensor * np.ones(3)) if tensor.ndim < 2 else tensor
         if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -1e-12 * np.abs(tensor).max():
             raise DeclarationError(f"{owner}: inertia must be symmetric and not negative, got {inertia!r}.")
@@ -179,11 +178,9 @@ class FiniteElements:
         if count is not None and cutoff is None and len(stiffness) < count:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
-        X[free] = inner
-        k, n = len(self.positions), X.shape[1]
-        X *= _signs(X.reshape(k, self.per_node, n)[:, :3].reshape(3 * k, n))
+        X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
-        zeta = np.broadcast_to(numbers(damping, OWNER, "damping", np.shape(damping) and (len(X.T),)), len(X.T))
+        zeta = np.broadcast_to(numbers(damping, OWNER, "damping", (), (len(X.T),)), len(X.T))
         D = None
         if stiffening and self.axial is not None:
             D = foreshortening(self.K, free, self.samples, self.axial, X)
@@ -260,9 +257,9 @@ class FiniteElements:
 
         return diags_array(np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))).tocsc()
 
-
-def _signs(shapes: Array) -> Array:
-    """(n,) signs that make the largest component of each column positive, the first of equals."""
-    size = np.abs(shapes)
-    first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
-    return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)
+    def _signs(self, X: Array, dofs: Indices) -> Array:
+        """(n,) signs that make the largest translation in each column of X, rows `dofs`, positive."""
+        shapes = X[dofs % self.per_node < 3]
+        size = np.abs(shapes)
+        first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
+        return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)

