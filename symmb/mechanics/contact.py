@@ -11,7 +11,7 @@ from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, body_faults, bound, pair_faults, point_faults, pose_faults
-from symmb.mechanics.force import Action, ForceElement, Load, fixed_at, is_constant, is_moved, moment_on, push
+from symmb.mechanics.force import Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
 from symmb.mechanics.friction import FrictionLaw, axis_faults, friction_faults
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic.geometry import Z, triad, unit, vector
@@ -21,11 +21,13 @@ _COAXIAL = 1e-12
 """Distance below which two axes coincide [m]."""
 
 
-def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *sizes: ca.SX) -> Action:
-    """The action of a bound law; `loads` turns its force into loads, `sizes` are the laws the penetration contains."""
+def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
+    """The action of a bound law: `loads` turns its force into loads.
+
+    Energy is stored if nothing of what is `fixed` in the bodies, sizes and points and directions, moves in them.
+    """
     force = law.force(penetration, ddt(penetration))
-    conserved = is_constant(law.stores, *sizes) and not is_moved(penetration)
-    return Action(loads(force), law.potential(penetration) if conserved else None)
+    return Action(loads(force), law.potential(penetration) if is_constant(law.stores, *fixed) else None)
 
 
 def law_faults(title: str, law: object) -> Iterator[str]:
@@ -78,7 +80,8 @@ class Contact(ForceElement):
         radius = bind(self.radius, f"{self.title}: radius")
         height = ca.dot(axis, a.frame.R.T @ (self.point.r - self.plane_point.r))
         law = bound(self.law, bind, self.title)
-        yield press(law, radius - height, lambda force: push(self.point, a, force * normal), radius)
+        fixed = (self.point.s, self.plane_point.s, axis, radius)
+        yield press(law, radius - height, lambda force: push(self.point, a, force * normal), *fixed)
         if self.friction is None:
             return
         b = self.point.body
@@ -139,7 +142,8 @@ class BushContact(ForceElement):
         distance = ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1)), 0)
         direction = a.frame.R @ across / ca.if_else(apart, distance, 1)
         law = bound(self.law, bind, self.title)
-        yield press(law, distance - clearance, lambda force: push(self.point_b, a, -force * direction), clearance)
+        fixed = (self.point_a.s, self.point_b.s, axis, clearance)
+        yield press(law, distance - clearance, lambda force: push(self.point_b, a, -force * direction), *fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +185,8 @@ class ToothContact(ForceElement):
         def loads(force: ca.SX) -> tuple[Load, ...]:
             return push(self.point_b, a, -ca.sign(d) * force * (a.frame.R @ direction))
 
-        yield press(bound(self.law, bind, self.title), ca.fabs(d) - backlash / 2, loads, backlash)
+        fixed = (self.point_a.s, self.point_b.s, direction, backlash)
+        yield press(bound(self.law, bind, self.title), ca.fabs(d) - backlash / 2, loads, *fixed)
 
 
 @dataclass(frozen=True, eq=False)

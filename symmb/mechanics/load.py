@@ -156,7 +156,8 @@ class Soil(ForceElement):
         normal = unit(vector(self.normal))
         penetration = -ca.dot(normal, a.frame.R.T @ (self.point.r - self.ground_point.r))
         law = bound(self.law, bind, self.title)
-        yield press(law, penetration, lambda force: push(self.point, a, force * (a.frame.R @ normal)))
+        fixed = (self.point.s, self.ground_point.s, normal)
+        yield press(law, penetration, lambda force: push(self.point, a, force * (a.frame.R @ normal)), *fixed)
         across = ca.SX.eye(3) - normal @ normal.T
         values = [
             diagonal(getattr(self, what), f"{self.title}: {what}", bind)
