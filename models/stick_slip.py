@@ -27,6 +27,8 @@ def scene(
     normal_force: float = 10.0,
     static: float = 0.4,
     kinetic: float = 0.25,
+    bristles: float = 1e5,
+    stribeck: float = 1.5e-3,
 ) -> mb.Scene:
     """A block that is carried off from where its spring is at rest, over three and a half periods.
 
@@ -37,12 +39,16 @@ def scene(
     speed : float              of the belt [m/s]
     normal_force : float       between block and belt [N]
     static, kinetic : float    coefficients of friction [-]
+    bristles : float           stiffness [1/m]
+    stribeck : float           speed of slip at which friction falls to the kinetic one [m/s]
+
+    The period above is that of stiff bristles and a sudden fall; with these values it is 0.4 % longer.
     """
     p = mb.Parameters(stiffness=stiffness, speed=speed)
     wall = mb.Ground().point(0, 0)
     block = mb.Body("block", mass=mass, pose=mb.Particle())
     belt = mb.Body("belt", mass=1.0, pose=mb.Particle())
-    law = mb.Bristle(kinetic, stiffness=1e4, damping=30.0, static=static, speed=1e-3)
+    law = mb.Bristle(kinetic, bristles, damping=0.3 * bristles**0.5, static=static, speed=stribeck)
     system = mb.System(
         block,
         belt,

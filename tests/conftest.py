@@ -10,12 +10,14 @@ from models import (
     cubic,
     double_pendulum,
     four_bar,
+    half_car,
     heavy_top,
     n_four_bar,
     rolling_disc,
     slider_crank,
     slider_crank_spatial,
     spherical_pendulum,
+    stick_slip,
 )
 from symmb import (
     BDFI3,
@@ -111,4 +113,6 @@ ALL_MODELS = (
     car_axis,
     rolling_disc,
     slider_crank_spatial,
+    stick_slip,
+    half_car,
 )

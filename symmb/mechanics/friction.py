@@ -63,11 +63,12 @@ _REST = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Bristle(FrictionLaw):
-    """Stick and slip by bristles that bend with the slip, F = N (k z + c z'): elastic until they break away.
+    """Stick and slip by bristles that bend with the slip, F = N (k z + d(z')): elastic until they break away.
 
     The deflection z of a bristle, a first-order state called `name.bristle`, follows the slip up to 0.7 of what it can
     hold, z_s = mu(v) / k with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2); above, it yields more and more,
     and stays at z_s while it slides. Under less than 0.7 of the breakaway force nothing creeps, whatever shakes.
+    d is c z' for small rates and never above mu: plain damping would stop like a wall what sets out fast.
 
     Parameters
     ----------
@@ -110,7 +111,9 @@ class Bristle(FrictionLaw):
         # Bristles that straighten again do not yield.
         rate = slip - ca.if_else(ca.logic_and(bent > _ELASTIC, along > 0), yielding, 0) * zeta
         records = declare(names, Kind.STATE, z, rate, ca.SX.zeros(n))
-        return -normal_force * (self.stiffness * z + self.damping * rate), records
+        damping = self.damping * rate
+        damping = damping / ca.sqrt(1 + ca.sumsqr(damping / mu))
+        return -normal_force * (self.stiffness * z + damping), records
 
 
 _ELASTIC = 0.7**2

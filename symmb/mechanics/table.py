@@ -50,11 +50,11 @@ class Table:
         try:
             x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
         except (TypeError, ValueError):
-            raise DeclarationError("Table: x and y must be numbers; scale the table itself by parameters.") from None
+            raise DeclarationError("Table: x and y must be lists of numbers.") from None
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
             raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
-            raise DeclarationError("Table: x and y must be finite.")
+            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
         if (np.diff(x) <= 0).any():
             at = int(np.argmax(np.diff(x) <= 0)) + 1
             raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
