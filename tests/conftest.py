@@ -10,6 +10,7 @@ from models import (
     cubic,
     double_pendulum,
     four_bar,
+    half_car,
     heavy_top,
     n_four_bar,
     rolling_disc,
@@ -17,6 +18,7 @@ from models import (
     slider_crank_flexible,
     slider_crank_spatial,
     spherical_pendulum,
+    stick_slip,
 )
 from symmb import (
     BDFI3,
@@ -113,4 +115,6 @@ ALL_MODELS = (
     rolling_disc,
     slider_crank_spatial,
     slider_crank_flexible,
+    stick_slip,
+    half_car,
 )

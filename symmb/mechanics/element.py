@@ -1,11 +1,14 @@
 """What constraints and forces have in common."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from typing import Any
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 import casadi as ca
 
+from symmb._errors import DeclarationError
 from symmb.mechanics.body import Ground, Point, _Framed
 from symmb.mechanics.pose import Fixed, Planar, Pose
 from symmb.symbolic.geometry import is_zero
@@ -67,3 +70,26 @@ def pair_faults(title: str, bodies: tuple[_Framed, ...]) -> Iterator[str]:
         yield f"{title}: both points are on the ground, nothing is left to act on."
     elif len(bodies) > 1 and bodies[0] is bodies[1]:
         yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."
+
+
+Law = TypeVar("Law")
+
+
+def bound(law: Law, bind: Bind, title: str) -> Law:
+    """A law, a dataclass, with its numbers and expressions bound; tables in it and what was left out stay."""
+    laws = {f.name: getattr(law, f.name) for f in fields(law) if f.init}  # pyright: ignore[reportArgumentType]
+    return replace(
+        law,  # pyright: ignore[reportArgumentType]
+        **{k: bind(v, f"{title}: {k}") for k, v in laws.items() if v is not None and not callable(v)},
+    )
+
+
+def require_number(
+    law: object, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+) -> None:
+    """Raise if a number of a law is out of its range; expressions are known at run time only."""
+    if isinstance(value, int | float) and not (value > above and least <= value <= most):
+        words = [f"above {above:g}"] if above > -math.inf else []
+        words += [f"at least {least:g}"] if least > -math.inf else []
+        words += [f"at most {most:g}"] if most < math.inf else []
+        raise DeclarationError(f"{type(law).__name__}: {what} is {value:g}; it must be {' and '.join(words)}.")

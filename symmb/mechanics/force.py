@@ -30,10 +30,14 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """Loads of one origin, and the potential [J] they derive from; None where their work is counted instead."""
+    """Loads of one origin, and the potential [J] they derive from; None where their work is counted instead.
+
+    `states` are the first-order states that the loads bring along.
+    """
 
     loads: tuple[Load, ...]
     potential: ca.SX | None = None
+    states: tuple[Symbol, ...] = ()
 
 
 def force_at(point: Point, force: ca.SX) -> Load:
@@ -46,7 +50,20 @@ def moment_on(body: _Framed, torque: ca.SX) -> Load:
     return Load(body, ca.SX(3, 1), body.frame.R.T @ torque)
 
 
-def _constant(*laws: ca.SX) -> bool:
+def fixed_at(body: _Framed, r: ca.SX) -> Point:
+    """The point of a body that is at the world position r (3,) [m] at this moment."""
+    return Point(body, body.frame.R.T @ (r - body.frame.r))
+
+
+def push(point: Point, body: _Framed, force: ca.SX) -> tuple[Load, Load]:
+    """A world force at a point, and the opposite one on another body.
+
+    The reaction acts where the point is: only then do the loads balance and conserve energy.
+    """
+    return force_at(point, force), force_at(fixed_at(body, point.r), -force)
+
+
+def is_constant(*laws: ca.SX) -> bool:
     """Whether laws depend on parameters alone, so that a potential exists."""
     for law in laws:
         for symbol in symbols_in(law):
@@ -56,7 +73,7 @@ def _constant(*laws: ca.SX) -> bool:
     return True
 
 
-def _moved(distance: ca.SX) -> bool:
+def is_moved(distance: ca.SX) -> bool:
     """Whether a distance depends on time by itself, as from a support that a law moves: its forces do work then."""
     return any(is_time(symbol) for symbol in symbols_in(distance))
 
@@ -89,7 +106,7 @@ class Gravity(ForceElement):
             *[bind(c, f"Gravity: {n}") for n, c in zip(("gx", "gy", "gz"), (self.gx, self.gy, self.gz), strict=True)]
         )
         for body, mass in masses:
-            potential = -mass * ca.dot(g, body.center.frame.r) if _constant(g, mass) else None
+            potential = -mass * ca.dot(g, body.center.frame.r) if is_constant(g, mass) else None
             yield Action((Load(body.center, mass * g, ca.SX(3, 1)),), potential)
 
 
@@ -135,7 +152,7 @@ class SpringDamper(ForceElement):
         if not is_zero(k):
             stretch = ca.sumsqr(d) if is_zero(length) else (ca.norm_2(d) - length) ** 2
             force = k * d if is_zero(length) else k * (1 - length / ca.norm_2(d)) * d
-            yield Action(self._pull(force), 0.5 * k * stretch if _constant(k, length) and not _moved(d) else None)
+            yield Action(self._pull(force), 0.5 * k * stretch if is_constant(k, length) and not is_moved(d) else None)
         if not is_zero(c):
             rate = ddt(d)
             # Points closer than 1e-12 m have no line between them: the pull fades there and stays finite.
@@ -207,7 +224,7 @@ class TorsionSpring(ForceElement):
             return (moment_on(self.body_a, -torque * axis), moment_on(self.body_b, torque * axis))
 
         if not is_zero(k):
-            yield Action(pair(-k * (alpha - rest)), 0.5 * k * (alpha - rest) ** 2 if _constant(k, rest) else None)
+            yield Action(pair(-k * (alpha - rest)), 0.5 * k * (alpha - rest) ** 2 if is_constant(k, rest) else None)
         if not is_zero(c):
             yield Action(pair(-c * ddt(alpha)))
 
@@ -240,35 +257,41 @@ class Bushing(ForceElement):
         faults = list(point_faults(self.title, self.point_a, self.point_b))
         yield from faults or pair_faults(self.title, self.bodies())
 
-    def _diagonal(self, bind: Bind, what: str) -> ca.SX:
-        value = getattr(self, what)
-        values = value if isinstance(value, tuple | list) else (value,) * 3
-        if len(values) != 3:
-            raise DeclarationError(f"{self.title}: {what} has {len(values)} components; expected one or three.")
-        return ca.sparsify(ca.diag(ca.vertcat(*[bind(v, f"{self.title}: {what}") for v in values])))
-
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        a, b = self.bodies()
-        K, C = self._diagonal(bind, "stiffness"), self._diagonal(bind, "damping")
-        d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
-        # The reaction on body a acts where body b's point is: only then do the loads balance and conserve energy.
-        there = Point(a, a.frame.R.T @ (self.point_b.r - a.frame.r))
+        translation = [
+            diagonal(getattr(self, what), f"{self.title}: {what}", bind) for what in ("stiffness", "damping")
+        ]
+        rotation = [
+            diagonal(getattr(self, what), f"{self.title}: {what}", bind)
+            for what in ("rotational_stiffness", "rotational_damping")
+        ]
+        yield from mount(self.point_a, self.point_b, *translation, *rotation)
 
-        def push(force: ca.SX) -> tuple[Load, ...]:
-            return (force_at(self.point_b, force), force_at(there, -force))
 
-        if not is_zero(K):
-            yield Action(push(-a.frame.R @ K @ d), 0.5 * ca.dot(d, K @ d) if _constant(K) and not _moved(d) else None)
-        if not is_zero(C):
-            yield Action(push(-a.frame.R @ C @ ddt(d)))
-        K, C = self._diagonal(bind, "rotational_stiffness"), self._diagonal(bind, "rotational_damping")
-        if is_zero(K) and is_zero(C):
-            return
-        relative = a.frame.R.T @ b.frame.R
-        sines = ca.inv_skew(relative - relative.T) / 2
-        omega = relative @ b.frame.omega - a.frame.omega
-        torque = -a.frame.R @ (K @ sines + C @ omega)
-        yield Action((moment_on(b, torque), moment_on(a, -torque)))
+def diagonal(value: Expr | Sequence[Expr], what: str, bind: Bind) -> ca.SX:
+    """Diagonal matrix (3, 3) of one number for all axes, or of three."""
+    values = value if isinstance(value, tuple | list) else (value,) * 3
+    if len(values) != 3:
+        raise DeclarationError(f"{what} has {len(values)} components; expected one or three.")
+    return ca.sparsify(ca.diag(ca.vertcat(*[bind(v, what) for v in values])))
+
+
+def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_turn: ca.SX) -> Iterator[Action]:
+    """Elastic mount between two points, all matrices (3, 3) in the axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
+    a, b = point_a.body, point_b.body
+    d = a.frame.R.T @ (point_b.r - point_a.r)
+    if not is_zero(K):
+        potential = 0.5 * ca.dot(d, K @ d) if is_constant(K) and not is_moved(d) else None
+        yield Action(push(point_b, a, -a.frame.R @ K @ d), potential)
+    if not is_zero(C):
+        yield Action(push(point_b, a, -a.frame.R @ C @ ddt(d)))
+    if is_zero(K_turn) and is_zero(C_turn):
+        return
+    relative = a.frame.R.T @ b.frame.R
+    sines = ca.inv_skew(relative - relative.T) / 2
+    omega = relative @ b.frame.omega - a.frame.omega
+    torque = -a.frame.R @ (K_turn @ sines + C_turn @ omega)
+    yield Action((moment_on(b, torque), moment_on(a, -torque)))
 
 
 @dataclass(frozen=True, eq=False)

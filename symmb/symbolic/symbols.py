@@ -48,7 +48,7 @@ def declare(
 ) -> tuple[Symbol, ...]:
     """Enter symbols into the table; whoever declares them keeps the records alive."""
     records = tuple(
-        Symbol(name, kind, symbols[i], ca.SX() if rates is None else rates[i], ca.SX() if value is None else value)
+        Symbol(name, kind, symbols[i], ca.SX() if rates is None else rates[i], ca.SX() if value is None else value[i])
         for i, name in enumerate(names)
     )
     for record in records:

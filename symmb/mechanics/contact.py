@@ -1,0 +1,238 @@
+"""Contacts: surfaces that push each other apart while they touch."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from symmb._types import Expr
+from symmb.mechanics.angle import relative_angle
+from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.element import Bind, body_faults, bound, pair_faults, point_faults, pose_faults
+from symmb.mechanics.force import Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
+from symmb.mechanics.friction import FrictionLaw, axis_faults, friction_faults
+from symmb.mechanics.pose import Planar, Spatial
+from symmb.symbolic.geometry import Z, triad, unit, vector
+from symmb.symbolic.symbols import Symbol, ddt
+
+_COAXIAL = 1e-12
+"""Distance below which two axes coincide [m]."""
+
+
+def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
+    """The action of a bound law: `loads` turns its force into loads.
+
+    Energy is stored if nothing of what is `fixed` in the bodies, sizes and points and directions, moves in them.
+    """
+    force = law.force(penetration, ddt(penetration))
+    return Action(loads(force), law.potential(penetration) if is_constant(law.stores, *fixed) else None)
+
+
+def law_faults(title: str, law: object) -> Iterator[str]:
+    """Fault of what should be a law of contact."""
+    if not isinstance(law, ContactLaw):
+        yield (
+            f"{title}: expected a law of contact, got {law!r}. "
+            "Use HuntCrossley(...), LankaraniNikravesh(...), Flores(...), KelvinVoigt(...) or Tabulated(...)."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(ForceElement):
+    """A sphere against a plane that is fixed to another body or to the ground.
+
+    Parameters
+    ----------
+    name : str
+    point : Point          centre of the sphere
+    plane_point : Point    anywhere on the plane
+    normal : tuple         of the plane, out of its body, in that body's axes
+    law : ContactLaw       `HuntCrossley(...)`, ...
+    radius : Expr          of the sphere [m]; 0 is a point
+    friction : FrictionLaw, optional       `Coulomb(...)` or `Bristle(...)`, at the foot of the sphere on the plane
+    """
+
+    name: str
+    point: Point
+    plane_point: Point
+    normal: tuple[Expr, ...]
+    law: ContactLaw
+    radius: Expr = 0.0
+    friction: FrictionLaw | None = None
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point.body, self.plane_point.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point, self.plane_point))
+        yield from faults or pair_faults(self.title, self.bodies())
+        yield from axis_faults(self.title, "normal", self.normal)
+        yield from law_faults(self.title, self.law)
+        if self.friction is not None:
+            yield from friction_faults(self.title, self.friction)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.plane_point.body
+        axis = unit(vector(self.normal))
+        normal = a.frame.R @ axis
+        radius = bind(self.radius, f"{self.title}: radius")
+        height = ca.dot(axis, a.frame.R.T @ (self.point.r - self.plane_point.r))
+        law = bound(self.law, bind, self.title)
+        fixed = (self.point.s, self.plane_point.s, axis, radius)
+        yield press(law, radius - height, lambda force: push(self.point, a, force * normal), *fixed)
+        if self.friction is None:
+            return
+        b = self.point.body
+        planar = isinstance(a.pose, Planar) or isinstance(b.pose, Planar)
+        tangents = a.frame.R @ (ca.cross(Z, axis) if planar else triad(axis)[:, :2])
+        foot = self.point.r - height * normal
+        slip = tangents.T @ (_velocity(b, foot) - _velocity(a, foot))
+        normal_force = law.force(radius - height, -ddt(height))
+        force, states = bound(self.friction, bind, self.title).resistance(self.name, slip, normal_force)
+        yield Action(push(fixed_at(b, foot), a, tangents @ force), states=states)
+
+
+def _velocity(body: _Framed, r: ca.SX) -> ca.SX:
+    """World velocity (3,) [m/s] of the point of a body that is at the world position r at this moment."""
+    frame = body.frame
+    return frame.velocity + ca.cross(frame.R @ frame.omega, r - frame.r)
+
+
+@dataclass(frozen=True, eq=False)
+class BushContact(ForceElement):
+    """A pin in a cylindrical bush that is wider than it: the pin is free until it reaches the wall.
+
+    Parameters
+    ----------
+    name : str
+    point_a : Point        on the axis of the bush
+    point_b : Point        on the axis of the pin; it may be anywhere along the bush
+    axis : tuple           of the bush, in the axes of point_a's body
+    clearance : Expr       radius of the bush less that of the pin [m]
+    law : ContactLaw       `HuntCrossley(...)`, ...
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    axis: tuple[Expr, ...]
+    clearance: Expr
+    law: ContactLaw
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
+        yield from axis_faults(self.title, "axis", self.axis)
+        yield from law_faults(self.title, self.law)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.point_a.body
+        axis = unit(vector(self.axis))
+        clearance = bind(self.clearance, f"{self.title}: clearance")
+        d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
+        across = d - ca.dot(d, axis) * axis
+        # Where the axes coincide no direction leads to the wall, and none is needed.
+        squared = ca.sumsqr(across)
+        apart = squared > _COAXIAL**2
+        distance = ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1)), 0)
+        direction = a.frame.R @ across / ca.if_else(apart, distance, 1)
+        law = bound(self.law, bind, self.title)
+        fixed = (self.point_a.s, self.point_b.s, axis, clearance)
+        yield press(law, distance - clearance, lambda force: push(self.point_b, a, -force * direction), *fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class ToothContact(ForceElement):
+    """A tooth between two flanks: free over the backlash, then pressed back from either side.
+
+    Parameters
+    ----------
+    name : str
+    point_a : Point        halfway between the flanks
+    point_b : Point        on the tooth
+    direction : tuple      in which the flanks face each other (tangent to the pitch circle), in point_a's body
+    backlash : Expr        play from flank to flank, half of it to each side [m]
+    law : ContactLaw       of one flank
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    direction: tuple[Expr, ...]
+    backlash: Expr
+    law: ContactLaw
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
+        yield from axis_faults(self.title, "direction", self.direction)
+        yield from law_faults(self.title, self.law)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.point_a.body
+        direction = unit(vector(self.direction))
+        backlash = bind(self.backlash, f"{self.title}: backlash")
+        d = ca.dot(direction, a.frame.R.T @ (self.point_b.r - self.point_a.r))
+
+        def loads(force: ca.SX) -> tuple[Load, ...]:
+            return push(self.point_b, a, -ca.sign(d) * force * (a.frame.R @ direction))
+
+        fixed = (self.point_a.s, self.point_b.s, direction, backlash)
+        yield press(bound(self.law, bind, self.title), ca.fabs(d) - backlash / 2, loads, *fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class TorsionContact(ForceElement):
+    """A coupling with backlash: free to turn over it, then pressed back from either side.
+
+    Parameters
+    ----------
+    name : str
+    body_a, body_b : Body or Ground
+    backlash : Expr        play from stop to stop, half of it to each side [rad]
+    law : ContactLaw       of one stop, in angles: torque [N m] from radians
+    angle : Expr           of b against a halfway between the stops [rad]
+    axis : tuple           in both bodies' axes
+    """
+
+    name: str
+    body_a: _Framed
+    body_b: _Framed
+    backlash: Expr
+    law: ContactLaw
+    angle: Expr = 0.0
+    axis: tuple[Expr, ...] = (0, 0, 1)
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.body_a, self.body_b)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(body_faults(self.title, self.body_a, self.body_b))
+        yield from faults or pose_faults(self.title, self.bodies(), ((Planar, Spatial), (Planar, Spatial)))
+        yield from axis_faults(self.title, "axis", self.axis)
+        yield from law_faults(self.title, self.law)
+
+    @cached_property
+    def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        axis = unit(vector(self.axis))
+        return relative_angle(self.name, self.body_a, axis, self.body_b, axis)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        backlash = bind(self.backlash, f"{self.title}: backlash")
+        middle = bind(self.angle, f"{self.title}: angle")
+        alpha = self._alpha[0] - middle
+        axis = self.body_a.frame.R @ unit(vector(self.axis))
+
+        def loads(torque: ca.SX) -> tuple[Load, ...]:
+            turning = -ca.sign(alpha) * torque * axis
+            return moment_on(self.body_b, turning), moment_on(self.body_a, -turning)
+
+        yield press(bound(self.law, bind, self.title), ca.fabs(alpha) - backlash / 2, loads, backlash, middle)

@@ -1,0 +1,200 @@
+"""Laws of normal contact: the force of a penetration and its rate, never a pull, smooth enough on either side of touch.
+
+What has a root or a power is evaluated at an argument that is safe where nothing touches, and left out there: all
+derivatives are then finite, and 0 before touch.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import casadi as ca
+
+from symmb._types import Expr
+from symmb.mechanics.element import require_number
+from symmb.mechanics.table import Table
+from symmb.symbolic.geometry import is_zero
+
+_TOUCH = 1e-12
+"""Penetration from which there is a force [m, rad]: shorter ones have third derivatives beyond double precision."""
+
+
+class ContactLaw(ABC):
+    """The force that pushes two surfaces apart."""
+
+    @abstractmethod
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        """Force [N] from the penetration [m] and its rate [m/s], 0 where they do not touch and never below."""
+
+    def potential(self, penetration: ca.SX) -> ca.SX | None:
+        """Energy stored [J]; None of a law with losses."""
+        return None
+
+    @property
+    def stores(self) -> ca.SX:
+        """What the stored energy depends on besides the penetration: it is conserved if these are constant."""
+        return ca.SX(0, 1)
+
+
+def _power(base: ca.SX, exponent: Expr) -> ca.SX:
+    """A power of what is above 0; that of Hertz by a root, which takes a fraction of the time."""
+    if not ca.SX(exponent).is_constant():
+        return base**exponent
+    return base * ca.sqrt(base) if float(exponent) == 1.5 else base ** float(exponent)
+
+
+@dataclass(frozen=True, eq=False)
+class _Hertzian(ContactLaw):
+    """F = k d^n (1 + chi d'), d the penetration; chi is what the laws differ in."""
+
+    stiffness: Expr
+    restitution: Expr
+    speed: Expr
+    exponent: Expr = 1.5
+
+    def __post_init__(self) -> None:
+        require_number(self, "stiffness", self.stiffness, above=0.0)
+        require_number(self, "restitution", self.restitution, above=0.0, most=1.0)
+        require_number(self, "speed", self.speed, above=0.0)
+        require_number(self, "exponent", self.exponent, least=1.0)
+
+    @property
+    @abstractmethod
+    def chi(self) -> Expr:
+        """Damping over stiffness [s/m]."""
+
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        loss = 1 + self.chi * rate
+        touching = penetration > _TOUCH
+        d = ca.if_else(touching, penetration, 1)
+        pushing = touching if is_zero(ca.SX(self.chi)) else ca.logic_and(touching, loss > 0)
+        return ca.if_else(pushing, self.stiffness * _power(d, self.exponent) * loss, 0)
+
+    def potential(self, penetration: ca.SX) -> ca.SX | None:
+        if not is_zero(ca.SX(self.chi)):
+            return None
+        d = ca.if_else(penetration > _TOUCH, penetration, 1)
+        energy = self.stiffness * d * _power(d, self.exponent) / (self.exponent + 1)
+        return ca.if_else(penetration > _TOUCH, energy, 0)
+
+    @property
+    def stores(self) -> ca.SX:
+        return ca.vertcat(self.stiffness, self.exponent)
+
+
+@dataclass(frozen=True, eq=False)
+class HuntCrossley(_Hertzian):
+    """F = k d^n (1 + chi d') with chi = 3 (1 - e) / (2 v): for restitutions near 1.
+
+    Parameters
+    ----------
+    stiffness : Expr       k [N/m^n]
+    restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr           v of approach at first touch [m/s]
+    exponent : Expr        n, 3/2 of Hertz if left out [-]
+
+    References
+    ----------
+    Hunt, Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact, J. Appl. Mech. 42.
+    """
+
+    @property
+    def chi(self) -> Expr:
+        return 1.5 * (1 - self.restitution) / self.speed
+
+
+@dataclass(frozen=True, eq=False)
+class LankaraniNikravesh(_Hertzian):
+    """F = k d^n (1 + chi d') with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
+
+    Parameters
+    ----------
+    stiffness : Expr       k [N/m^n]
+    restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr           v of approach at first touch [m/s]
+    exponent : Expr        n, 3/2 of Hertz if left out [-]
+
+    References
+    ----------
+    Lankarani, Nikravesh (1990), A contact force model with hysteresis damping for impact analysis of multibody systems,
+    J. Mech. Des. 112.
+    """
+
+    @property
+    def chi(self) -> Expr:
+        return 0.75 * (1 - self.restitution**2) / self.speed
+
+
+@dataclass(frozen=True, eq=False)
+class Flores(_Hertzian):
+    """F = k d^n (1 + chi d') with chi = 8 (1 - e) / (5 e v): for all restitutions, soft bodies included.
+
+    Parameters
+    ----------
+    stiffness : Expr       k [N/m^n]
+    restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr           v of approach at first touch [m/s]
+    exponent : Expr        n, 3/2 of Hertz if left out [-]
+
+    References
+    ----------
+    Flores, Machado, Silva, Martins (2011), On the continuous contact force models for soft materials in multibody
+    dynamics, Multibody Syst. Dyn. 25.
+    """
+
+    @property
+    def chi(self) -> Expr:
+        return 1.6 * (1 - self.restitution) / (self.restitution * self.speed)
+
+
+@dataclass(frozen=True, eq=False)
+class KelvinVoigt(ContactLaw):
+    """F = k d + c d', a spring beside a damper; with damping it jumps at touch and ends before the surfaces part.
+
+    Parameters
+    ----------
+    stiffness : Expr       k [N/m]
+    damping : Expr         c [N s/m]
+    """
+
+    stiffness: Expr
+    damping: Expr = 0.0
+
+    def __post_init__(self) -> None:
+        require_number(self, "stiffness", self.stiffness, above=0.0)
+        require_number(self, "damping", self.damping, least=0.0)
+
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        return _pushing(penetration, self.stiffness * penetration + self.damping * rate)
+
+    def potential(self, penetration: ca.SX) -> ca.SX | None:
+        if not is_zero(ca.SX(self.damping)):
+            return None
+        return ca.if_else(penetration > 0, 0.5 * self.stiffness * penetration**2, 0)
+
+    @property
+    def stores(self) -> ca.SX:
+        return ca.SX(self.stiffness)
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated(ContactLaw):
+    """A force read from a table of penetrations, beside a damper; it is not below 0 either.
+
+    Parameters
+    ----------
+    table : Table          force [N] over penetration [m]
+    damping : Expr         c [N s/m]
+    """
+
+    table: Table
+    damping: Expr = 0.0
+
+    def __post_init__(self) -> None:
+        require_number(self, "damping", self.damping, least=0.0)
+
+    def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        return _pushing(penetration, self.table(penetration) + self.damping * rate)
+
+
+def _pushing(penetration: ca.SX, force: ca.SX) -> ca.SX:
+    return ca.if_else(ca.logic_and(penetration > 0, force > 0), force, 0)

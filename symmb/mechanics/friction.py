@@ -1,0 +1,177 @@
+"""Friction: laws that resist slip under a normal force, and the force between two bodies that slide on each other."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from symmb._types import Expr
+from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.element import Bind, bound, pair_faults, point_faults, require_number
+from symmb.mechanics.force import Action, ForceElement, push
+from symmb.symbolic.geometry import is_zero, unit, vector
+from symmb.symbolic.symbols import Kind, Symbol, ddt, declare
+
+
+class FrictionLaw(ABC):
+    """What resists slip."""
+
+    @abstractmethod
+    def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        """Force (k,) [N] against the velocity of slip (k,) [m/s], k 1 or 2, and the records of the states it needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coulomb(FrictionLaw):
+    """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
+
+    u is the speed of slip over `speed`, at which mu is about mu_s. Below, the force falls to 0 with the slip: what
+    rests under a force f creeps, at about speed f / (4 mu_k N). For what must stick there is `Bristle`.
+
+    Parameters
+    ----------
+    kinetic : Expr         mu_k of sliding [-]
+    speed : Expr           of the transition [m/s]: the smaller, the closer to Coulomb's law and the stiffer
+    static : Expr          mu_s before sliding [-]; mu_k if left out
+
+    References
+    ----------
+    Brown, McPhee (2016), A continuous velocity-based friction model for dynamics and control with physically
+    meaningful parameters, J. Comput. Nonlinear Dyn. 11.
+    """
+
+    kinetic: Expr
+    speed: Expr
+    static: Expr | None = None
+
+    def __post_init__(self) -> None:
+        _require_coefficients(self)
+
+    def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        w = slip / self.speed
+        size = ca.sqrt(ca.sumsqr(w) + _REST**2)
+        mu_over_u = self.kinetic * ca.tanh(4 * size) / size
+        if self.static is not None:
+            mu_over_u += (self.static - self.kinetic) / (0.25 * size**2 + 0.75) ** 2
+        return -normal_force * mu_over_u * w, ()
+
+
+_REST = 1e-4
+"""Speed over that of the transition at which its direction is lost; the slope of mu at rest is 5e-8 smaller by it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bristle(FrictionLaw):
+    """Stick and slip by bristles that bend with the slip, F = N (k z + d(z')): elastic until they break away.
+
+    The deflection z of a bristle, a first-order state called `name.bristle`, follows the slip up to 0.7 of what it can
+    hold, z_s = mu(v) / k with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2); above, it yields more and more,
+    and stays at z_s while it slides. Under less than 0.7 of the breakaway force nothing creeps, whatever shakes.
+    d is c z' for small rates and never above mu: plain damping would stop like a wall what sets out fast.
+
+    Parameters
+    ----------
+    kinetic : Expr         mu_k of sliding [-]
+    stiffness : Expr       k of the bristles, for each newton of normal force [1/m]
+    damping : Expr         c of the bristles, for each newton of normal force [s/m]: lets elastic rest come to rest
+    static : Expr          mu_s of breaking away [-]; mu_k if left out
+    speed : Expr           at which mu falls from mu_s to mu_k (Stribeck) [m/s]
+
+    References
+    ----------
+    Dupont, Hayward, Armstrong, Altpeter (2002), Single state elastoplastic friction models, IEEE Trans. Automat.
+    Control 47.
+    """
+
+    kinetic: Expr
+    stiffness: Expr
+    damping: Expr = 0.0
+    static: Expr | None = None
+    speed: Expr = 1e-3
+
+    def __post_init__(self) -> None:
+        _require_coefficients(self)
+        require_number(self, "stiffness", self.stiffness, above=0.0)
+        require_number(self, "damping", self.damping, least=0.0)
+
+    def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        n = slip.numel()
+        names = [f"{name}.bristle"] if n == 1 else [f"{name}.bristle_{i + 1}" for i in range(n)]
+        z = ca.vertcat(*[ca.SX.sym(name) for name in names])
+        mu = self.kinetic
+        if self.static is not None:
+            mu = mu + (self.static - self.kinetic) * ca.exp(-ca.sumsqr(slip / self.speed))
+        zeta = z * self.stiffness / mu
+        bent = ca.sumsqr(zeta)
+        along = ca.dot(slip, zeta)
+        s = (bent - _ELASTIC) / (1 - _ELASTIC)
+        blend = s**3 * (10 + s * (6 * s - 15))
+        yielding = ca.if_else(bent < 1, blend, 1) * along
+        # Bristles that straighten again do not yield.
+        rate = slip - ca.if_else(ca.logic_and(bent > _ELASTIC, along > 0), yielding, 0) * zeta
+        records = declare(names, Kind.STATE, z, rate, ca.SX.zeros(n))
+        damping = self.damping * rate
+        damping = damping / ca.sqrt(1 + ca.sumsqr(damping / mu))
+        return -normal_force * (self.stiffness * z + damping), records
+
+
+_ELASTIC = 0.7**2
+
+
+def _require_coefficients(law: Coulomb | Bristle) -> None:
+    require_number(law, "kinetic", law.kinetic, above=0.0)
+    require_number(law, "speed", law.speed, above=0.0)
+    if isinstance(law.kinetic, int | float):
+        require_number(law, "static", law.static, least=law.kinetic)
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(ForceElement):
+    """Friction between two bodies that slide along an axis, as in a `Prismatic` guide or on a table.
+
+    Parameters
+    ----------
+    name : str
+    point_a, point_b : Point
+    axis : tuple           of sliding, in the axes of point_a's body
+    normal_force : Expr    that presses the bodies together, not negative [N]
+    law : FrictionLaw      `Coulomb(...)` or `Bristle(...)`
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    axis: tuple[Expr, ...]
+    normal_force: Expr
+    law: FrictionLaw
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
+        yield from axis_faults(self.title, "axis", self.axis)
+        yield from friction_faults(self.title, self.law)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.point_a.body
+        axis = unit(vector(self.axis))
+        normal_force = bind(self.normal_force, f"{self.title}: normal_force")
+        slip = ddt(ca.dot(axis, a.frame.R.T @ (self.point_b.r - self.point_a.r)))
+        law = bound(self.law, bind, self.title)
+        force, states = law.resistance(self.name, slip, normal_force)
+        yield Action(push(self.point_b, a, force * (a.frame.R @ axis)), states=states)
+
+
+def axis_faults(title: str, what: str, axis: tuple[Expr, ...]) -> Iterator[str]:
+    """Fault of a direction that is none."""
+    if is_zero(vector(axis, f"{what} of {title}")):
+        yield f"{title}: {what} {axis} has no direction. Give a vector that is not zero."
+
+
+def friction_faults(title: str, law: object) -> Iterator[str]:
+    """Fault of what should be a friction law."""
+    if not isinstance(law, FrictionLaw):
+        yield f"{title}: expected a friction law, got {law!r}. Use Coulomb(...) or Bristle(...)."

@@ -1,0 +1,167 @@
+"""Loads of machines: springs of any law, hydraulic dampers, gas springs, soil."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from symmb._types import Expr
+from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.contact import law_faults, press
+from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.element import Bind, bound, pair_faults, point_faults
+from symmb.mechanics.force import Action, ForceElement, diagonal, force_at, mount, push
+from symmb.mechanics.friction import axis_faults
+from symmb.symbolic.geometry import unit, vector
+from symmb.symbolic.symbols import ddt
+
+_MEETING = 1e-12  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearSpring(ForceElement):
+    """A force along the line between two points by any law of their distance and its rate.
+
+    Parameters
+    ----------
+    name : str
+    point_a, point_b : Point
+    pull : callable        (length [m], rate [m/s]), both SX, -> force that pulls the points together [N]; such as
+                           `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
+    """
+
+    name: str
+    point_a: Point
+    point_b: Point
+    pull: Callable[[ca.SX, ca.SX], Expr]
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
+        if not callable(self.pull):
+            yield f"{self.title}: pull {self.pull!r} is no law. Give a function of length and rate, lambda d, v: ..."
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        d = self.point_b.r - self.point_a.r
+        # Points closer than 1e-12 m have no line between them: the force fades there and stays finite.
+        length = ca.sqrt(ca.fmax(ca.sumsqr(d), _MEETING**2))
+        pull = bind(self.pull(length, ca.dot(d, ddt(d)) / length), f"{self.title}: pull")
+        force = pull * d / length
+        yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)))
+
+
+@dataclass(frozen=True, eq=False)
+class GasSpring:
+    """Gas behind a piston, p V^n constant, which pushes two points apart: a law of `NonlinearSpring`.
+
+    Parameters
+    ----------
+    pressure : Expr        at `length` [Pa], so high that the one outside does not count
+    volume : Expr          at `length` [m^3]
+    area : Expr            of the piston [m^2]; below 0 where the gas is pressed as the points part, as in a recuperator
+    length : Expr          of the line between the points to which pressure and volume belong [m]
+    exponent : Expr        n, 1 of slow and 1.4 of fast changes of air [-]
+
+    Below a hundredth of `volume` the gas is not pressed further.
+    """
+
+    pressure: Expr
+    volume: Expr
+    area: Expr
+    length: Expr
+    exponent: Expr = 1.4
+
+    def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
+        """The pull [N]."""
+        share = 1 + self.area * (length - self.length) / self.volume
+        return -self.pressure * self.area * ca.if_else(share > _LEAST, share, _LEAST) ** (-self.exponent)
+
+
+_LEAST = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Orifice:
+    """Fluid that a piston presses through an opening, as in recoil brakes: a law of `NonlinearSpring`.
+
+    F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. Around rest v |v| is
+    v sqrt(v^2 + speed^2): laminar flow, and smooth.
+
+    Parameters
+    ----------
+    area : Expr            A of the piston [m^2]
+    opening : Expr         a [m^2], above 0, or a function of (stroke [m], rate [m/s]), both SX: a throttling ring by
+                           `lambda stroke, rate: ring(stroke)` with a `Table`, valves by the rate
+    length : Expr          of the line between the points at stroke 0 [m]
+    density : Expr         rho [kg/m^3]
+    discharge : Expr       Cd [-]
+    speed : Expr           below which the flow is laminar [m/s]
+    """
+
+    area: Expr
+    opening: Expr
+    length: Expr = 0.0
+    density: Expr = 870.0
+    discharge: Expr = 0.7
+    speed: Expr = 1e-3
+
+    def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
+        """The pull [N]."""
+        opening = self.opening(length - self.length, rate) if callable(self.opening) else self.opening
+        loss = 0.5 * self.density * self.area**3 / (self.discharge * opening) ** 2
+        return loss * rate * ca.sqrt(rate**2 + self.speed**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Soil(ForceElement):
+    """Soil under a foot: it carries along its normal, without pull, and holds by springs and dampers otherwise.
+
+    Parameters
+    ----------
+    name : str
+    ground_point : Point   surface of the soil, on the ground or on another body
+    point : Point          foot
+    normal : tuple         out of the soil, in the axes of ground_point's body
+    law : ContactLaw       along the normal, `KelvinVoigt(...)`, or measured: `Tabulated(...)`
+    stiffness, damping : scalar or (x, y, z)                          across the normal [N/m], [N s/m]
+    rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad], as of a `Bushing`
+
+    The springs across the normal act whether the foot is pressed down or not: spades and ribs stay in the soil.
+    """
+
+    name: str
+    ground_point: Point
+    point: Point
+    normal: tuple[Expr, ...]
+    law: ContactLaw
+    stiffness: Expr = 0.0
+    damping: Expr = 0.0
+    rotational_stiffness: Expr = 0.0
+    rotational_damping: Expr = 0.0
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.ground_point.body, self.point.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.ground_point, self.point))
+        yield from faults or pair_faults(self.title, self.bodies())
+        yield from axis_faults(self.title, "normal", self.normal)
+        yield from law_faults(self.title, self.law)
+
+    def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
+        a = self.ground_point.body
+        normal = unit(vector(self.normal))
+        penetration = -ca.dot(normal, a.frame.R.T @ (self.point.r - self.ground_point.r))
+        law = bound(self.law, bind, self.title)
+        fixed = (self.point.s, self.ground_point.s, normal)
+        yield press(law, penetration, lambda force: push(self.point, a, force * (a.frame.R @ normal)), *fixed)
+        across = ca.SX.eye(3) - normal @ normal.T
+        values = [
+            diagonal(getattr(self, what), f"{self.title}: {what}", bind)
+            for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
+        ]
+        K, C = (ca.sparsify(across @ value @ across) for value in values[:2])
+        yield from mount(self.ground_point, self.point, K, C, *values[2:])

@@ -1,0 +1,225 @@
+"""Contacts in motion: published impacts, momentum, energy, clearances, and bounds over an uncertain gap."""
+
+import json
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+
+KNOWN = json.loads((Path(__file__).parents[1] / "data" / "contact.json").read_text(encoding="utf-8"))
+GROUND = mb.Ground()
+SOLVERS = (mb.DormandPrince(rtol=1e-9), mb.CVODES(), mb.Rosenbrock())
+solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
+LAWS = {"LankaraniNikravesh": mb.LankaraniNikravesh, "Flores2011": mb.Flores, "HuntCrossley": mb.HuntCrossley}
+
+
+def falling(law, times, *, height=0.0, speed=0.0, g=0.0, p=None, **contact):
+    """A ball of 1 kg above a floor."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    forces = [mb.Contact("floor", ball.point(0, 0), GROUND.point(0, 0), (0, 1), law, **contact)]
+    forces += [mb.Gravity(0, -g)] if g else []
+    start = {"ball.y": height, "ball.vy": -speed}
+    outputs = {"y": ball.y, "vy": ball.vy}
+    return mb.Scene(mb.System(ball, *forces, parameters=p), start, times, outputs, name="falling")
+
+
+@solvers
+@pytest.mark.parametrize("case", [name for name in KNOWN["hertz"] if name != "undamped"])
+def test_a_ball_rebounds_as_the_energy_integral_tells(case, solver):
+    known = KNOWN["hertz"][case]
+    p = mb.Parameters(k=known["k"], e=known["e_nominal"], v=known["v_impact"])
+    law = LAWS[case.split("_e")[0]](p.k, p.e, p.v)
+    run = mb.simulate(falling(law, np.linspace(0.0, 4e-3, 2001), speed=p.v, p=p), solver)
+    assert run["vy"][-1] == pytest.approx(known["v_rebound"], rel=1e-6)
+    assert -run["y"].min() == pytest.approx(known["delta_max"], rel=1e-5)
+    assert run.energy.work[-1] == pytest.approx((known["v_rebound"] ** 2 - 1) / 2, rel=1e-5)
+    assert run.energy_drift < 1e-6
+
+
+@solvers
+def test_a_contact_without_losses_stores_the_energy(solver):
+    known = KNOWN["hertz"]["undamped"]
+    law = mb.HuntCrossley(known["k"], 1.0, 1.0)
+    half = known["duration"] / 2
+    run = mb.simulate(falling(law, [0.0, half, 2 * half, 3 * half], speed=1.0), solver)
+    assert_allclose(run["vy"], [-1, 0, 1, 1], atol=1e-6)
+    assert_allclose(run["y"], [0, -known["delta_max"], 0, half], atol=1e-9)
+    assert_allclose(run.energy.work, 0)
+    assert run.energy_drift < 1e-6
+    depth = known["delta_max"]
+    assert float(law.force(ca.SX(depth), ca.SX(0))) == pytest.approx(known["F_max"], rel=1e-12)
+
+
+@solvers
+def test_a_linear_impact_ends_where_the_force_does(solver):
+    known = KNOWN["linear"]
+    p, end = known["parameters"], known["exit_at_zero_force"]
+    times = np.append(np.linspace(0.0, end["t"], 1001), 0.004)
+    run = mb.simulate(falling(mb.KelvinVoigt(float(p["k"]), float(p["c"])), times, speed=float(p["v0"])), solver)
+    assert -run["y"].min() == pytest.approx(known["delta_max"], rel=1e-5)
+    assert_allclose(run["vy"][-2:], -end["v"], rtol=1e-6)
+    assert -run["y"][-2] == pytest.approx(end["penetration"], rel=1e-5)
+    assert run.energy_drift < 1e-6
+
+
+@solvers
+def test_no_step_passes_over_a_bounce(solver):
+    """Contacts of 2 ms in flights of up to 0.9 s, in which a step might become as long as it likes."""
+    known = KNOWN["drop"]
+    law = mb.HuntCrossley(known["k"], 1 - 2 / 3 * known["chi"], 1.0)
+    events = np.array(known["values"])
+    times, speeds = events[:, [0, 2]].ravel(), events[:, [1, 3]].ravel()
+    run = mb.simulate(falling(law, np.insert(times, 0, 0.0), height=1.0, g=known["g"]), solver)
+    assert_allclose(run["vy"][1:], speeds, atol=2e-5)
+
+
+@pytest.mark.parametrize("solver", SOLVERS[:2], ids=repr)
+def test_two_colliding_bodies_keep_their_momentum(solver):
+    """A spinning sphere hits a tumbling plate, with friction, off both centres."""
+    plate = mb.Body("plate", 2.0, (0.3, 0.2, 0.4), mb.Spatial())
+    ball = mb.Body("ball", 1.5, (0.05, 0.06, 0.07), mb.Spatial())
+    law = mb.HuntCrossley(1e5, 0.8, 1.0)
+    contact = mb.Contact(
+        "hit", ball.point(0.01, 0, 0), plate.point(0, 0, 0.1), (0.1, 0, 1), law, 0.2, mb.Coulomb(0.3, 0.01)
+    )
+    start = {"ball.z": 0.5, "ball.x": 0.3, "ball.vz": -3.0, "ball.omega": (2, -5, 1), "plate.omega": (0.3, 0.1, 0.2)}
+    run = mb.simulate(mb.Scene(mb.System(plate, ball, contact), start, np.linspace(0, 0.2, 101)), solver)
+    linear, angular = 0, 0
+    for body, m, J in ((plate, 2.0, [0.3, 0.2, 0.4]), (ball, 1.5, [0.05, 0.06, 0.07])):
+        linear += m * body.frame.velocity
+        angular += m * ca.cross(body.frame.r, body.frame.velocity) + body.rotation @ (ca.DM(J) * body.omega)
+    assert run["ball.vz"][-1] > -1.5
+    assert np.ptp(run["plate.omega_y"]) > 0.5
+    for momentum in (run(linear), run(angular)):
+        assert_allclose(momentum, np.broadcast_to(momentum[0], momentum.shape), atol=1e-6)
+    assert run.energy.work[-1] < -0.5
+    assert run.energy_drift < 1e-6
+
+
+@solvers
+def test_a_pin_flies_across_its_bush_and_back(solver):
+    """Along a diameter, without losses: from wall to wall at constant speed, half a Hertz contact at each."""
+    clearance, speed, k = 0.01, 2.0, 1e8
+    pin = mb.Body("pin", 1.0, 0.1, mb.Planar())
+    bush = mb.BushContact(
+        "bush", GROUND.point(0, 0), pin.point(0, 0), (0, 0, 1), clearance, mb.HuntCrossley(k, 1.0, 1.0)
+    )
+    # The duration of a Hertz contact goes with the fifth root of 1 / v, its depth with v^(4 / 5).
+    hertz = KNOWN["hertz"]["undamped"]
+    flight, touch = 2 * clearance / speed, hertz["duration"] * speed**-0.2
+    times = np.array([0.0, flight / 2 + touch / 2, flight + touch, 1.5 * flight + 1.5 * touch, 2 * flight + 2 * touch])
+    direction = np.array([0.6, 0.8])
+    start = {"pin.vx": speed * 0.6, "pin.vy": speed * 0.8}
+    run = mb.simulate(mb.Scene(mb.System(pin, bush), start, times, {"x": pin.x, "y": pin.y}), solver)
+    depth = hertz["delta_max"] * speed**0.8
+    along = np.array([0, clearance + depth, 0, -clearance - depth, 0])
+    assert_allclose(run.values, np.outer(along, direction), atol=1e-8)
+    assert run.energy_drift < 1e-6
+
+
+@pytest.mark.parametrize("clearance", [0.0, 1e-3])
+def test_a_bush_is_smooth_where_the_axes_coincide(clearance):
+    pin = mb.Body("pin", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
+    law = mb.HuntCrossley(1e8, 0.8, 1.0)
+    system = mb.System(
+        pin, mb.BushContact("bush", GROUND.point(0, 0, 0), pin.point(0, 0, 0), (0, 0, 1), clearance, law)
+    )
+    x = ca.vertcat(system.q, system.v)
+    expression = system.Q
+    for _ in range(4):
+        f = ca.Function("f", [x], [expression])
+        for state in ([0] * 3 + [1] + [0] * 9, [0] * 3 + [1] + [0] * 3 + [1] * 6, [1e-9, 0, 0, 1] + [0] * 3 + [1] * 6):
+            assert np.isfinite(f(state).full()).all()
+        expression = ca.jtimes(expression, x, ca.DM.ones(x.numel()))
+
+
+@solvers
+def test_backlash_lets_go_both_ways(solver):
+    """A tooth and a coupling of the same numbers move alike; SciPy integrates the equation by hand."""
+    k, play, m = 4e4, 0.02, 2.0
+    law = mb.KelvinVoigt(k, 20.0)
+    rack = mb.Body("rack", m, pose=mb.Particle())
+    rotor = mb.Body("rotor", 1.0, m, mb.Planar())
+    system = mb.System(
+        rack,
+        rotor,
+        mb.ToothContact("tooth", GROUND.point(0.3, 0), rack.point(0, 0), (1, 0, 0), play, law),
+        mb.TorsionContact("coupling", GROUND, rotor, play, law, angle=0.3),
+    )
+    times = np.linspace(0, 0.1, 41)
+    start = {"rack.x": 0.3, "rack.vx": 1.5, "rotor.theta": 0.3, "rotor.omega": 1.5}
+    run = mb.simulate(mb.Scene(system, start, times), solver)
+
+    def rates(t, y):
+        depth, rate = abs(y[0]) - play / 2, np.sign(y[0]) * y[1]
+        force = max(k * depth + 20 * rate, 0) if depth > 0 else 0.0
+        return [y[1], -np.sign(y[0]) * force / m]
+
+    x, v = solve_ivp(rates, (0, 0.1), [0, 1.5], "DOP853", times, rtol=1e-10, atol=1e-12, max_step=1e-4).y
+    assert x.max() > play / 2 and x.min() < -play / 2
+    assert_allclose(run["rack.x"] - 0.3, x, atol=1e-6)
+    assert_allclose(run["rotor.theta"] - 0.3, x, atol=1e-6)
+    assert_allclose(run["rack.vx"], v, atol=1e-4)
+    assert run.energy_drift < 1e-6
+
+
+def test_exponent_and_radius_may_be_parameters_and_laws_sympy():
+    p = mb.Parameters(n=1.5, r=0.1, k=1e8)
+    law = mb.LankaraniNikravesh(sp.Symbol("k"), 0.9, 1.0, p.n)
+    scene = falling(law, [0.0, 4e-3], height=0.1, speed=1.0, p=p, radius=p.r)
+    known = KNOWN["hertz"]["LankaraniNikravesh_e0.9"]
+    assert mb.simulate(scene)["vy"][-1] == pytest.approx(known["v_rebound"], rel=1e-6)
+
+
+def test_a_plane_that_time_moves_does_work():
+    """A floor that rises at constant speed is, to the ball, a ball that falls faster."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    floor = GROUND.point(0, 0.4 * mb.t)
+    contact = mb.Contact("floor", ball.point(0, 0), floor, (0, 1), mb.HuntCrossley(1e8, 1.0, 1.0))
+    run = mb.simulate(mb.Scene(mb.System(ball, contact), {"ball.vy": -0.6}, [0.0, 1e-3, 4e-3], {"v": ball.vy}))
+    assert run["v"][-1] == pytest.approx(1.4, rel=1e-6)
+    assert run.energy.work[-1] == pytest.approx((1.4**2 - 0.6**2) / 2, rel=1e-6)
+    assert run.energy_drift < 1e-6
+
+
+def uncertain_gap():
+    """A ball above a spring, and the true bounds of its height: whether it has met the spring depends on the gap."""
+    p, k, g = mb.Parameters(gap=0.2), 5e4, 9.81
+    times = np.linspace(0.0, 0.3, 31)
+    scene = falling(mb.KelvinVoigt(k), times, height=p.gap, g=g, p=p).with_box(mb.Box(gap=(0.15, 0.25)))
+    w = np.sqrt(k)
+
+    def height(gap):
+        """Fall; y'' = -k y - g from y = 0 with the speed of impact; and up again."""
+        begin, v = np.sqrt(2 * gap / g), -np.sqrt(2 * gap * g)
+        s, out = times - begin, 2 * (np.pi - np.arctan2(-w * v, g)) / w
+        touching = v / w * np.sin(w * s) - g / w**2 * (1 - np.cos(w * s))
+        away = -v * (s - out) - g / 2 * (s - out) ** 2
+        return np.where(s < 0, gap - g / 2 * times**2, np.where(s < out, touching, away))
+
+    known = np.array([height(gap) for gap in np.linspace(0.15, 0.25, 20001)])
+    return scene, known.min(axis=0), known.max(axis=0)
+
+
+def test_polynomial_chaos_over_an_uncertain_gap_is_honest():
+    scene, lower, upper = uncertain_gap()
+    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    y = bounds.names.index("y")
+    error = np.maximum(np.abs(bounds.lower[:, y] - lower), np.abs(bounds.upper[:, y] - upper))
+    assert error.max() < 0.02 * np.ptp(upper)
+    assert (error <= bounds.estimate[:, y] + 1e-6).all()
+
+
+def test_monte_carlo_over_an_uncertain_gap_is_attained():
+    scene, lower, upper = uncertain_gap()
+    bounds = mb.propagate(scene, mb.MonteCarlo(2000))
+    y = bounds.names.index("y")
+    assert (bounds.lower[:, y] >= lower - 1e-6).all() and (bounds.upper[:, y] <= upper + 1e-6).all()
+    assert_allclose(bounds.lower[:, y], lower, atol=1e-3)
+    assert_allclose(bounds.upper[:, y], upper, atol=1e-3)

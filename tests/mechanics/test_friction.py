@@ -1,0 +1,211 @@
+"""Friction: its formula, decay and standstill, stick and slip in closed form, and slip in two directions."""
+
+import json
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+from models import stick_slip
+
+KNOWN = json.loads((Path(__file__).parents[1] / "data" / "contact.json").read_text(encoding="utf-8"))["coulomb"]
+GROUND = mb.Ground()
+SOLVERS = (mb.DormandPrince(), mb.CVODES(rtol=1e-10, stiff=True), mb.Rosenbrock())
+solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
+
+
+def decaying(law, times):
+    """The block of the reference, let go from x0 on a spring."""
+    p = KNOWN["parameters"]
+    block = mb.Body("block", float(p["m"]), pose=mb.Particle())
+    system = mb.System(
+        block,
+        mb.Spring("spring", GROUND.point(0, 0), block.point(0, 0), float(p["k"])),
+        mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), p["N"], law),
+    )
+    return mb.Scene(system, {"block.x": float(p["x0"]), "block.y": 0.0, "block.z": 0.0}, times)
+
+
+@solvers
+@pytest.mark.parametrize(
+    ("law", "swing", "end"),
+    [
+        # The velocity of the transition is reached a moment earlier or later: swings are off by less than 1e-7 of 1 m.
+        # At rest the block creeps by k x speed / (4 mu N) = 2e-5 m/s.
+        (mb.Coulomb(KNOWN["parameters"]["mu"], 1e-3), 1e-7, 2e-4),
+        # Bristles give way by mu / stiffness = 2.5e-5 m at each swing, and hold.
+        (mb.Bristle(KNOWN["parameters"]["mu"], 1e4, damping=60.0), 2e-4, 2e-4),
+    ],
+    ids=["Coulomb", "Bristle"],
+)
+def test_decay_by_friction(law, swing, end, solver):
+    times, values = np.array(KNOWN["reversals"]).T
+    every = np.concatenate([np.linspace(0, 2, 201), times, [10.0]])
+    order = np.argsort(every)
+    run = mb.simulate(decaying(law, every[order]), solver)
+    x = np.empty(len(every))
+    x[order] = run["block.x"]
+    assert_allclose(x[201:203], values, atol=swing)
+    assert x[203] == pytest.approx(KNOWN["final_x"], abs=end)
+    assert run.energy_drift < 1e-5
+    assert np.diff(run.energy.work).max() < 4e-5  # bristles give back N mu^2 / (2 k) at most
+
+
+def test_a_smaller_transition_comes_closer_to_coulomb_s_law():
+    times = [time for time, _ in KNOWN["reversals"]]
+    creep = []
+    for speed in (1e-2, 1e-3):
+        run = mb.simulate(decaying(mb.Coulomb(0.25, speed), [0.0, *times, 10.0]), SOLVERS[0])
+        creep.append(abs(run["block.x"][-1] - KNOWN["final_x"]))
+    assert creep[1] < 0.15 * creep[0]
+
+
+def test_bristles_hold_a_block_that_is_shaken():
+    """Half of what would break it away, at 5 Hz: nothing moves on, while the smooth law creeps."""
+    last = {}
+    for law in (mb.Bristle(0.3, 1e4, damping=60.0, static=0.4), mb.Coulomb(0.3, 1e-3, static=0.4)):
+        block = mb.Body("block", 1.0, pose=mb.Particle())
+        push = 1.5 + 0.5 * ca.sin(10 * np.pi * mb.t)
+        system = mb.System(
+            block,
+            mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law),
+            mb.Force("push", block.point(0, 0), (push, 0)),
+        )
+        run = mb.simulate(mb.Scene(system, times=[0.0, 1.0, 2.0, 20.0]), SOLVERS[2])
+        last[type(law)] = run["block.x"]
+    held = last[mb.Bristle]
+    assert 0.5e-5 < held[1] < 3e-5  # N k z = 1.5 ... 2
+    assert_allclose(held[1:], held[1], atol=1e-9)
+    assert last[mb.Coulomb][-1] > 1e-3
+
+
+@solvers
+def test_a_block_on_a_belt_moves_alike_by_every_solver(solver):
+    """Lightly stiff bristles, so that explicit steps can follow them."""
+    scene = stick_slip.scene(bristles=1e4)
+    run, fine = (mb.simulate(scene, s) for s in (solver, mb.Rosenbrock(rtol=1e-10)))
+    assert_allclose(run["x"], fine["x"], atol=1e-6)
+    assert run.energy_drift < 1e-6
+
+
+def test_stick_and_slip_of_a_block_on_a_belt():
+    m, k, V, N, static, kinetic = 1.0, 100.0, 0.1, 10.0, 0.4, 0.25
+    A, w = (static - kinetic) * N / k, np.sqrt(k / m)
+    slips = 2 * (np.pi - np.arctan(A * w / V)) / w
+    first = static * N / k / V  # breaks away
+    period = 2 * A / V + slips
+
+    def closed(t):
+        since = (t - first) % period
+        slip = kinetic * N / k + A * np.cos(w * since) + V / w * np.sin(w * since)
+        stick = kinetic * N / k - A + V * (since - slips)
+        return np.where(t < first, V * t, np.where(since < slips, slip, stick))
+
+    times = np.linspace(0, 3, 3001)
+    run = mb.simulate(stick_slip.scene(bristles=1e7, stribeck=1e-4), SOLVERS[2], times=times)
+    x = run["x"]
+    tops = 1 + np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] >= x[2:]))
+    assert_allclose(np.diff(times[tops]), period, rtol=3e-3)
+    assert x.max() == pytest.approx(kinetic * N / k + np.hypot(A, V / w), rel=2e-3)
+    assert_allclose(x, closed(times), atol=1e-3)
+    sticks = (times > 0.05) & (times < 0.9 * first)
+    assert np.abs(run["slip"][sticks]).max() < 1e-4 * V
+    assert run.energy_drift < 1e-6
+
+
+@pytest.mark.parametrize("static", [None, 0.5])
+def test_a_smooth_law_is_that_of_brown_and_mcphee(static):
+    slip = ca.SX.sym("slip")
+    force, states = mb.Coulomb(0.3, 0.02, static).resistance("rub", slip, ca.SX(7.0))
+    v = np.array([-3.0, -0.02, -1e-3, 1e-3, 0.01, 0.02, 0.05, 3.0])
+    u = v / 0.02
+    mu = 0.3 * np.tanh(4 * u) + (0.2 * u / (0.25 * u**2 + 0.75) ** 2 if static else 0)
+    assert_allclose(ca.Function("f", [slip], [force])(v[None]).full()[0], -7 * mu, rtol=1e-6)
+    assert not states
+
+
+@pytest.mark.parametrize(
+    "law", [mb.Coulomb(0.3, 0.02, 0.5), mb.Bristle(0.3, 1e4, 10.0, 0.5)], ids=["Coulomb", "Bristle"]
+)
+@pytest.mark.parametrize("n", [1, 2])
+def test_derivatives_are_finite_at_rest(law, n):
+    slip = ca.SX.sym("slip", n)
+    force, states = law.resistance("rub", slip, ca.SX(7.0))
+    x = ca.vertcat(slip, *[s.sx for s in states])
+    expression = ca.vertcat(force, *[s.rate for s in states])
+    for _ in range(4):
+        f = ca.Function("f", [x], [expression])
+        for state in (np.zeros(x.numel()), np.eye(x.numel())[0], 1e-5 * np.ones(x.numel())):
+            assert np.isfinite(f(state).full()).all()
+        expression = ca.jtimes(expression, x, ca.DM.ones(x.numel()))
+
+
+def sliding(law, pose, inertia, times, **start):
+    """A ball of radius 0.1 m on a table, pressed by its weight, where its contact is in balance."""
+    ball = mb.Body("ball", 2.0, inertia, pose)
+    planar = isinstance(pose, mb.Planar)
+    up = (0, 1, 0) if planar else (0, 0, 1)
+    k, g = 1e6, 10.0
+    contact = mb.Contact("floor", ball.point(0, 0), GROUND.point(0, 0), up, mb.KelvinVoigt(k, 500.0), 0.1, law)
+    weight = mb.Gravity(*(-g * c for c in up))
+    height = 0.1 - 2.0 * g / k
+    start = {"ball.y" if planar else "ball.z": height, **{f"ball.{name}": value for name, value in start.items()}}
+    return mb.Scene(mb.System(ball, contact, weight), start, times)
+
+
+@pytest.mark.parametrize("law", [mb.Coulomb(0.2, 1e-3), mb.Bristle(0.2, 1e4, damping=30.0)], ids=["Coulomb", "Bristle"])
+@pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=repr)
+def test_a_sliding_ball_starts_to_roll(pose, law):
+    """v = v0 - mu g t until it rolls with 5 / 7 of its speed, for a moment of inertia of 2 / 5 m r^2."""
+    J = 0.4 * 2.0 * 0.1**2
+    run = mb.simulate(
+        sliding(law, pose, J if isinstance(pose, mb.Planar) else (J, J, J), np.linspace(0, 1, 101), vx=2.0), SOLVERS[0]
+    )
+    end = 2 / 7 * 2.0 / (0.2 * 10)
+    assert_allclose(run["ball.vx"], np.maximum(2.0 - 2.0 * run.t, 2.0 - 2.0 * end), atol=4e-3)
+    spin = run["ball.omega"] if isinstance(pose, mb.Planar) else -run["ball.omega_y"]
+    assert -0.1 * spin[-1] == pytest.approx(10 / 7, abs=2e-3)
+    assert run.energy_drift < 1e-6
+
+
+@pytest.mark.parametrize("law", [mb.Coulomb(0.2, 1e-3), mb.Bristle(0.2, 1e4, damping=30.0)], ids=["Coulomb", "Bristle"])
+def test_a_block_slides_straight_on_and_stops(law):
+    """In any direction on a table: v^2 / (2 mu g) far."""
+    start = {"vx": 0.6, "vy": -0.8}
+    run = mb.simulate(sliding(law, mb.Particle(), 0.0, [0.0, 0.25, 0.5, 1.0], **start), SOLVERS[2])
+    far = np.array([0.6, -0.8]) * 1.0 / (2 * 0.2 * 10)
+    assert_allclose([run["ball.x"][-1], run["ball.y"][-1]], far, atol=5e-4)
+    assert_allclose([run["ball.vx"][1], run["ball.vy"][1]], [0.3, -0.4], atol=1e-3)
+    assert_allclose([run["ball.vx"][2:], run["ball.vy"][2:]], 0, atol=1e-2)
+
+
+def test_bristles_follow_their_published_equation():
+    """Slip to and fro by a drive, against the scalar elasto-plastic model written by hand."""
+    mu, k, c = 0.3, 1e3, 30.0
+    block = mb.Body("block", 1.0, pose=mb.Particle())
+    law = mb.Bristle(mu, k, c)
+    system = mb.System(
+        block,
+        mb.Motion("drive", block.x, 1e-3 * ca.sin(20 * mb.t)),
+        mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), 5.0, law),
+    )
+    times = np.linspace(0, 1, 101)
+    run = mb.simulate(mb.Scene(system, times=times), mb.DormandPrince(rtol=1e-9))
+
+    def rate(t, z):
+        v, share = 0.02 * np.cos(20 * t), np.abs(z) * k / mu
+        s = np.clip((share**2 - 0.49) / 0.51, 0, 1)
+        alpha = np.where(v * z > 0, s**3 * (10 - 15 * s + 6 * s**2), 0)
+        return v * (1 - alpha * share**2)
+
+    z = solve_ivp(rate, (0, 1), [0.0], "DOP853", times, rtol=1e-10, atol=1e-14, max_step=1e-3).y[0]
+    assert np.abs(z).max() > 0.99 * mu / k
+    assert_allclose(run["rub.bristle"], z, atol=1e-8)
+    damping = c * rate(times, z)
+    force = -5 * (k * z + damping / np.sqrt(1 + (damping / mu) ** 2))
+    # M v' + Phi_v' lam = Q
+    assert_allclose(run["drive.lam[0]"], force + 0.4 * np.sin(20 * times), atol=1e-4)
