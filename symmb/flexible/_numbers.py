@@ -6,12 +6,11 @@ import numpy.typing as npt
 from symmb._errors import DeclarationError
 from symmb._types import Array
 
-
 Shape = tuple[int | str, ...]
 
 
 def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
-    """A read-only copy of finite numbers of one of the shapes, in which a letter stands for any one size; else a number.
+    """A read-only copy of finite numbers in one of the shapes, where a letter is any one size, or of one number.
 
     Raises
     ------
