@@ -1,6 +1,6 @@
 """A scene: a system with its start, its times, what is looked at, and which parameters are uncertain."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -45,6 +45,8 @@ class Scene:
     guess : mapping        first guesses for coordinates not listed in start; they pick the assembly branch. Modes of
                            flexible bodies start undeformed and at rest unless listed in start or, to follow, here
     name : str             for tables and files
+    equilibrium : bool     start where all forces balance: coordinates that are not listed in start, modes included, are
+                           solved for so that nothing moves, at every parameter value anew
 
     Raises
     ------
@@ -58,6 +60,7 @@ class Scene:
     box: Box | None = None
     guess: Mapping[str, Expr] = field(default_factory=dict)
     name: str = "scene"
+    equilibrium: bool = False
 
     def __post_init__(self) -> None:
         untimely = _time_faults(self.times)
@@ -89,7 +92,7 @@ class Scene:
     @cached_property
     def held(self) -> Held:
         """The start as listed; modes of flexible bodies are at rest and undeformed unless a guess sets them free."""
-        return _with_modes(self.system, _resolve(self.system, self.start, "start"), self.guess)
+        return _with_modes(self, _resolve(self.system, self.start, "start"))
 
     @cached_property
     def guesses(self) -> dict[int, ca.SX]:
@@ -228,18 +231,16 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
     return Held(q, v, frozenset(displacements), drift)
 
 
-def _with_modes(system: System, held: Held, guess: Collection[str]) -> Held:
-    c = system.collected
+def _with_modes(scene: Scene, held: Held) -> Held:
+    c, zero = scene.system.collected, ca.SX(0)
     modes = [f"{b.name}.{x}" for b in c.bodies for x in b.pose.coordinates[len(b.pose.rigid_coordinates) :]]
-    fixed = [name for name in modes if name not in guess]
-    at = {c.q_names.index(name): c.v_names.index(f"{name}_dot") for name in fixed}
-    zero = ca.SX(0)
-    return replace(
-        held,
-        q={**dict.fromkeys(at, zero), **held.q},
-        v={**dict.fromkeys(at.values(), zero), **held.v},
-        displacements=held.displacements | set(at.values()),
-    )
+    fixed = [name for name in modes if name not in scene.guess]
+    rates = {c.v_names.index(f"{name}_dot"): zero for name in fixed}
+    held = replace(held, v={**rates, **held.v})
+    if scene.equilibrium:
+        return held
+    undeformed = {c.q_names.index(name): zero for name in fixed}
+    return replace(held, q={**undeformed, **held.q}, displacements=held.displacements | rates.keys())
 
 
 def _is_quaternion(name: str, spatial: set[str]) -> bool:

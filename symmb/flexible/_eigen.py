@@ -29,7 +29,7 @@ def factorized(K: Sparse) -> Callable[[Array], Array]:
     DeclarationError
         If K is singular or indefinite: the structure is a mechanism or unstable.
     """
-    scale = _scale(K)
+    scale = stiffness_scale(K)
     lu, pivots = _pivots(K, scale)
     if lu is None or pivots.min(initial=1.0) <= SINGULAR:
         raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
@@ -43,15 +43,17 @@ def factorized(K: Sparse) -> Callable[[Array], Array]:
 
 def definite(M: Sparse, K: Sparse) -> bool:
     """Whether M is positive on what K strains least, up to rounding."""
-    scale = _scale(K)
+    scale = stiffness_scale(K)
     stiff = (K.multiply(scale[:, None])).multiply(scale)
     massive = (M.multiply(scale[:, None])).multiply(scale)
     _, pivots = _pivots(massive + 1e-9 * abs(massive).max() * stiff, np.ones(len(scale)))
     return bool(M.diagonal().min() >= 0 and pivots.min() > -SINGULAR * np.abs(pivots).max())
 
 
-def _scale(K: Sparse) -> Array:
-    return 1 / np.sqrt(np.maximum(K.diagonal(), 1e-300))
+def stiffness_scale(K: Sparse) -> Array:
+    """Units in which the degrees of freedom are about equally stiff; those without stiffness are left as they are."""
+    stiffness = K.diagonal()
+    return 1 / np.sqrt(np.maximum(stiffness, 1e-12 * stiffness.max(initial=1e-300)))
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
@@ -90,12 +92,15 @@ def lowest(
 
 def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
     """All elastic modes of small matrices."""
-    from scipy.linalg import LinAlgError, eigh, qr
+    from scipy.linalg import LinAlgError, eigh
 
-    scale = _scale(K)
+    scale = stiffness_scale(K)
     K, M = (A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M))
     K, M = scale[:, None] * K * scale, scale[:, None] * M * scale
-    elastic = qr(M @ (rigid / scale[:, None]))[0][:, rigid.shape[1] :] if rigid.size else np.eye(len(K))
+    elastic = np.eye(len(K))
+    if rigid.size:
+        span, _ = np.linalg.qr(M @ (rigid / scale[:, None]), mode="complete")
+        elastic = span[:, rigid.shape[1] :]
     try:
         mu, Y = eigh(elastic.T @ M @ elastic, elastic.T @ K @ elastic)
     except LinAlgError:

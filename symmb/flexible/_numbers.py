@@ -10,7 +10,7 @@ Shape = tuple[int | str, ...]
 
 
 def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
-    """A read-only copy of finite numbers of one of the shapes, a letter for any one size; a number if there is none.
+    """A read-only copy of finite numbers in one of the shapes, where a letter is any one size, or of one number.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
-from symmb.flexible._eigen import factorized, lowest
+from symmb.flexible._eigen import factorized, lowest, stiffness_scale
 from symmb.flexible._samples import Sparse
 
 
@@ -47,9 +47,13 @@ def reduced(
     basis[np.ix_(inner, np.arange(b, b + len(values)))] = inside
     # The static shapes and the fixed-interface modes have no strain energy in common.
     K_reduced = np.diag(np.concatenate([np.zeros(b), values]))
-    guyan = K[interface][:, interface].toarray() + K_ib.T @ static
+    whole = K[interface][:, interface].toarray()
+    guyan = whole + K_ib.T @ static
     K_reduced[:b, :b] = (guyan + guyan.T) / 2
     motions = np.vstack([rigid[interface], np.zeros((len(values), rigid.shape[1]))])
+    # Of a single interface only rounding is left of the static stiffness, so that it does not tell the units.
+    scale = np.concatenate([stiffness_scale(whole), 1 / np.sqrt(values)])
+    basis, K_reduced, motions = basis * scale, K_reduced * np.outer(scale, scale), motions / scale[:, None]
     M_reduced, axes_reduced = basis.T @ (M @ basis), basis.T @ (axes @ basis)
     values, Y = lowest(K_reduced, (M_reduced + M_reduced.T) / 2, axes_reduced, motions, count)
     return values, basis @ Y

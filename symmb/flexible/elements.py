@@ -56,6 +56,7 @@ class FiniteElements:
 
         Examples
         --------
+        >>> from symmb.flexible import Material, Section
         >>> steel = Material(E=2.1e11, nu=0.3, density=7850)
         >>> elements = FiniteElements.beams(Beam([(0, 0, 0), (1, 0, 0)], Section.rectangle(0.02, 0.01), steel))
         >>> modes = elements.modes(clamped=0, count=2)

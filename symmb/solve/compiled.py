@@ -24,8 +24,6 @@ from symmb.solve.start import Start
 
 AnyEngine = Engine | ArrayEngine
 
-SMALL = 100
-"""States up to which starts are compiled: beyond, runs take much longer than starts, and compilers too."""
 
 
 class CompiledSolver(Solver):
@@ -91,7 +89,7 @@ class _Explicit(CompiledSolver):
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:]),
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
-            start.equations(x, problem.p) if start is not None and compiled and n_x <= SMALL else None,
+            start.equations(x, problem.p) if start is not None and compiled and start.compiles else None,
         )
         control = self.control(times, dae.scales.size)
         if isinstance(control, Tolerances) and not compiled:

@@ -18,7 +18,7 @@ from symmb.solve._fixed_step import fixed_step_integration, implicit
 from symmb.solve._integration import Integration
 from symmb.solve._problem import build_problem
 from symmb.solve._rosenbrock import rosenbrock
-from symmb.solve.compiled import SMALL, CompiledIntegration, CompiledSolver
+from symmb.solve.compiled import CompiledIntegration, CompiledSolver
 from symmb.solve.stabilization import AugmentedLagrangian, Stabilization
 from symmb.solve.start import Start
 
@@ -72,7 +72,7 @@ class _Stepping(CompiledSolver):
             follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
             outputs=ca.vertcat(y(state, step.p, step.t), w[n_x : n_x + step.n_quad]),
             projected=None if step.projected is None else ca.substitute(step.projected, *of_state),
-            start=start.equations(state, step.p) if start is not None and n_x <= SMALL else None,
+            start=start.equations(state, step.p) if start is not None and start.compiles else None,
         )
         scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.newton)
         return Engine(f, times, control, scheme)

@@ -18,12 +18,15 @@ from symmb._types import Array, Mask
 from symmb.dae import DAE, Scales, is_linear
 from symmb.scene import Scene
 from symmb.solve._assembly import assemble, at_rest, check_upright, coordinate_of, kept_rows, owner, placed, rest
+from symmb.solve._equilibrium import balance, settle
 from symmb.solve._implicit import ImplicitMap
 from symmb.solve._rank import independent, redundant_names
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jet_function
 from symmb.symbolic.linear import saddle_solver, symmetric_solver
 
+_SMALL = 100
+"""States up to which starts are compiled: beyond, runs take much longer than starts, and compilers too."""
 _CONTRADICTION = 1e-7
 """Violation of rows at the start that counts, as a share of the largest coordinate or velocity, or of 1."""
 
@@ -34,7 +37,7 @@ class Start:
 
     `held`, `solved` and `free` name the coordinates that were listed, solved for, and left where assembly put them.
     `kept` are the numbers of independent constraint rows where rows of the constraints named by `redundant` depend on
-    each other, or None.
+    each other, or None. `balanced` is a start in static equilibrium, which is too much to compile.
     """
 
     dae: DAE
@@ -52,6 +55,12 @@ class Start:
     free: tuple[str, ...]
     kept: tuple[int, ...] | None
     redundant: tuple[str, ...]
+    balanced: bool
+
+    @property
+    def compiles(self) -> bool:
+        """Whether starts are compiled as well."""
+        return not self.balanced and self.dae.n_q + self.dae.n_v + self.dae.n_s <= _SMALL
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
         """Starting states of N samples.
@@ -202,18 +211,27 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     for i, value in scene.guesses.items():
         guess[i] = float(ca.Function("guess", [p], [value])(p0))
 
-    q0 = assemble(scene, dae, reference, guess, free, t0)
+    modes = [i for i in free if dae.v_names[i].endswith("_dot") and not scene.guess] if scene.equilibrium else []
+    q0 = assemble(scene, dae, reference, guess, np.setdiff1d(free, modes), t0)
     check_upright(scene, dae, q0)
     G0 = at_rest(dae.G, dae, q0, t0) if dae.G is not None else np.zeros((0, dae.n_v))
     kept = kept_rows(dae, q0, t0)
     rows, columns = independent(G0[: dae.n_c, free])
-    solved = free[columns]
+    solved, lam0 = free[columns], np.empty(0)
+    if scene.equilibrium:
+        solved = free
+        q0, lam0 = settle(dae, q0, t0, free, rows)
     u = ca.SX.sym("u", len(solved))
     delta = ca.SX(ca.DM(ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved)))), 1)) @ u
     q = dae.retract(reference(p, ca.DM(q0)), delta)
     place = ca.Function("place", [u, p], [q], {"cse": True})
     position = None
-    if len(solved) and dae.Phi is not None:
+    if scene.equilibrium:
+        lam = ca.SX.sym("lam", len(rows))
+        z = ca.vertcat(u, lam)
+        position = ImplicitMap.of(balance(dae, place(u, p), ca.SX(ca.DM(lam0)) + lam, p, t0, free, rows), z, p)
+        place = ca.Function("place", [z, p], [q], {"cse": True})
+    elif len(solved) and dae.Phi is not None:
         residual = dae.Phi(*rest(dae, place(u, p)), p, t0)[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)
     velocity, spread = _velocities(dae, listed_v, p, [i for i in range(dae.n_v) if i not in held.v], q0, t0)
@@ -225,6 +243,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         free=tuple(placed(dae, i, q0) for i in np.setdiff1d(free, solved)),
         kept=None if kept is None else tuple(kept.tolist()),
         redundant=() if kept is None else redundant_names(G0, dae.rows),
+        balanced=scene.equilibrium,
     )  # fmt: skip
     _check_velocities(start, p0)
     return start

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from structures import STEEL, cantilever, frame, lattice
 
-from symmb.flexible import FiniteElements, Section
+from symmb.flexible import Beam, FiniteElements, Section
 
 RADIUS = 0.03
 X, W = np.polynomial.legendre.leggauss(6)
@@ -39,8 +39,6 @@ def inertia(mass, x):
 
 @pytest.mark.parametrize("options", [{"clamped": 0, "count": 5}, {"count": 5}, {"interfaces": [0, 6], "count": 11}])
 def test_beam_against_its_material_points(options):
-    from symmb.flexible import Beam
-
     section = Section.circle(RADIUS).without_shear()
     points = [(0, 0, 0), (0.7, 0.1, 0), (0.9, 0.8, 0.4)]
     modes = FiniteElements.beams(Beam(points, section, STEEL, elements=3)).modes(**options)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from structures import STEEL, cantilever, data, dofs, frame, frequencies, lattice
 
 from symmb.flexible import Beam, FiniteElements, Section
@@ -98,6 +99,17 @@ def test_what_count_and_cutoff_choose():
     assert len(few.stiffness) == 4
     assert few.frequencies == pytest.approx(natural.frequencies, rel=0.02)
     assert (few.frequencies >= natural.frequencies * (1 - 1e-9)).all()
+
+
+def test_a_single_interface_adds_rigid_motions_only():
+    """Ritz's method in the rigid motions and the modes with that node held, by a dense solver."""
+    structure = frame(8)
+    K, M = structure.K.toarray(), structure.M.toarray()
+    held = np.vstack([np.zeros((6, 5)), eigh(K[6:, 6:], M[6:, 6:])[1][:, :5]])
+    span = np.hstack([rigid(structure.positions), held])
+    exact = np.sqrt(eigh(span.T @ K @ span, span.T @ M @ span, eigvals_only=True)[6:])
+    assert np.sqrt(structure.modes(interfaces=[0], count=5).stiffness) == pytest.approx(exact, rel=1e-7)
+    assert not structure.modes(interfaces=[0]).stiffness.size
 
 
 def test_all_nodes_may_be_interfaces():

@@ -1,0 +1,112 @@
+"""Starts in static equilibrium against closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import symmb as mb
+
+G = 9.81
+
+
+def pendulum(**options) -> mb.Scene:
+    """A rod pushed sideways at its end: tan(theta) = 2 F / (m g), for theta from the downward vertical."""
+    p = mb.Parameters(push=3.0)
+    rod = mb.Body("rod", mass=2.0, inertia=0.1, pose=mb.Planar())
+    system = mb.System(
+        rod,
+        mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0.5)),
+        mb.Gravity(0, -G),
+        mb.Force("push", rod.point(0, -0.5), (p.push, 0)),
+        parameters=p,
+    )
+    times = np.linspace(0.0, 1.0, 11)
+    return mb.Scene(system, times=times, outputs={"theta": rod.theta}, box=mb.Box(push=(1.0, 6.0)), **options)
+
+
+def angle(push: float) -> float:
+    return float(np.arctan(2 * push / (2.0 * G)))
+
+
+def test_a_pushed_pendulum_stays_where_forces_balance():
+    run = mb.simulate(pendulum(equilibrium=True))
+    assert run["theta"] == pytest.approx(np.full(11, angle(3.0)), abs=1e-9)
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES()], ids=repr)
+def test_every_sample_has_its_own_equilibrium(solver):
+    bounds = mb.propagate(pendulum(equilibrium=True), mb.Scanning(3), solver=solver)
+    assert bounds.lower[:, 0] == pytest.approx(np.full(11, angle(1.0)), abs=1e-8)
+    assert bounds.upper[:, 0] == pytest.approx(np.full(11, angle(6.0)), abs=1e-8)
+
+
+def test_taylor_follows_the_equilibrium():
+    """The second-order expansion of the angle about 3.5 N, at the ends of the box."""
+    scene = pendulum(equilibrium=True)
+    bounds = mb.propagate(scene, mb.Taylor(order=2), mb.Box(push=(2.9, 3.1)))
+    c = 1 / G
+    first, second = c / (1 + (3 * c) ** 2), -2 * c**2 * (3 * c) / (1 + (3 * c) ** 2) ** 2 / 2
+    assert bounds.lower[0, 0] == pytest.approx(angle(3.0) - 0.1 * first + second * 0.01, abs=1e-6)
+
+
+def test_a_wrong_guess_settles_as_a_pendulum_in_honey():
+    scene = pendulum(equilibrium=True, guess={"rod.theta": 2.9})
+    assert mb.simulate(scene)["theta"][0] % (2 * np.pi) == pytest.approx(angle(3.0), abs=1e-9)
+
+
+def test_a_cantilever_sags_by_its_own_weight():
+    """w = rho A g L^4 / (8 E I), all that the modes of one clamped end can show."""
+    steel, section, length = mb.Material(E=2.1e11, nu=0.3, density=7850), mb.Section.circle(0.01).without_shear(), 1.0
+    modes = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (length, 0, 0)], section, steel, elements=10)).modes(
+        count=8, clamped=0, planar=True
+    )
+    beam = mb.FlexibleBody("beam", modes, mb.Planar())
+    system = mb.System(beam, mb.Weld("wall", mb.Ground().point(0, 0), beam.point(0, 0)), mb.Gravity(0, -G))
+    scene = mb.Scene(system, times=[0.0, 0.01], outputs={"y": beam.point(length, 0).y}, equilibrium=True)
+    sag = steel.density * section.area * G * length**4 / (8 * steel.E * section.Iz)
+    assert mb.simulate(scene)["y"] == pytest.approx(np.full(2, -sag), rel=1e-4)
+
+
+def test_reactions_in_equilibrium_carry_the_weight():
+    scene = pendulum(equilibrium=True)
+    reaction = scene.system.reaction("hinge")
+    run = mb.simulate(scene.with_outputs({"fx": reaction.fx, "fy": reaction.fy}))
+    assert run["fx"][0] == pytest.approx(-3.0, abs=1e-9)
+    assert run["fy"][0] == pytest.approx(2.0 * G, abs=1e-9)
+
+
+def test_listed_coordinates_are_held_against_all_forces():
+    scene = pendulum(equilibrium=True, start={"rod.theta": 0.5})
+    assert mb.simulate(scene)["theta"][0] == 0.5
+
+
+def test_a_contact_carries_a_block():
+    """The penetration at which k d^1.5 is the weight, from a start above the ground."""
+    block = mb.Body("block", mass=3.0, pose=mb.Particle())
+    law = mb.HuntCrossley(stiffness=1e7, restitution=0.5, speed=1.0)
+    contact = mb.Contact("foot", block.point(0, 0, 0), mb.Ground().point(0, 0, 0), (0, 0, 1), law)
+    scene = mb.Scene(
+        mb.System(block, contact, mb.Gravity(0, 0, -G)),
+        times=[0.0, 0.1],
+        outputs={"z": block.z},
+        guess={"block.z": 0.01},
+        equilibrium=True,
+    )
+    assert mb.simulate(scene)["z"] == pytest.approx(np.full(2, -((3.0 * G / 1e7) ** (2 / 3))), abs=1e-10)
+
+
+def test_what_no_force_opposes_is_named():
+    cart = mb.Body("cart", mass=1.0, inertia=1.0, pose=mb.Planar())
+    ground = mb.Ground()
+    rail = mb.Prismatic("rail", ground.point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
+    scene = mb.Scene(mb.System(cart, rail, mb.Gravity(0, -G)), times=[0.0, 1.0], equilibrium=True)
+    with pytest.raises(mb.AssemblyError, match=r"no force opposes cart\.x"):
+        mb.simulate(scene)
+
+
+def test_without_equilibrium_the_fault_is_told():
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    scene = mb.Scene(mb.System(ball, mb.Gravity(0, -G), mb.Force("f", ball.point(0, 0), (ca.sin(ball.x), 0))),
+                     times=[0.0, 1.0], equilibrium=True)  # fmt: skip
+    with pytest.raises(mb.AssemblyError, match="No static equilibrium"):
+        mb.simulate(scene)
