@@ -8,12 +8,13 @@ from symmb._types import Array, Indices
 from symmb.dae import DAE
 from symmb.solve._assembly import coordinate_of, rest
 
-_TOLERANCE = 1e-11
-"""Forces that are left, as a share of the largest one."""
+_TOLERANCE, _LAST = 1e-11, 1e-9
+"""Forces that are left, as a share of what a displacement of the size would need, and the last displacement but one, of
+which Newton's method leaves the square."""
 _NEWTON, _STEPS = 20, 400
 """Newton's steps before the system is let sink into its equilibrium, and steps of that."""
-_STRIDE = 0.02
-"""First displacement of sinking [rad, share of the size]."""
+_STRIDE, _THINNER = 0.02, 0.7
+"""First displacement of sinking [rad, share of the size], and by what drag falls besides with the forces."""
 
 
 def balance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
@@ -28,8 +29,8 @@ def balance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, 
     return ca.densify(ca.vertcat((Q - G.T @ lam)[free.tolist()], Phi[rows.tolist()]))
 
 
-def settle(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple[Array, Array]:
-    """Coordinates (n_q,) and multipliers of the rows in equilibrium at the nominal parameters, from assembled ones.
+def settle(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple[Array, Array, float]:
+    """Coordinates (n_q,), multipliers of the rows and the largest stiffness in equilibrium at the nominal parameters.
 
     Newton's method; where it fails or ends where the system would fall over, the masses sink through a fluid that thins
     out as the forces do.
@@ -56,7 +57,7 @@ def settle(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple
                     f"The equilibrium is not unique: no force opposes {names[loose]}. List it in start, or hold it."
                 )
             if thick or _stable(J[:n, :n], J[n:, :n]):
-                return settled, multipliers
+                return settled, multipliers, float(np.abs(J[:n, :n]).max(initial=0.0)) or 1.0
     raise AssemblyError(
         "No static equilibrium is found near the guess. Give a better guess, or list in start what should not move."
     )
@@ -76,7 +77,7 @@ def _sink(
     s = (np.zeros(dae.n_s),) if dae.n_s else ()
     M = dae.M(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full()[np.ix_(free, free)]
     scales = dae.displacements[free] * size
-    drag, before = 0.0, np.inf
+    drag, before, reach = 0.0, np.inf, np.inf
     for step in range(_STEPS if thick else _NEWTON):
         r, J = (part.full() for part in f(q, lam))
         r = r.ravel()
@@ -84,14 +85,16 @@ def _sink(
         whole = max(float(np.abs(J[:n, n:] @ lam).max(initial=0.0)), float(np.abs(J[:n, :n] * scales).max(initial=0.0)))
         if not (np.isfinite(r).all() and np.isfinite(J).all()):
             return None
-        if step and forces <= _TOLERANCE * max(whole, 1e-300) and np.abs(r[n:]).max(initial=0.0) <= 1e-11 * size:
+        if reach <= _LAST and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
             return q, lam, J
         if thick:
-            drag = drag * min(2.0, forces / before) if step > 1 else _first_drag(M, r[:n], scales)
+            more = forces / before
+            drag = drag * (_THINNER * more if more < 1 else min(2.0, more)) if step else _first_drag(M, r[:n], scales)
             before = forces or 1e-300
         A = J.copy()
         A[:n, :n] -= drag * M
-        z = np.linalg.lstsq(A, -r, rcond=1e-14)[0]
+        weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
+        z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=1e-14)[0]
         reach = float(np.abs(z[:n] / scales).max(initial=0.0))
         z[:n] *= min(1.0, (0.2 if thick else 2.0) / max(reach, 1e-300))
         delta = np.zeros(dae.n_v)

@@ -25,7 +25,6 @@ from symmb.solve.start import Start
 AnyEngine = Engine | ArrayEngine
 
 
-
 class CompiledSolver(Solver):
     """Steps that the engine takes for many samples side by side."""
 

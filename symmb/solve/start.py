@@ -217,19 +217,19 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     G0 = at_rest(dae.G, dae, q0, t0) if dae.G is not None else np.zeros((0, dae.n_v))
     kept = kept_rows(dae, q0, t0)
     rows, columns = independent(G0[: dae.n_c, free])
-    solved, lam0 = free[columns], np.empty(0)
+    solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:
         solved = free
-        q0, lam0 = settle(dae, q0, t0, free, rows)
+        q0, lam0, stiffness = settle(dae, q0, t0, free, rows)
     u = ca.SX.sym("u", len(solved))
     delta = ca.SX(ca.DM(ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved)))), 1)) @ u
     q = dae.retract(reference(p, ca.DM(q0)), delta)
     place = ca.Function("place", [u, p], [q], {"cse": True})
     position = None
     if scene.equilibrium:
-        lam = ca.SX.sym("lam", len(rows))
-        z = ca.vertcat(u, lam)
-        position = ImplicitMap.of(balance(dae, place(u, p), ca.SX(ca.DM(lam0)) + lam, p, t0, free, rows), z, p)
+        share = ca.SX.sym("share", len(rows))  # of the stiffness: as small as displacements, by which Newton ends
+        z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
+        position = ImplicitMap.of(balance(dae, place(u, p), lam, p, t0, free, rows), z, p)
         place = ca.Function("place", [z, p], [q], {"cse": True})
     elif len(solved) and dae.Phi is not None:
         residual = dae.Phi(*rest(dae, place(u, p)), p, t0)[rows.tolist()]
