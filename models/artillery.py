@@ -55,9 +55,10 @@ OPENING = mb.Table(
     [0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 1.05],
     1e-4 * np.array([5.8, 5.6, 5.0, 4.3, 3.4, 2.5, 1.7, 0.9]),
 )
-RETURN = mb.Table([0.0, 0.15, 0.4], [0.2e-4, 0.6e-4, 0.9e-4])
+RETURN = mb.Table([0.0, 0.1, 0.25, 0.5], 1e-4 * np.array([0.35, 0.9, 1.6, 1.9]))
 
 BALANCE = 22e3  # [N]
+RODS = -0.28  # height of the rods of absorber and recuperator above the bore [m]
 CLEARANCE, BACKLASH = 1e-4, 1e-4  # of the bushes, radial, and from flank to flank [m]
 
 
@@ -109,10 +110,11 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
 
     Parameters
     ----------
-    modes : int        of the three flexible parts in all: half in the barrel, a quarter in the cradle
+    modes : int        of the three flexible parts in all, seven tenths of them in the barrel
     end : float        [s], 14 ms for the muzzle's vibration, 0.9 s for the whole recoil cycle
     """
     p = mb.Parameters(e_y=0.0, e_z=0.0)
+    rest = 3 * modes // 10
     ground = mb.Ground()
     # Points of rigid parts are those of the gun before the shot, in world axes.
     bottom = mb.Body("bottom", 1500.0, (300.0, 350.0, 300.0), mb.Spatial(), com=(0.0, 0.55, 0.0))
@@ -121,9 +123,9 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
         mb.Body(f"{side}_trail", 800.0, (150.0, 1300.0, 1250.0), mb.Spatial(), com=(-2.4, 0.35, z))
         for side, z in (("left", -1.1), ("right", 1.1))
     )
-    carriage = mb.FlexibleBody("carriage", carriage_modes(modes - modes // 2 - modes // 4))
-    cradle = mb.FlexibleBody("cradle", cradle_modes(modes // 4))
-    barrel = mb.FlexibleBody("barrel", barrel_modes(modes // 2))
+    carriage = mb.FlexibleBody("carriage", carriage_modes(rest // 2))
+    cradle = mb.FlexibleBody("cradle", cradle_modes(rest - rest // 2))
+    barrel = mb.FlexibleBody("barrel", barrel_modes(modes - rest))
     load = mb.Body("load", RECOILING_MASS, (20.0, 40.0, 40.0), mb.Spatial(), com=(BREECH + 0.2, p.e_y, p.e_z))
 
     breech, muzzle = barrel.point(BREECH, 0), barrel.point(MUZZLE, 0)
@@ -154,8 +156,8 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
         mb.BushContact("rear_bush", barrel.point(REAR, 0), cradle.point(REAR, 0), (1, 0, 0), CLEARANCE, bush),
         mb.BushContact("front_bush", barrel.point(FRONT, 0), cradle.point(FRONT, 0), (1, 0, 0), CLEARANCE, bush),
         mb.Bushing("key", lug, barrel.point(REAR, 0), 0.0, 0.0, (1e7, 0, 0), (1e4, 0, 0)),
-        mb.NonlinearSpring("absorber", cradle.point(1.0, -0.3), barrel.point(BREECH, -0.3), absorber),
-        mb.NonlinearSpring("recuperator", cradle.point(1.0, 0.3), barrel.point(BREECH, 0.3), recuperator),
+        mb.NonlinearSpring("absorber", cradle.point(1.0, RODS), barrel.point(BREECH, RODS), absorber),
+        mb.NonlinearSpring("recuperator", cradle.point(1.0, RODS), barrel.point(BREECH, RODS), recuperator),
         mb.Contact(
             "stop", barrel.point(REAR, 0), lug, (-1, 0, 0), mb.HuntCrossley(1e10, restitution=0.3, speed=0.5)
         ),
