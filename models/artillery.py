@@ -33,7 +33,7 @@ import numpy as np
 import symmb as mb
 
 ELEVATION = np.radians(15.0)
-TRUNNION = np.array([0.0, 1.55, 0.0])
+TRUNNION = np.array([-0.4, 1.55, 0.0])
 STEEL = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
 GRAVITY = 9.81
 
@@ -57,7 +57,8 @@ OPENING = mb.Table(
 )
 RETURN = mb.Table([0.0, 0.1, 0.25, 0.5], 1e-4 * np.array([0.35, 0.9, 1.6, 1.9]))
 
-BALANCE = 22e3  # [N]
+BALANCE, PISTON, ROD = 24e3, (0.1, 0.9), (0.8, -0.25)  # of the equilibrator [N], [m]
+HUNG = -0.045  # height of the rigid mass above the bore [m]
 RODS = -0.28  # height of the rods of absorber and recuperator above the bore [m]
 CLEARANCE, BACKLASH = 1e-4, 1e-4  # of the bushes, radial, and from flank to flank [m]
 
@@ -95,7 +96,8 @@ def carriage_modes(count: int) -> mb.Modes:
     """Portal of two cheeks that carry the trunnion, and the seat of the elevating gear's pinion, in world axes."""
     cheek = mb.Section.rectangle(0.10, 0.30)
     seat, foot = tuple(tilted(0, -SECTOR)), (0.0, 0.85, 0.0)
-    corners = [(0, 0.85, -0.4), (0, 1.55, -0.4), tuple(TRUNNION), (0, 1.55, 0.4), (0, 0.85, 0.4)]
+    top = TRUNNION[:2]
+    corners = [(0, 0.85, -0.4), (*top, -0.4), (*top, 0), (*top, 0.4), (0, 0.85, 0.4)]
     beams = [
         mb.Beam([(0, 0.75, 0), foot], mb.Section.rectangle(0.5, 0.5), STEEL, elements=1),
         mb.Beam([(0, 0.85, -0.4), foot, (0, 0.85, 0.4)], mb.Section.rectangle(0.20, 0.35), STEEL, elements=3),
@@ -120,13 +122,13 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
     bottom = mb.Body("bottom", 1500.0, (300.0, 350.0, 300.0), mb.Spatial(), com=(0.0, 0.55, 0.0))
     plate = mb.Body("plate", 400.0, (30.0, 60.0, 30.0), mb.Spatial(), com=(0.0, 0.1, 0.0))
     left, right = (
-        mb.Body(f"{side}_trail", 800.0, (150.0, 1300.0, 1250.0), mb.Spatial(), com=(-2.4, 0.35, z))
+        mb.Body(f"{side}_trail", 900.0, (150.0, 1450.0, 1400.0), mb.Spatial(), com=(-2.5, 0.35, z))
         for side, z in (("left", -1.1), ("right", 1.1))
     )
     carriage = mb.FlexibleBody("carriage", carriage_modes(rest // 2))
     cradle = mb.FlexibleBody("cradle", cradle_modes(rest - rest // 2))
     barrel = mb.FlexibleBody("barrel", barrel_modes(modes - rest))
-    load = mb.Body("load", RECOILING_MASS, (20.0, 40.0, 40.0), mb.Spatial(), com=(BREECH + 0.2, p.e_y, p.e_z))
+    load = mb.Body("load", RECOILING_MASS, (20.0, 40.0, 40.0), mb.Spatial(), com=(BREECH + 0.2, HUNG + p.e_y, p.e_z))
 
     breech, muzzle = barrel.point(BREECH, 0), barrel.point(MUZZLE, 0)
     bore, gas = breech.body.rotation[:, 0], BORE * PRESSURE(mb.t)
@@ -135,7 +137,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
     stroke = -(lug.body.rotation.T @ (barrel.point(REAR, 0).r - lug.r))[0]
     absorber = mb.Orifice(8e-3, lambda x, v: ca.if_else(v > 0, OPENING(x), RETURN(x)), length=1.0 - BREECH)
     recuperator = mb.GasSpring(5e6, 0.0215, -8e-3, length=1.0 - BREECH)
-    equilibrator = mb.GasSpring(BALANCE / 5e-3, 5e-3, 5e-3, length=0.797)
+    equilibrator = mb.GasSpring(BALANCE / 5e-3, 5e-3, 5e-3, length=np.linalg.norm(tilted(*ROD) - [*PISTON, 0]))
     soil = {"stiffness": (2e7, 0, 2e7), "damping": (2e5, 0, 2e5)}
     elements = [
         mb.Weld("plate_bolts", bottom.point(0, 0.2), plate.point(0, 0.2)),
@@ -152,7 +154,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
             BACKLASH,
             mb.HuntCrossley(1e11, restitution=0.7, speed=0.1),
         ),
-        mb.NonlinearSpring("equilibrator", carriage.point(0.3, 0.95), cradle.point(0.8, -0.25), equilibrator),
+        mb.NonlinearSpring("equilibrator", carriage.point(*PISTON), cradle.point(*ROD), equilibrator),
         mb.BushContact("rear_bush", barrel.point(REAR, 0), cradle.point(REAR, 0), (1, 0, 0), CLEARANCE, bush),
         mb.BushContact("front_bush", barrel.point(FRONT, 0), cradle.point(FRONT, 0), (1, 0, 0), CLEARANCE, bush),
         mb.Bushing("key", lug, barrel.point(REAR, 0), 0.0, 0.0, (1e7, 0, 0), (1e4, 0, 0)),
@@ -180,26 +182,29 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
         (carriage, carriage.modes.origin),
         (cradle, tilted(*cradle.modes.origin[:2], aimed)),
         (barrel, tilted(barrel.modes.origin[0] + 3e-4, -1.3 * CLEARANCE, aimed)),
-        (load, tilted(BREECH + 0.2 + 3e-4, -1.3 * CLEARANCE, aimed)),
+        (load, tilted(BREECH + 0.2 + 3e-4, HUNG - 1.3 * CLEARANCE, aimed)),
     ):
         guess |= {f"{body.name}.{axis}": float(x) for axis, x in zip("xyz", place - [0, 1e-3, 0], strict=True)}
     turned = mb.rotation(axis=(0, 0, 1), angle=aimed)
     guess |= {f"{part.name}.rotation": turned for part in (cradle, barrel, load)}
-    aim, pitch = muzzle.body.rotation[:, 0], bottom.rotation[1, 0]
-    omega = muzzle.body.rotation @ muzzle.body.frame.omega
+    aim = muzzle.body.rotation[:, 0]
+    vertical, horizontal = ca.asin(aim[1]), ca.atan2(-aim[2], aim[0])
+    displacements = {
+        "recoil": stroke,
+        "D_Y": bottom.y,
+        "Omega_t": ca.asin(bottom.rotation[1, 0]),
+        "muzzle_vertical": vertical,
+        "muzzle_horizontal": horizontal,
+    }
     return mb.Scene(
         system,
         guess=guess,
         times=np.linspace(0.0, end, 141 if end < 0.1 else 451),
         outputs={
-            "recoil": stroke,
+            **{name: x - mb.initial(x) for name, x in displacements.items()},
             "recoil_velocity": mb.ddt(stroke),
-            "D_Y": bottom.y - 0.55,
-            "Omega_t": ca.asin(pitch),
-            "muzzle_vertical": ca.asin(aim[1]) - ELEVATION,
-            "muzzle_horizontal": ca.atan2(-aim[2], aim[0]),
-            "muzzle_vertical_velocity": mb.ddt(ca.asin(aim[1])),
-            "muzzle_horizontal_velocity": mb.ddt(ca.atan2(-aim[2], aim[0])),
+            "muzzle_vertical_velocity": mb.ddt(vertical),
+            "muzzle_horizontal_velocity": mb.ddt(horizontal),
             "muzzle_x": muzzle.x,
             "muzzle_y": muzzle.y,
             "muzzle_z": muzzle.z,
