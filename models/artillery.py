@@ -21,7 +21,7 @@ muzzle brake pulls while the gases leave. Two eccentricities, of a rigid mass fi
 Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the topology and the targets; all values are our own,
 generic ones of a gun of that size. Tuned were
 
-    what                                to                                               reached
+    TODO
     PRESSURE, its scale                 largest breech pressure 366.56 MPa               366.56 MPa
     OPENING, the throttling ring        recoil length of 1001 to 1072 mm                 TODO
     BALANCE, the equilibrator's force   muzzle 0.01382 deg up at 14 ms, within 10 %      TODO
@@ -53,13 +53,13 @@ BRAKE = mb.Table([EXIT, EXIT + 1e-3, 0.04], [0.0, 1.6, 1.6])
 # Of the absorber, by the stroke [m], [m^2]
 OPENING = mb.Table(
     [0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 1.05],
-    1e-4 * np.array([5.8, 5.6, 5.0, 4.3, 3.4, 2.5, 1.7, 0.9]),
+    1e-4 * np.array([5.7, 5.5, 4.9, 4.2, 3.3, 2.4, 1.6, 0.9]),
 )
 RETURN = mb.Table([0.0, 0.1, 0.25, 0.5], 1e-4 * np.array([0.35, 0.9, 1.6, 1.9]))
 
 BALANCE, PISTON, ROD = 24e3, (0.1, 0.9), (0.8, -0.25)  # of the equilibrator [N], [m]
-HUNG = -0.045  # height of the rigid mass above the bore [m]
-RODS = -0.28  # height of the rods of absorber and recuperator above the bore [m]
+HUNG = -0.03  # height of the rigid mass above the bore [m]
+RODS = -0.295  # height of the rods of absorber and recuperator above the bore [m]
 CLEARANCE, BACKLASH = 1e-4, 1e-4  # of the bushes, radial, and from flank to flank [m]
 
 
