@@ -11,7 +11,7 @@ from symmb._errors import DeclarationError
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
-from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults
+from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults, turning_faults
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic.geometry import is_zero, unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
@@ -197,16 +197,7 @@ class TorsionSpring(ForceElement):
         return (self.body_a, self.body_b)
 
     def faults(self) -> Iterator[str]:
-        faults = list(body_faults(self.title, self.body_a, self.body_b))
-        yield from faults
-        if faults:
-            return
-        yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial), (Planar, Spatial)))
-        axis = vector(self.axis, f"axis of {self.title}")
-        if is_zero(axis):
-            yield f"{self.title}: axis {self.axis} has no direction. Give a vector that is not zero."
-        elif any(isinstance(b.pose, Planar) for b in self.bodies()) and not (is_zero(axis[0]) and is_zero(axis[1])):
-            yield f"{self.title}: axis {self.axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
+        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
 
     @cached_property
     def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:

@@ -9,9 +9,8 @@ from symmb._types import Expr
 from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact import law_faults, press
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, bound, pair_faults, point_faults
+from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
 from symmb.mechanics.force import Action, ForceElement, diagonal, force_at, mount, push
-from symmb.mechanics.friction import axis_faults
 from symmb.symbolic.geometry import unit, vector
 from symmb.symbolic.symbols import ddt
 
@@ -148,7 +147,7 @@ class Soil(ForceElement):
     def faults(self) -> Iterator[str]:
         faults = list(point_faults(self.title, self.ground_point, self.point))
         yield from faults or pair_faults(self.title, self.bodies())
-        yield from axis_faults(self.title, "normal", self.normal)
+        yield from direction_faults(self.title, "normal", self.normal)
         yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
