@@ -11,14 +11,11 @@ from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, turning_faults
-from symmb.mechanics.force import Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
+from symmb.mechanics.force import MEETING, Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
 from symmb.mechanics.friction import FrictionLaw, friction_faults
 from symmb.mechanics.pose import Planar
 from symmb.symbolic.geometry import Z, triad, unit, vector
 from symmb.symbolic.symbols import Symbol, ddt
-
-_COAXIAL = 1e-12
-"""Distance below which two axes coincide [m]."""
 
 
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
@@ -138,7 +135,7 @@ class BushContact(ForceElement):
         across = d - ca.dot(d, axis) * axis
         # Where the axes coincide no direction leads to the wall, and none is needed.
         squared = ca.sumsqr(across)
-        apart = squared > _COAXIAL**2
+        apart = squared > MEETING**2
         distance = ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1)), 0)
         direction = a.frame.R @ across / ca.if_else(apart, distance, 1)
         law = bound(self.law, bind, self.title)

@@ -16,7 +16,8 @@ from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic.geometry import is_zero, unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
 
-_MEETING = 1e-12  # [m]
+MEETING = 1e-12
+"""Distance below which two points meet [m]: no direction leads from one to the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ class SpringDamper(ForceElement):
         if not is_zero(c):
             rate = ddt(d)
             # Points closer than 1e-12 m have no line between them: the pull fades there and stays finite.
-            yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), _MEETING**2) * d))
+            yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), MEETING**2) * d))
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
