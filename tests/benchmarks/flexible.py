@@ -6,6 +6,7 @@ PYTHONPATH=.:tests/flexible python tests/benchmarks/flexible.py [file for exudyn
 import json
 import sys
 import time
+from pathlib import Path
 
 import exudyn as exu
 import numpy as np
@@ -80,16 +81,13 @@ if __name__ == "__main__":
         apart = np.linalg.norm(ours - theirs, axis=1).max()
         print(f"exudyn, {steps} steps, {peer:.2f} s: {apart:.2e} m apart; symmb {seconds:.4f} s")
     if len(sys.argv) > 1:
-        with open(sys.argv[1], "w", encoding="utf-8") as file:
-            told = {"source": f"exudyn {exu.__version__}, ObjectFFRFreducedOrder, {steps} steps", "omega": OMEGA}
-            json.dump(
-                told
-                | {
-                    "gravity": GRAVITY,
-                    "pull": PULL,
-                    "modes": MODES,
-                    "times": TIMES.tolist(),
-                    "corner": theirs.tolist(),
-                },
-                file,
-            )
+        known = {
+            "source": f"exudyn {exu.__version__}, ObjectFFRFreducedOrder, {steps} steps",
+            "omega": OMEGA,
+            "gravity": GRAVITY,
+            "pull": PULL,
+            "modes": MODES,
+            "times": TIMES.tolist(),
+            "corner": theirs.tolist(),
+        }
+        Path(sys.argv[1]).write_text(json.dumps(known), encoding="utf-8")

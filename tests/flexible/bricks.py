@@ -12,9 +12,8 @@ CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)
 def bar() -> tuple[np.ndarray, csc_array, csc_array]:
     """Nodes (k, 3) about the centre of mass, stiffness and mass (3 k, 3 k), lumped at the nodes."""
     counts = np.array(CELLS) + 1
-    grid = np.stack(
-        np.meshgrid(*[np.linspace(-s / 2, s / 2, n) for s, n in zip(SIZE, counts, strict=True)], indexing="ij")
-    )
+    sides = [np.linspace(-size / 2, size / 2, n) for size, n in zip(SIZE, counts, strict=True)]
+    grid = np.stack(np.meshgrid(*sides, indexing="ij"))
     positions = grid.reshape(3, -1).T
     cell = np.array(SIZE) / CELLS
     stiffness, mass = _brick(cell)
@@ -22,11 +21,13 @@ def bar() -> tuple[np.ndarray, csc_array, csc_array]:
     offsets = ((CORNERS + 1) / 2).astype(int)
     nodes = np.array([[number[tuple(np.add(at, o))] for o in offsets] for at in np.ndindex(*CELLS)])
     dofs = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
-    rows, columns = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
-    shape = (3 * len(positions),) * 2
-    return positions, *(
-        csc_array(coo_array((np.tile(A.ravel(), len(nodes)), (rows, columns)), shape=shape)) for A in (stiffness, mass)
-    )
+    where = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
+    d = 3 * len(positions)
+
+    def assembled(A: np.ndarray) -> csc_array:
+        return csc_array(coo_array((np.tile(A.ravel(), len(nodes)), where), shape=(d, d)))
+
+    return positions, assembled(stiffness), assembled(mass)
 
 
 def _brick(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -151,7 +151,7 @@ def test_reaction_of_a_hinge_at_a_node_balances_gravity_and_momentum() -> None:
 
 
 def test_a_tumbling_bar_moves_as_in_exudyn() -> None:
-    """The same finite elements and modes in another floating frame (tests/benchmarks/flexible.py): half a second, 4 m."""
+    """The same elements and modes in another program's floating frame (tests/benchmarks/flexible.py), over 4 m."""
     known = json.loads((Path(__file__).parents[1] / "data" / "tumbling_bar.json").read_text(encoding="utf-8"))
     positions, K, M = bar()
     body = mb.FlexibleBody("bar", mb.FiniteElements.matrices(positions, K, M).modes(count=known["modes"]))
