@@ -137,9 +137,9 @@ def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Arra
     slope = engine.rates(x, c, _spread(t))
     h = _first_step(engine, x, c, slope, t, end - times[0])
     b = _Blocks(x, slope, c, np.arange(B), t, h, np.ones(B, dtype=int), np.full(B, 1e-4))
-    shortest = 1e-14 * (end - times[0])
+    shortest, longest = 1e-14 * (end - times[0]), engine.control.longest or np.inf
     for _ in range(MOST_STEPS):
-        h = np.where(b.h > shortest, b.h, shortest)
+        h = np.maximum(np.minimum(b.h, longest), shortest)
         final = b.t + h >= end
         t_new, h = np.where(final, end, b.t + h), np.where(final, end - b.t, h)
         k, x_new = _stages(engine, b, h)

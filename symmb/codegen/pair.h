@@ -119,6 +119,7 @@ static int run(Block *b, Study *s) {
   EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
   b->h = first_step(b, s);
   while (b->next < s->n_t) {
+    if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
     b->t_new = b->t + b->h;
     if (b->t_new >= end) {

@@ -17,7 +17,7 @@ typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
   double rtol, atol; /* of steps with control */
-  double longest;    /* of fixed steps, or 0 */
+  double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;
   long dealt;       /* blocks given to threads */

@@ -20,6 +20,7 @@ from symmb.scene import Scene
 from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
+from symmb.solve._laws import kinks
 from symmb.solve.compiled import AnyEngine, CompiledSolver
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
@@ -75,6 +76,8 @@ class DAESimulator:
         if solver is None:
             made: dict[Solver, DAESimulator] = {}
             solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
+            corners = kinks(self.dae)
+            self.reason += f"; {corners}" if corners else ""
             self.__dict__ = made[solver].__dict__ | {"reason": self.reason}
         else:
             self._take(solver)

@@ -17,6 +17,7 @@ from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator, output_function
+from symmb.solve._laws import longest_step
 from symmb.solve._rank import Singularity, singularity
 from symmb.symbolic.batch import batch
 
@@ -197,11 +198,21 @@ class Trajectory:
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
                 *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
+                *self._pulse_line(),
                 *self._drift_line(),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
+
+    def _pulse_line(self) -> list[str]:
+        longest = longest_step(self.simulator.dae, self.t)
+        if not math.isfinite(longest):
+            return []
+        passes = "at most {:.2g} s, so that none passes over one"
+        if getattr(self.simulator.solver, "rtol", None) is None:  # a fixed step is the user's
+            passes = "more than {:.2g} s may pass over one"
+        return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
 
     def _drift_line(self) -> list[str]:
         if not self.x.shape[1]:
