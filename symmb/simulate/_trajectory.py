@@ -201,6 +201,7 @@ class Trajectory:
                 *self._pulse_line(),
                 *self._drift_line(),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
+                *self._doubt_line(),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
@@ -219,6 +220,18 @@ class Trajectory:
             return []
         drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}"
         return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
+
+    def _doubt_line(self) -> list[str]:
+        """Energy that drifts by more than a tolerance explains: branches of a motion meet in singular positions."""
+        rtol = getattr(self.simulator.solver, "rtol", None)
+        if rtol is None or not self.energy_drift > max(_LEAST, (_NEAR if self.singularity else _USUAL) * rtol):
+            return []
+        told = f"energy drifts by more than rtol = {rtol:g} explains"
+        if not self.singularity:
+            return [f"  doubtful    {told}: try a smaller one"]
+        return [
+            f"  doubtful    {told}: the motion may have taken another branch; try stabilization=AugmentedLagrangian()"
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """The run as plain numbers and texts; what is not finite is None."""
@@ -259,6 +272,9 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+_LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
+"""Drift of energy that raises a doubt: least, and in relative tolerances, of which regular motion of multistep methods
+takes up to 1,000; near singular positions, where wrong branches were taken at 300 and more."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
