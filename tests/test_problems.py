@@ -45,7 +45,7 @@ def test_singular_positions_are_passed(solver):
 def test_forty_windows_hold_energy_through_their_singular_positions():
     """Forty windows over 20 s; what the penalty leaves of the constraints turns the phase by 1e-4 at most."""
     problem = problems.n_four_bar(40, 20)
-    run = mb.simulate(problem.make(), mb.DormandPrince(stabilization=mb.AugmentedLagrangian()))
+    run = mb.simulate(problem.make(), mb.DormandPrince(rtol=1e-6, stabilization=mb.AugmentedLagrangian()))
     assert run.energy_drift < 1e-6 and problem.error(run.values) < 1e-3
 
 
@@ -58,7 +58,7 @@ def test_a_wrong_branch_is_doubted(solver):
 
 
 def test_usual_drift_raises_no_doubt():
-    for problem in (problems.four_bar_in_space(), problems.slider_crank("massless_coupler")):
+    for problem in (problems.car_axis(), problems.slider_crank("massless_coupler")):
         for solver in (mb.CVODES(rtol=1e-6), mb.CVODES(rtol=1e-8, stiff=True), mb.Rosenbrock(rtol=1e-5)):
             assert "doubtful" not in str(mb.simulate(problem.make(), solver))
 

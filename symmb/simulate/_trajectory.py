@@ -227,11 +227,11 @@ class Trajectory:
         if rtol is None or not self.energy_drift > max(_LEAST, (_NEAR if self.singularity else _USUAL) * rtol):
             return []
         told = f"energy drifts by more than rtol = {rtol:g} explains"
-        if not self.singularity:
-            return [f"  doubtful    {told}: try a smaller one"]
-        return [
-            f"  doubtful    {told}: the motion may have taken another branch; try stabilization=AugmentedLagrangian()"
-        ]
+        if self.singularity:
+            return [
+                f"  doubtful    {told}: another branch may have been taken, try stabilization=AugmentedLagrangian()"
+            ]
+        return [f"  doubtful    {told}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
         """The run as plain numbers and texts; what is not finite is None."""
