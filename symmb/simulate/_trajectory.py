@@ -228,9 +228,7 @@ class Trajectory:
             return []
         told = f"energy drifts by more than rtol = {rtol:g} explains"
         if self.singularity:
-            return [
-                f"  doubtful    {told}: another branch may have been taken, try stabilization=AugmentedLagrangian()"
-            ]
+            return [f"  doubtful    {told}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
         return [f"  doubtful    {told}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
