@@ -3,7 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from threading import RLock
@@ -20,6 +20,8 @@ from symmb.scene import Scene
 from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
+from symmb.solve._laws import kinks
+from symmb.solve._rank import singularity
 from symmb.solve.compiled import AnyEngine, CompiledSolver
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
@@ -75,6 +77,8 @@ class DAESimulator:
         if solver is None:
             made: dict[Solver, DAESimulator] = {}
             solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
+            corners = kinks(self.dae)
+            self.reason += f"; {corners}" if corners else ""
             self.__dict__ = made[solver].__dict__ | {"reason": self.reason}
         else:
             self._take(solver)
@@ -256,15 +260,33 @@ def _ensemble(simulator: DAESimulator, Y: Array, runs: list[Run], P: Array) -> E
         first = simulator.times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
         t_failed[k] = runs[k].t_failed if runs[k].message else first
     reasons = [run.message or IRREGULAR for run in runs]
-    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons))
+    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons, lambda k: (runs[k].X, simulator.times)))
 
 
-def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Sequence[str]) -> tuple[str, ...]:
-    """A text for each failed sample: time, parameters, reason."""
+NAMED = 5
+"""Failed samples of a block of which joints are named: as many as are printed."""
+
+
+def _messages(
+    simulator: DAESimulator,
+    P: Array,
+    t_failed: Array,
+    reasons: Sequence[str],
+    states: Callable[[int], tuple[Array, Array]],
+) -> tuple[str, ...]:
+    """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
+
+    `states` of a sample gives some (m, n_x), which may be nan, and their times (m,).
+    """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
         values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(simulator.parameters, P[k], strict=True))
-        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}")
+        near = None
+        if len(texts) < NAMED:
+            X, times = states(k)
+            known = np.isfinite(X).all(axis=1)
+            near = singularity(simulator.dae, X[known], P[k], times[known])
+        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}{f'; {near}' if near else ''}")
     return tuple(texts)
 
 
@@ -318,4 +340,5 @@ class CompiledEnsemble:
             told = self._simulator.start.states(self._P[at_once])[1] if at_once.size else ()
         for k, why in zip(at_once.tolist(), told, strict=True):
             reasons[k] = why or reasons[k]
-        return _messages(self._simulator, self._P, self.t_failed, reasons)
+        X = lost.x_failed[:, : self._simulator.y.numel_in(0)]
+        return _messages(self._simulator, self._P, lost.t_failed, reasons, lambda k: (X[[k]], lost.t_failed[[k]]))

@@ -15,6 +15,7 @@ from symmb.simulate._dae import DAESimulator
 from symmb.simulate._subject import require_scene, require_solver
 from symmb.simulate._trajectory import Trajectory
 from symmb.solve._integration import Run
+from symmb.solve._laws import kinks
 from symmb.solve._rank import singularity
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.stiffness import stiffness
@@ -131,15 +132,20 @@ def simulate(
         solver, reason = choose(for_one_run(stiff), judged)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
     run, trajectory = made[solver]
+    corners = kinks(simulator.dae) if reason or run.message else None
     if run.message:
         known = np.isfinite(run.X).all(axis=1)
         near = singularity(simulator.dae, run.X[known], p, simulator.times[known])
         texts = [f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}"]
         texts += [f"The position may be singular: {near}"] if near else []
+        texts += [f"The equations have {corners}, at which no motion can stay: {_SMOOTH}"] if corners else []
         texts += [f"No other solver gets through: {reason}"] if len(made) > 1 else []
         raise SimulationError(". ".join(texts) + ".")
+    if corners:
+        reason += f"; {corners} met {corners.met(run.X, p, simulator.times)} times or more"
     return replace(trajectory, reason=reason)
 
 
+_SMOOTH = "where it sticks to one, smooth it, as tanh(v / 1e-3) does sign(v)"
 _FAR, _LOST, _SUSPECT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the size, of energy, and of that through a singular position, at which others are tried."""

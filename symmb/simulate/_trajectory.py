@@ -17,6 +17,7 @@ from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator, output_function
+from symmb.solve._laws import longest_step
 from symmb.solve._rank import Singularity, singularity
 from symmb.symbolic.batch import batch
 
@@ -197,17 +198,38 @@ class Trajectory:
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
                 *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
+                *self._pulse_line(),
                 *self._drift_line(),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
+                *self._doubt_line(),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
+
+    def _pulse_line(self) -> list[str]:
+        longest = longest_step(self.simulator.dae, self.t)
+        if not math.isfinite(longest):
+            return []
+        passes = "at most {:.2g} s, so that none passes over one"
+        if getattr(self.simulator.solver, "rtol", None) is None:  # a fixed step is the user's
+            passes = "more than {:.2g} s may pass over one"
+        return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
 
     def _drift_line(self) -> list[str]:
         if not self.x.shape[1]:
             return []
         drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}"
         return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
+
+    def _doubt_line(self) -> list[str]:
+        """Energy that drifts by more than a tolerance explains: branches of a motion meet in singular positions."""
+        rtol = getattr(self.simulator.solver, "rtol", None)
+        if rtol is None or not self.energy_drift > max(_LEAST, (_NEAR if self.singularity else _USUAL) * rtol):
+            return []
+        told = f"energy drifts by more than rtol = {rtol:g} explains"
+        if self.singularity:
+            return [f"  doubtful    {told}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
+        return [f"  doubtful    {told}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
         """The run as plain numbers and texts; what is not finite is None."""
@@ -248,6 +270,9 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+_LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
+"""Drift of energy that raises a doubt: least, and in relative tolerances, of which regular motion of multistep methods
+takes up to 1,000; near singular positions, where wrong branches were taken at 300 and more."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 

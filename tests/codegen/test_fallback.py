@@ -105,6 +105,8 @@ def test_the_same_samples_are_lost_at_the_same_time():
     assert_array_equal(np.flatnonzero(np.isfinite(lost.t_failed)), [4, 9, 10, 20])
     assert_allclose(lost_too.t_failed, lost.t_failed, rtol=1e-9)
     assert_array_equal(lost_too.failure, lost.failure)
+    for found in (lost, lost_too):  # y = cos t
+        assert_allclose(found.x_failed[[9, 10, 20], 1], np.cos(found.t_failed[[9, 10, 20]]), atol=1e-6)
     good = np.isnan(lost.t_failed)
     assert_allclose(values[good], expected[good], rtol=1e-9)
     assert_array_equal(np.isnan(values), np.isnan(expected))
