@@ -9,6 +9,7 @@ from models import (
     chain,
     cubic,
     double_pendulum,
+    flexible_pendulum,
     four_bar,
     half_car,
     heavy_top,
@@ -18,6 +19,7 @@ from models import (
     slider_crank_flexible,
     slider_crank_spatial,
     spherical_pendulum,
+    spin_up_beam,
     stick_slip,
 )
 from symmb import (
@@ -115,6 +117,8 @@ ALL_MODELS = (
     rolling_disc,
     slider_crank_spatial,
     slider_crank_flexible,
+    flexible_pendulum,
+    spin_up_beam,
     stick_slip,
     half_car,
 )
