@@ -109,7 +109,7 @@ class Stability:
         Path(path).write_text(json.dumps(self.to_json()) + "\n", encoding="utf-8")
 
     def plot(self, path: str | Path) -> None:
-        """Draw error against run time, and the drift of positions over time."""
+        """Draw error against run time, the drift of positions over time, and errors under stress."""
         finished = [trial for trial in self.trials if not trial.reason]
         points = {
             family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family]
@@ -121,7 +121,11 @@ class Stability:
             ).position
             for family in points
         }
-        plot.plot_stability(self.times, points, drift, path, title=self.scene)
+        stress = {
+            family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
+            for family in points
+        }
+        plot.plot_stability(self.times, points, drift, stress, path, title=self.scene)
 
 
 def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:

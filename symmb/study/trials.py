@@ -106,8 +106,8 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
     """All trials of all jobs, as they end.
 
     A trial that takes longer than the limit [s], set-up aside, is ended, and those of its job that would take longer
-    still are not tried. After the deadline (`time.monotonic`) no more jobs begin. Where processes cannot be forked, jobs
-    run here one after the other, without limits.
+    still are not tried. After the deadline (`time.monotonic`) no more jobs begin. Where processes cannot be forked,
+    jobs run here one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
