@@ -57,6 +57,7 @@ from symmb.mechanics.force import Spring as Spring
 from symmb.mechanics.force import SpringDamper as SpringDamper
 from symmb.mechanics.force import Torque as Torque
 from symmb.mechanics.force import TorsionSpring as TorsionSpring
+from symmb.mechanics.impact import Impact as Impact
 from symmb.mechanics.parameter import Parameters as Parameters
 from symmb.mechanics.pose import Particle as Particle
 from symmb.mechanics.pose import Planar as Planar
@@ -67,8 +68,10 @@ from symmb.simulate._dae import DAESimulator as DAESimulator
 from symmb.simulate._function import FunctionSimulator as FunctionSimulator
 from symmb.simulate._simulate import simulate as simulate
 from symmb.simulate._trajectory import Trajectory as Trajectory
+from symmb.solve._rebound import Event as Event
 from symmb.solve.compiled import DormandPrince as DormandPrince
 from symmb.solve.compiled import RungeKutta as RungeKutta
+from symmb.solve.event_driven import EventDriven as EventDriven
 from symmb.solve.implicit_solvers import BDFI3 as BDFI3
 from symmb.solve.implicit_solvers import HHT as HHT
 from symmb.solve.implicit_solvers import NSTIFFSI2 as NSTIFFSI2

@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.export import example_c, save_c
+from symmb.impacts import Contacts, Impacts
 from symmb.mechanics.pose import Spatial
 from symmb.symbolic.linear import symmetric_solver
 from symmb.symbolic.symbols import t
@@ -68,6 +69,7 @@ class DAE:
     upright                (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
+    impacts : Impacts      gaps that close, and velocities that jump then
     scales : Scales        of the motion; 1 as long as nothing is known of it
     """
 
@@ -98,6 +100,7 @@ class DAE:
     s_start: ca.Function | None
     positive: ca.Function
     positive_names: tuple[str, ...]
+    impacts: Impacts | None = None
     scales: Scales = field(default_factory=lambda: Scales())
 
     @property
@@ -219,13 +222,16 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     constrained = n_r > 0
     held = system.Phi.numel() > 0
     right = ca.SX.sym("gamma", n_r)
-    vdot, multipliers = system.solve(system.Q, right)
-    vdot_free, _ = system.solve(system.Q, system.gamma)
+    contacts = Contacts(system) if c.impacts else None
+    solve = system.solve if contacts is None else contacts.solve
+    vdot, multipliers = solve(system.Q, right)
+    vdot_free, _ = solve(system.Q, system.gamma)
     delta, _ = system.solve(ca.SX(v.numel(), 1), right)
     rates = [system.qdot, vdot_free, *([system.s_rate] if c.states else [])]
-    power = system.power
+    power = system.power if contacts is None else system.power + contacts.power
     positive_names, positive = system.positive
     displacement = ca.SX.sym("delta", v.numel())
+    retract = ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"])
     return DAE(
         q_names=c.q_names,
         v_names=c.v_names,
@@ -251,13 +257,14 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         shared=None
         if rows is None
         else function("shared", [_shared(whole.G, rows, lam)], ["lam"], (("lam_kept", lam),)),
-        retract=ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"]),
+        retract=retract,
         upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
         s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
         if c.states
         else None,
         positive=positive,
         positive_names=positive_names,
+        impacts=None if contacts is None else contacts.compiled(retract),
     )
 
 

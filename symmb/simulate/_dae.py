@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Mask
 from symmb.codegen.engine import REASONS, Losses
 from symmb.dae import DAE, compile_dae
@@ -21,6 +21,7 @@ from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
 from symmb.solve.compiled import AnyEngine, CompiledSolver
+from symmb.solve.event_driven import EventDriven, impacts_text
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -72,6 +73,8 @@ class DAESimulator:
         self.y = output_function(self.dae, scene, scene.y)
         self.threads = os.cpu_count() or 1
         self.reason = ""
+        if solver is None and self.dae.impacts is not None:
+            solver, self.reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         if solver is None:
             made: dict[Solver, DAESimulator] = {}
             solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
@@ -107,6 +110,11 @@ class DAESimulator:
         return copy
 
     def _take(self, solver: Solver) -> None:
+        if self.dae.impacts is not None and not isinstance(solver, EventDriven):
+            raise DeclarationError(
+                f"{solver!r} does not locate the events of {impacts_text(self.dae.impacts)}. "
+                "Use EventDriven(), which is the default there."
+            )
         self.solver = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
