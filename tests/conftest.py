@@ -5,6 +5,7 @@ from joints import ALL_POSES as ALL_POSES
 
 from models import (
     andrews,
+    bouncing_ball,
     car_axis,
     chain,
     cubic,
@@ -105,6 +106,7 @@ ALL_MODELS = (
     four_bar,
     n_four_bar,
     andrews,
+    bouncing_ball,
     chain,
     spherical_pendulum,
     heavy_top,

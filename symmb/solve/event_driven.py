@@ -22,6 +22,8 @@ from symmb.solve.stabilization import Projection
 
 _STALL, _EVENTS = 1e-12, 1000
 """So many events within this share of the run's time do not come to an end."""
+_MOST_EVENTS = 50_000
+"""Of a run: more take minutes, and are those of a motion that bounces faster and faster."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -203,7 +205,8 @@ class _Lanes:
         moved = t - self._since[lanes] > _STALL * self._span
         self._since[lanes] = np.where(moved, t, self._since[lanes])
         self._crowd[lanes] = np.where(moved, 0, self._crowd[lanes] + 1)
-        for i in lanes[self._crowd[lanes] > _EVENTS]:
+        many = np.array([len(self.events[i]) > _MOST_EVENTS for i in lanes], dtype=bool)
+        for i in lanes[(self._crowd[lanes] > _EVENTS) | many]:
             names = dict.fromkeys(event.name for event in self.events[i][-_EVENTS:])
             self._fail(int(i), f"impacts of {', '.join(map(repr, names))} follow each other without end")
         self._drop_failed()
