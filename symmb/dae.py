@@ -154,6 +154,8 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
 
+        With impacts, what their instants need is written in the place of the main program, whose steps know no events.
+
         Parameters
         ----------
         folder : path                   made if it is not there
@@ -165,6 +167,12 @@ class DAE:
         -------
         tuple of Path                   the files written
         """
+        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
+        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
+        if self.impacts is not None:
+            impacts = self.impacts
+            functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.held)}
+            return save_c(functions, folder)
         begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
         begin.update(start or {})
         times = np.asarray(begin.pop("times", (0.0, 1.0)))
@@ -179,8 +187,6 @@ class DAE:
             t1=float(times[-1]),
             steps=max(len(times) - 1, 100),
         )
-        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
-        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
         return save_c(functions, folder, example=main)
 
 

@@ -114,3 +114,6 @@ ALL_MODELS = (
     rolling_disc,
     slider_crank_spatial,
 )
+
+SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
+"""Those that any solver runs."""

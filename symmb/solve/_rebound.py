@@ -55,14 +55,14 @@ class Instant:
     Attributes
     ----------
     work : (E,)              of impulses [J]
-    events : list of (sample, name, what, before, after, work)
+    events : list of (sample, Event)
     soon : (E,)              time after which a contact may close again [s]
     failures : list of (sample, reason)
     """
 
     x: Array
     work: Array
-    events: list[tuple[int, str, str, float, float, float]]
+    events: list[tuple[int, Event]]
     soon: Array
     failures: list[tuple[int, str]]
 
@@ -105,70 +105,75 @@ class Rebounds:
         met : (E,) indices     contacts whose gaps have just closed, -1 where none
         released : (E, n)      closed contacts whose forces have just come to 0
         """
-        impacts, dae, x = self._impacts, self._dae, x.copy()
-        lanes, n = np.arange(len(x)), len(impacts.names)
-        was = self.closed(x)
-        touching = was.copy()
-        touching[lanes[met >= 0], met[met >= 0]] = True
+        impacts, lanes, was = self._impacts, np.arange(len(x)), self.closed(x)
         at = self.arguments(x, p, t)
         gap, rate = evaluated(impacts.gaps, *at)
-        touching |= gap <= 8 * ROUNDING * dae.scales.length
-        W, B, at_rest, e = evaluated(impacts.impulses, *at)
-        B = B.reshape(len(x), dae.n_v, n)
-        W = W.reshape(len(x), n, dae.n_v)
+        touching = was | (gap <= 8 * ROUNDING * self._dae.scales.length)
+        touching[lanes[met >= 0], met[met >= 0]] = True
+        # A rebound that would rise no higher than positions are rounded, and what is left of impacts of larger ones.
+        rest = np.sqrt(2 * ROUNDING * self._dae.scales.length * evaluated(impacts.forces, *at)[2])
+        rest = np.maximum(rest, SMALL * np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True))
+        after = Instant(x.copy(), np.zeros(len(x)), [], np.full(len(x), np.inf), [])
+        rate = self._struck(after, at, rate, touching, rest)
+        slow = touching & (np.abs(rate) <= rest)
+        acceleration, dependent = self._supported(after.x, p, t, slow, released)
+        now = self.closed(after.x)
+        for i in lanes[dependent].tolist():
+            after.failures.append((i, f"the contacts {self._named(now[i])} that have closed depend on each other"))
+        for what, changed in (("closes", now & ~was), ("opens", was & ~now)):
+            for i, k in np.argwhere(changed).tolist():
+                after.events.append((i, Event(float(t[i]), impacts.names[k], what, 0.0, 0.0, 0.0)))
+        flying = touching & ~now & (rate > rest) & (acceleration < 0)
+        flight = np.where(flying, 2 * rate / np.where(flying, -acceleration, 1.0), np.inf)
+        after.soon[:] = 1.5 * flight.min(axis=1)
+        return after
+
+    def _struck(self, after: Instant, at: tuple[Array, ...], rate: Array, touching: Mask, rest: Array) -> Array:
+        """Impacts one after the other until no gap that is 0 closes any more; rates (E, n) of the gaps then."""
+        names, dae, lanes, times = self._impacts.names, self._dae, np.arange(len(rate)), at[-1][:, 0].tolist()
+        n, n_v = len(names), dae.n_v
+        W, B, at_rest, e = evaluated(self._impacts.impulses, *at)
+        W, B = W.reshape(-1, n, n_v), B.reshape(-1, n_v, n)
         D = W @ B
         own = np.einsum("ekk->ek", D)
-        # A rebound that would rise no higher than positions are rounded, and what is left of impacts of larger ones.
-        size = evaluated(impacts.forces, *at)[2]
-        rest = np.sqrt(2 * ROUNDING * dae.scales.length * size)
-        rest = np.maximum(rest, SMALL * np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True))
         movable = own * dae.scales.energy > SMALL * np.square(W * dae.displacements).sum(axis=2)
-        failures: dict[int, str] = {}
-        events: list[tuple[int, str, str, float, float, float]] = []
-        work, impulse = np.zeros(len(x)), np.zeros((len(x), n))
+        rate, touching, impulse = rate.copy(), touching.copy(), np.zeros(rate.shape)
         for _ in range(_MOST):
             hit = touching & (rate < -rest)
-            for i in lanes[(hit & ~movable).any(axis=1)].tolist():
-                name = impacts.names[int((hit & ~movable)[i].argmax())]
-                failures[i] = f"Impact {name!r} cannot rebound: its gap closes as the constraints have it"
+            held = hit & ~movable
+            for i in lanes[held.any(axis=1)].tolist():
+                name = names[int(held[i].argmax())]
+                after.failures.append((i, f"Impact {name!r} cannot rebound: its gap closes as the constraints have it"))
                 touching[i] = False
             some = lanes[(hit & touching).any(axis=1)]
             if not some.size:
                 break
             k = hit[some].argmax(axis=1)
-            before = rate[some, k]
-            after = -e[some, k] * before
-            P = (after - before) / own[some, k]
-            done = P * ((before + after) / 2 - at_rest[some, k])
+            u = rate[some, k]
+            w = -e[some, k] * u
+            P = (w - u) / own[some, k]
+            work = P * ((u + w) / 2 - at_rest[some, k])
             rate[some] += D[some, :, k] * P[:, None]
-            rate[some, k] = after
+            rate[some, k] = w
             impulse[some, k] += P
-            work[some] += done
-            told = zip(some.tolist(), k.tolist(), before.tolist(), after.tolist(), done.tolist(), strict=True)
-            events += [(i, impacts.names[j], "impact", u, w, loss) for i, j, u, w, loss in told]
+            after.work[some] += work
+            for i, j, *told in zip(some.tolist(), k.tolist(), u.tolist(), w.tolist(), work.tolist(), strict=True):
+                after.events.append((i, Event(times[i], names[j], "impact", *told)))
         else:
             for i in lanes[(touching & (rate < -rest)).any(axis=1)].tolist():
-                failures[i] = f"impacts of {self._named(touching[i])} at one instant do not come to an end"
-        x[:, self._cuts[0] : self._cuts[1]] += (B @ impulse[:, :, None])[:, :, 0]
-        x, acceleration, dependent = self._supported(x, p, t, touching & (np.abs(rate) <= rest), released)
-        now = self.closed(x)
-        for i in lanes[dependent].tolist():
-            failures[i] = f"the contacts {self._named(now[i])} that have closed depend on each other"
-        for what, changed in (("closes", now & ~was), ("opens", was & ~now)):
-            events += [(i, impacts.names[k], what, 0.0, 0.0, 0.0) for i, k in np.argwhere(changed).tolist()]
-        flying = touching & ~now & (rate > rest) & (acceleration < 0)
-        flight = np.where(flying, rate / np.where(flying, -acceleration, 1.0), np.inf)
-        return Instant(x, work, events, 3 * flight.min(axis=1), sorted(failures.items()))
+                after.failures.append((i, f"impacts of {self._named(touching[i])} at one instant do not end"))
+        after.x[:, self._cuts[0] : self._cuts[1]] += (B @ impulse[:, :, None])[:, :, 0]
+        return rate
 
-    def _supported(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Array, Mask]:
-        """States with those of the slow contacts closed that push, accelerations of all gaps, and where they depend."""
+    def _supported(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Mask]:
+        """Close those of the slow contacts that push; accelerations of all gaps (E, n), and where contacts depend."""
         f, closed = self._impacts.forces, slow & ~released
         acceleration = np.zeros(slow.shape)
         dependent: Mask = np.zeros(len(x), dtype=bool)
         for _ in range(3 * slow.shape[1] + 3):
             x[:, self.flags] = closed
             force, acceleration, size, inertia = evaluated(f, *self.arguments(x, p, t))
-            dependent = ~np.isfinite(force).all(axis=1)
+            dependent = np.asarray(~np.isfinite(force).all(axis=1))
             pull = np.where(closed, force / inertia / np.where(size > 0, size, 1.0), 0.0)
             lets_go = np.asarray(pull == pull.min(axis=1, keepdims=True)) & (pull < -SMALL)
             comes = slow & ~closed & (acceleration < -SMALL * size) & ~lets_go.any(axis=1, keepdims=True)
@@ -178,7 +183,7 @@ class Rebounds:
         q, v = evaluated(self._impacts.held, *self.arguments(x, p, t))
         holds = self.closed(x).any(axis=1) & ~dependent
         x[holds, : self._cuts[1]] = np.hstack([q, v])[holds]
-        return x, acceleration, dependent
+        return acceleration, dependent
 
     def _named(self, which: Mask) -> str:
         return ", ".join(repr(name) for name, there in zip(self._impacts.names, which, strict=True) if there)

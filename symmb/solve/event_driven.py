@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 from symmb.codegen.engine import MOST_STEPS, REASONS
 from symmb.dae import DAE
 from symmb.impacts import Impacts
@@ -166,7 +166,7 @@ class _Lanes:
         self._drop_failed()
         self._finish()
 
-    def _accept(self, lanes: Indices, steps: Steps, new: Array, final: Array) -> None:
+    def _accept(self, lanes: Indices, steps: Steps, new: Array, final: Mask) -> None:
         made = self._made
         located = made._locate(steps._replace(x=steps.x[:, : made.n_x], F=steps.F[:, : made.n_x]))
         found = located.found
@@ -189,7 +189,7 @@ class _Lanes:
         self.Y[lanes[rows], number] = self._made.projected(y, some.p, at)
         self._known[lanes] = np.maximum(first, last)
 
-    def _resolve(self, lanes: Indices, met: Indices, released: Array) -> None:
+    def _resolve(self, lanes: Indices, met: Indices, released: Mask) -> None:
         if not lanes.size:
             return
         made, t = self._made, self.t[lanes]
@@ -198,8 +198,8 @@ class _Lanes:
         self.y[lanes, : made.n_x] = after.x
         self.y[lanes, made.n_x :] += after.work[:, None]
         self.h[lanes] = np.minimum(self.h[lanes], np.maximum(after.soon, 1e-13 * self._span))
-        for i, *what in after.events:
-            self.events[lanes[i]].append(Event(float(t[i]), *what))
+        for i, event in after.events:
+            self.events[lanes[i]].append(event)
         for i, why in after.failures:
             self._fail(int(lanes[i]), why)
         moved = t - self._since[lanes] > _STALL * self._span
