@@ -264,7 +264,11 @@ def _ensemble(simulator: DAESimulator, Y: Array, runs: list[Run], P: Array) -> E
         first = simulator.times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
         t_failed[k] = runs[k].t_failed if runs[k].message else first
     reasons = [run.message or IRREGULAR for run in runs]
-    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons))
+    events = None
+    if simulator.dae.impacts is not None:
+        when = [[event.time for event in run.events] for run in runs]
+        events = np.array([np.searchsorted(times, simulator.times, "right") for times in when], dtype=np.intp)
+    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons), events)
 
 
 def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Sequence[str]) -> tuple[str, ...]:
@@ -278,6 +282,8 @@ def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Seque
 
 class CompiledEnsemble:
     """An Ensemble from the engine: only what is asked for, trajectories or extremes, is computed."""
+
+    events = None
 
     def __init__(self, simulator: DAESimulator, engine: AnyEngine, P: Array) -> None:
         self._simulator, self._engine, self._P = simulator, engine, P
