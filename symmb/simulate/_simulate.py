@@ -34,7 +34,7 @@ def simulate(
     ----------
     scene : Scene
     solver : Solver            default CVODES(), for stiff scenes CVODES(stiff=True), where these break down that with
-                               AugmentedLagrangian(); `trajectory.reason` tells why
+                               AugmentedLagrangian(), with Impacts EventDriven(); `trajectory.reason` tells why
     parameters : mapping       values in the place of nominal ones
     times, outputs             in the place of the scene's own
 
