@@ -28,7 +28,7 @@ _MOST_EVENTS = 50_000
 
 @dataclass(frozen=True, repr=False)
 class EventDriven(Solver):
-    """Pair of order 8 whose steps end where an `Impact` happens, located on their interpolant to rounding.
+    """Explicit pair of order 8 whose steps end where an `Impact` happens, located on their interpolant to rounding.
 
     Samples run side by side, each with steps of its own. After every step positions and velocities are moved onto the
     constraints, closed contacts among them. At the time of an impact an output tells what is after it.
@@ -89,7 +89,7 @@ class _EventIntegration(Integration):
         return {"steps": self._steps, "events": self._events}
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
-        raise PropagationError("Lockstep needs a solver with a fixed step, such as RungeKutta(), which no impact lets.")
+        raise PropagationError("Lockstep needs a solver with a fixed step, and impacts end steps where they happen.")
 
     def projected(self, y: Array, p: Array, t: Array) -> Array:
         """States (N, n_y) on the constraints and in their closed contacts."""
