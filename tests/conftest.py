@@ -5,6 +5,7 @@ from joints import ALL_POSES as ALL_POSES
 
 from models import (
     andrews,
+    bouncing_ball,
     car_axis,
     chain,
     cubic,
@@ -110,6 +111,7 @@ ALL_MODELS = (
     four_bar,
     n_four_bar,
     andrews,
+    bouncing_ball,
     chain,
     spherical_pendulum,
     heavy_top,
@@ -122,3 +124,6 @@ ALL_MODELS = (
     stick_slip,
     half_car,
 )
+
+SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
+"""Those that any solver runs."""

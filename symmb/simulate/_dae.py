@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Mask
 from symmb.codegen.engine import REASONS, Losses
 from symmb.dae import DAE, compile_dae
@@ -23,6 +23,7 @@ from symmb.solve._integration import Integration, Run
 from symmb.solve._laws import kinks
 from symmb.solve._rank import singularity
 from symmb.solve.compiled import AnyEngine, CompiledSolver
+from symmb.solve.event_driven import EventDriven, impacts_text
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -74,6 +75,8 @@ class DAESimulator:
         self.y = output_function(self.dae, scene, scene.y)
         self.threads = os.cpu_count() or 1
         self.reason = ""
+        if solver is None and self.dae.impacts is not None:
+            solver, self.reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         if solver is None:
             made: dict[Solver, DAESimulator] = {}
             solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
@@ -111,6 +114,11 @@ class DAESimulator:
         return copy
 
     def _take(self, solver: Solver) -> None:
+        if self.dae.impacts is not None and not isinstance(solver, EventDriven):
+            raise DeclarationError(
+                f"{solver!r} does not locate the events of {impacts_text(self.dae.impacts)}. "
+                "Use EventDriven(), which is the default there."
+            )
         self.solver = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
@@ -260,7 +268,12 @@ def _ensemble(simulator: DAESimulator, Y: Array, runs: list[Run], P: Array) -> E
         first = simulator.times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
         t_failed[k] = runs[k].t_failed if runs[k].message else first
     reasons = [run.message or IRREGULAR for run in runs]
-    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons, lambda k: (runs[k].X, simulator.times)))
+    events = None
+    if simulator.dae.impacts is not None:
+        when = [[event.time for event in run.events] for run in runs]
+        events = np.array([np.searchsorted(times, simulator.times, "right") for times in when], dtype=np.intp)
+    told = _messages(simulator, P, t_failed, reasons, lambda k: (runs[k].X, simulator.times))
+    return Ensemble(Y, ok, t_failed, told, events)
 
 
 NAMED = 5
@@ -292,6 +305,8 @@ def _messages(
 
 class CompiledEnsemble:
     """An Ensemble from the engine: only what is asked for, trajectories or extremes, is computed."""
+
+    events = None
 
     def __init__(self, simulator: DAESimulator, engine: AnyEngine, P: Array) -> None:
         self._simulator, self._engine, self._P = simulator, engine, P

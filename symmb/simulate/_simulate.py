@@ -35,7 +35,7 @@ def simulate(
     ----------
     scene : Scene
     solver : Solver            default CVODES(), for stiff scenes CVODES(stiff=True), where these break down that with
-                               AugmentedLagrangian(); `trajectory.reason` tells why
+                               AugmentedLagrangian(), with Impacts EventDriven(); `trajectory.reason` tells why
     parameters : mapping       values in the place of nominal ones
     times, outputs             in the place of the scene's own
 
@@ -73,7 +73,11 @@ def simulate(
             raise DeclarationError(f"Parameter {name!r}: {value!r} is not a finite number.")
         values[name] = float(value)
     begin = time.perf_counter()
-    simulator = DAESimulator(scene, CVODES() if solver is None else solver)
+    if solver is None and not scene.system.collected.impacts:
+        simulator = DAESimulator(scene, CVODES())
+    else:
+        simulator = DAESimulator(scene, solver)
+        solver = simulator.solver
     setup = time.perf_counter() - begin
     p = np.array(list(values.values()))
     told = ", ".join(f"{n} = {v:g}" for n, v in values.items())
@@ -85,7 +89,7 @@ def simulate(
     def pilot(solver: Solver) -> Pilot:
         begin = time.perf_counter()
         solved = simulator.solved_by(solver)
-        integration = solved.integration(work=solved.dae.power is not None)
+        integration = solved.integration(work=solved.dae.power is not None or solved.dae.impacts is not None)
         middle = time.perf_counter()
         run = integration.run(x0, p[None])[0]
         seconds, counted = time.perf_counter() - middle, integration.statistics()
@@ -102,6 +106,7 @@ def simulate(
             statistics={"start": start, "integrator": counted},
             setup_seconds=setup + middle - begin,
             run_seconds=seconds,
+            events=run.events,
         )
         made[solver] = run, trajectory
         return Pilot(run.message, counted.get("steps", 0), seconds, False)
@@ -124,7 +129,7 @@ def simulate(
         span = float(simulator.times[-1] - simulator.times[0])
         return stiffness(simulator.dae, X[some], p, simulator.times[some]).is_stiff(span)
 
-    reason = ""
+    reason = simulator.reason
     if solver is not None:
         pilot(solver)
     else:

@@ -13,6 +13,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array, Mask
 from symmb.solve._advance import Marching
 from symmb.solve._problem import Problem
+from symmb.solve._rebound import Event
 from symmb.symbolic.batch import batch
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
@@ -28,12 +29,13 @@ _COUNTED = {
 
 @dataclass(frozen=True)
 class Run:
-    """One run: X (n_t, n_x), quadratures (n_t, n_quad), and where it broke down: nan or a time, with the reason."""
+    """One run: X (n_t, n_x), quadratures (n_t, n_quad), where it broke down: nan or a time, with the reason; events."""
 
     X: Array
     quad: Array
     t_failed: float = np.nan
     message: str = ""
+    events: tuple[Event, ...] = ()
 
 
 class Integration:

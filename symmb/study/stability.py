@@ -143,10 +143,12 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     Raises
     ------
     AssemblyError              if the scene cannot be started
-    SimulationError            if there is nothing to integrate, or no solver finishes
+    SimulationError            if there is nothing to integrate, there are impacts, or no solver finishes
     """
     begin = time.monotonic()
     times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
+    if scene.system.collected.impacts:
+        raise SimulationError(f"{scene.name} has impacts, which only EventDriven() locates: no solvers to compare.")
     dae = DAESimulator(scene, CVODES()).dae
     if len(scene.times) < 2 or not dae.n_v:
         raise SimulationError(f"{scene.name} has no motion over a time to be tried.")

@@ -11,7 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import ALL_MODELS
+from conftest import SMOOTH_MODELS
 from mechanisms import explosion
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -25,7 +25,7 @@ from symmb.simulate import Reduction
 
 ROOT = Path(mb.__file__).parents[1]
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
-MOVING = [model for model in ALL_MODELS if model is not cubic]  # which has no states
+MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has no states
 SWING = ca.vertcat(X[1], -ca.sin(X[0]) - P * X[0] ** 3 + ca.cos(T) / 3)
 
 
