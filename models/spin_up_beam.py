@@ -21,25 +21,26 @@ LENGTH, AXIAL, SHEAR, BENDING, LINE_MASS = 10.0, 2.8e7, 1.0e7, 1.4e4, 1.2
 SPEED, RISE = 6.0, 15.0
 
 
-def modes(count: int, elements: int = 20) -> mb.Modes:
-    """Cantilever modes in the plane with geometric stiffening."""
+def modes(count: int, *, stiffening: bool = True) -> mb.Modes:
+    """Cantilever modes in the plane."""
     area = 1.0  # the beam is given by its stiffnesses and the mass of a metre
     section = mb.Section(area, BENDING / AXIAL, BENDING / AXIAL, 2 * BENDING / AXIAL).without_shear()
     material = mb.Material(E=AXIAL / area, density=LINE_MASS / area, nu=0.3)
-    beam = mb.Beam([(0, 0, 0), (LENGTH, 0, 0)], section, material, elements=elements)
-    return mb.FiniteElements.beams(beam).modes(count=count, clamped=0, stiffening=True, planar=True)
+    beam = mb.Beam([(0, 0, 0), (LENGTH, 0, 0)], section, material, elements=20)
+    return mb.FiniteElements.beams(beam).modes(count=count, clamped=0, stiffening=stiffening, planar=True)
 
 
-def scene(*, count: int = 3) -> mb.Scene:
+def scene(*, count: int = 3, stiffening: bool = True) -> mb.Scene:
     """Twenty seconds of spin-up.
 
     Parameters
     ----------
     count : int            modes of the beam
+    stiffening : bool      whether the beam grows shorter as it bends
     """
     p = mb.Parameters(omega_s=SPEED)
     ground = mb.Ground()
-    beam = mb.FlexibleBody("beam", modes(count), mb.Planar())
+    beam = mb.FlexibleBody("beam", modes(count, stiffening=stiffening), mb.Planar())
     rising = p.omega_s / RISE * (mb.t**2 / 2 + (RISE / (2 * ca.pi)) ** 2 * (ca.cos(2 * ca.pi * mb.t / RISE) - 1))
     steady = p.omega_s * (mb.t - RISE / 2)
     system = mb.System(

@@ -75,6 +75,7 @@ from symmb.mechanics.force import TorsionSpring as TorsionSpring
 from symmb.mechanics.friction import Bristle as Bristle
 from symmb.mechanics.friction import Coulomb as Coulomb
 from symmb.mechanics.friction import Friction as Friction
+from symmb.mechanics.impact import Impact as Impact
 from symmb.mechanics.load import GasSpring as GasSpring
 from symmb.mechanics.load import NonlinearSpring as NonlinearSpring
 from symmb.mechanics.load import Orifice as Orifice
@@ -90,8 +91,10 @@ from symmb.simulate._dae import DAESimulator as DAESimulator
 from symmb.simulate._function import FunctionSimulator as FunctionSimulator
 from symmb.simulate._simulate import simulate as simulate
 from symmb.simulate._trajectory import Trajectory as Trajectory
+from symmb.solve._rebound import Event as Event
 from symmb.solve.compiled import DormandPrince as DormandPrince
 from symmb.solve.compiled import RungeKutta as RungeKutta
+from symmb.solve.event_driven import EventDriven as EventDriven
 from symmb.solve.implicit_solvers import BDFI3 as BDFI3
 from symmb.solve.implicit_solvers import HHT as HHT
 from symmb.solve.implicit_solvers import NSTIFFSI2 as NSTIFFSI2

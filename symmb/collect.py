@@ -13,11 +13,13 @@ from symmb.mechanics.body import Body, Ground, Inertial
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Element
 from symmb.mechanics.force import Action, ForceElement, Load
+from symmb.mechanics.impact import Impact
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Particle
 from symmb.symbolic.geometry import is_zero
 from symmb.symbolic.symbols import Symbol
 from symmb.validate import (
+    impact_law,
     mass_and_inertia,
     membership_faults,
     name_faults,
@@ -51,6 +53,7 @@ class Collected:
     Psi: ca.SX
     rows: dict[str, slice]
     row_names: tuple[str, ...]
+    impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
     upright: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # what must be above 0 at every parameter value, with its name
     drifting: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
@@ -104,10 +107,12 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     masses = [(b, mass) for b, (mass, _) in inertial]
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
+    impacts = [e for e in elements if isinstance(e, Impact)]
     actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), ()) for f in forces}
     written = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
     positions = {c.name: attempt(lambda c=c: position_rows(c, written[c.name], bind), []) for c in constraints}
     velocities = {c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints}
+    laws = {e.name: attempt(lambda e=e: impact_law(e, bind, parameters), (nothing, nothing)) for e in impacts}
     for title, acts in actions.items():
         for action in acts:
             faults.extend(plane_faults(title, action))
@@ -127,7 +132,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         q_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.coordinates),
         v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
         block_sizes=tuple(b.frame.v.numel() for b in bodies),
-        states=bind.states(_vertcat([Q_work, Q_potential, *Phi, *Psi])),
+        states=_states(bind, [Q_work, Q_potential, *Phi, *Psi, *(gap for gap, _ in laws.values())], impacts),
         M=ca.diagcat(*[share.M for share in shares]) if bodies else ca.SX(0, 0),
         M_flow=ca.diagcat(*[share.M if share.flows else ca.SX(*share.M.shape) for share in shares])
         if bodies
@@ -139,12 +144,18 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         Psi=_vertcat(Psi),
         rows=_row_slices(positions, velocities),
         row_names=_row_names(positions) + _row_names(velocities),
+        impacts=tuple((name, *law) for name, law in laws.items()),
         upright=_vertcat([c.upright() for c in constraints]),
         positive=tuple(_positive(inertial, constraints, bind)),
         drifting=(),
         written=sum(rows.numel() for rows in written.values()),
     )
     return _without_untouched(draft)
+
+
+def _states(bind: Binding, equations: Sequence[ca.SX], impacts: Sequence[Impact]) -> tuple[Symbol, ...]:
+    """The first-order states of equations, and whether contacts are closed."""
+    return tuple(dict.fromkeys([*bind.states(_vertcat(equations)), *(impact.state for impact in impacts)]))
 
 
 def _positive(
@@ -210,7 +221,8 @@ def _without_untouched(c: Collected) -> Collected:
     n = c.q.numel()
     if not any(isinstance(b.pose, Particle) for b in c.bodies):
         return c
-    equations = ca.vertcat(c.Phi, c.Psi, c.Q, *[ca.vec(c.M)], c.potential, *[s.rate for s in c.states])
+    gaps = [gap for _, gap, _ in c.impacts]
+    equations = ca.vertcat(c.Phi, c.Psi, c.Q, *[ca.vec(c.M)], c.potential, *[s.rate for s in c.states], *gaps)
     pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
     depends: list[bool] = np.any(pattern, axis=0).tolist()
     drop, q_at, v_at = [], 0, 0

@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.export import example_c, save_c
+from symmb.impacts import Contacts, Impacts
 from symmb.mechanics.pose import Spatial
 from symmb.symbolic.linear import symmetric_solver
 from symmb.symbolic.symbols import t
@@ -69,6 +70,7 @@ class DAE:
     upright                (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
+    impacts : Impacts      gaps that close, and velocities that jump then
     scales : Scales        of the motion; 1 as long as nothing is known of it
     """
 
@@ -99,6 +101,7 @@ class DAE:
     s_start: ca.Function | None
     positive: ca.Function
     positive_names: tuple[str, ...]
+    impacts: Impacts | None = None
     scales: Scales = field(default_factory=lambda: Scales())
 
     @property
@@ -152,6 +155,8 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
 
+        With impacts, what their instants need is written in the place of the main program, whose steps know no events.
+
         Parameters
         ----------
         folder : path                   made if it is not there
@@ -163,6 +168,12 @@ class DAE:
         -------
         tuple of Path                   the files written
         """
+        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
+        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
+        if self.impacts is not None:
+            impacts = self.impacts
+            functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.held)}
+            return save_c(functions, folder)
         begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
         begin.update(start or {})
         times = np.asarray(begin.pop("times", (0.0, 1.0)))
@@ -177,8 +188,6 @@ class DAE:
             t1=float(times[-1]),
             steps=max(len(times) - 1, 100),
         )
-        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
-        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
         return save_c(functions, folder, example=main)
 
 
@@ -220,13 +229,16 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     constrained = n_r > 0
     held = system.Phi.numel() > 0
     right = ca.SX.sym("gamma", n_r)
-    vdot, multipliers = system.solve(system.Q, right)
-    vdot_free, _ = system.solve(system.Q, system.gamma)
+    contacts = Contacts(system) if c.impacts else None
+    solve = system.solve if contacts is None else contacts.solve
+    vdot, multipliers = solve(system.Q, right)
+    vdot_free, _ = solve(system.Q, system.gamma)
     delta, _ = system.solve(ca.SX(v.numel(), 1), right)
     rates = [system.qdot, vdot_free, *([system.s_rate] if c.states else [])]
-    power = system.power
+    power = system.power if contacts is None else system.power + contacts.power
     positive_names, positive = system.positive
     displacement = ca.SX.sym("delta", v.numel())
+    retract = ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"])
     return DAE(
         q_names=c.q_names,
         v_names=c.v_names,
@@ -252,13 +264,14 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         shared=None
         if rows is None
         else function("shared", [_shared(whole.G, rows, lam)], ["lam"], (("lam_kept", lam),)),
-        retract=ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"]),
+        retract=retract,
         upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
         s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
         if c.states
         else None,
         positive=positive,
         positive_names=positive_names,
+        impacts=None if contacts is None else contacts.compiled(retract),
     )
 
 

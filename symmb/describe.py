@@ -27,6 +27,7 @@ def describe(system: "System") -> str:
         f"bodies       {_count([_kind(b) for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
         f"forces       {_count([type(e).__name__ for e in forces])}",
+        *([f"impacts      {', '.join(name for name, *_ in c.impacts)}"] if c.impacts else []),
         f"parameters   {', '.join(system.parameters) or 'none'}",
         f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")

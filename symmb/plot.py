@@ -170,27 +170,34 @@ def plot_stability(
     t: Array,
     points: Mapping[str, Sequence[tuple[float, float]]],
     drift: Mapping[str, Array],
+    stress: Mapping[str, Mapping[str, float]],
     path: str | Path | None = None,
     *,
     title: str = "",
 ) -> "Figure":
-    """Error against run time, and drift of positions over time, of solvers by name; see `plot_comparison` for path.
+    """Error against run time, drift of positions over time, and errors under stress; see `plot_comparison` for path.
 
     Parameters
     ----------
-    points : name -> (run time [s], error) of each setting
-    drift : name -> (n_t,) of one setting
+    points : solver -> (run time [s], error) of each setting
+    drift : solver -> (n_t,) of one setting
+    stress : solver -> what was done to the scene -> error
     """
     figure = _figure(_DIAGRAM + 0.8)
-    left, right = figure.subplots(1, 2)
+    left, right, under = figure.subplots(1, 3)
     for k, name in enumerate(points):
         style = {"color": _of(_COLOURS, k), "linestyle": _of(_DASHES, k // len(_COLOURS)), "linewidth": 1.1}
         seconds, errors = zip(*points[name], strict=True)
         left.loglog(seconds, np.clip(errors, _ROUNDING, _NONSENSE), marker=_of(_MARKERS, k), label=name, **style)
         right.semilogy(t, np.maximum(drift[name], _ROUNDING), **style)
+        some = stress.get(name, {})
+        under.semilogx(
+            np.clip(list(some.values()), _ROUNDING, _NONSENSE), list(some), _of(_MARKERS, k), c=style["color"]
+        )
     left.set(xlabel="run time [s]", ylabel="error [share of the motion]")
     right.set(xlabel="time [s]", ylabel="largest violation of a position row")
-    for axes in (left, right):
+    under.set(xlabel="error under stress")
+    for axes in (left, right, under):
         _dress(axes)
         axes.grid(alpha=0.25)
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)

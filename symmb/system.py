@@ -59,7 +59,7 @@ class System:
 
     Parameters
     ----------
-    *elements : Body, Constraint or ForceElement, in the order in which coordinates and rows shall stand
+    *elements : Body, Constraint, ForceElement or Impact, in the order in which coordinates and rows shall stand
     parameters : Parameters
 
     Raises

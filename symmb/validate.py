@@ -12,6 +12,7 @@ from symmb.mechanics.body import Body, Ground, _Framed, as_matrix, inertia_matri
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Element
 from symmb.mechanics.force import Action
+from symmb.mechanics.impact import RESTITUTION, Impact
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Particle
 from symmb.symbolic.geometry import is_zero
@@ -116,6 +117,28 @@ def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
                 f"{constraint.title}: expressions must be linear in the velocities, and contain some."
             )
     return kept
+
+
+def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+    """Gap and coefficient of restitution of an impact as SX scalars."""
+    gap = bind(impact.gap, f"{impact.title}: gap")
+    e = bind(impact.restitution, f"{impact.title}: restitution")
+    faults = []
+    for what, value in (("gap", gap), ("restitution", e)):
+        if value.numel() != 1:
+            faults.append(f"{impact.title}: {what} has {value.numel()} components. Give each its own Impact.")
+    if any(bind.is_velocity(s) for s in ca.symvar(gap)):
+        faults.append(f"{impact.title}: the gap must not contain velocities. Write a distance, such as ball.y - r.")
+    elif not any(bind.is_coordinate(s) for s in ca.symvar(gap)):
+        faults.append(f"{impact.title}: the gap {gap} contains no coordinate. Write a distance, such as ball.y - r.")
+    if any(not bind.is_parameter(s) for s in ca.symvar(e)):
+        faults.append(f"{impact.title}: restitution may depend on parameters only.")
+    nominal = None if faults else _nominal(e, parameters)
+    if nominal is not None and not 0 <= nominal[0] <= 1:
+        faults.append(f"{impact.title}: {RESTITUTION.format(nominal[0])} at the nominal parameters. Give one that is.")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return gap, e
 
 
 def plane_faults(title: str, action: Action) -> list[str]:

@@ -5,10 +5,12 @@ from joints import ALL_POSES as ALL_POSES
 
 from models import (
     andrews,
+    bouncing_ball,
     car_axis,
     chain,
     cubic,
     double_pendulum,
+    flexible_pendulum,
     four_bar,
     half_car,
     heavy_top,
@@ -18,6 +20,7 @@ from models import (
     slider_crank_flexible,
     slider_crank_spatial,
     spherical_pendulum,
+    spin_up_beam,
     stick_slip,
 )
 from symmb import (
@@ -108,6 +111,7 @@ ALL_MODELS = (
     four_bar,
     n_four_bar,
     andrews,
+    bouncing_ball,
     chain,
     spherical_pendulum,
     heavy_top,
@@ -115,6 +119,11 @@ ALL_MODELS = (
     rolling_disc,
     slider_crank_spatial,
     slider_crank_flexible,
+    flexible_pendulum,
+    spin_up_beam,
     stick_slip,
     half_car,
 )
+
+SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
+"""Those that any solver runs."""

@@ -148,7 +148,7 @@ def slider_crank(kind: str) -> Problem:
 def n_four_bar(n: int, until: int = 10) -> Problem:
     known = KNOWN["n_four_bar"]
     return Problem(
-        f"{n} windows",
+        f"{n} windows, {until} s",
         lambda: model("n_four_bar", N=n).with_times(known["times"][: until + 1]),
         np.array(known["values"][str(n)])[: until + 1],
     )
@@ -242,7 +242,7 @@ def all_problems() -> tuple[Problem, ...]:
         slider_crank("massless_coupler"),
         slider_crank("dead_point"),
         n_four_bar(2),
-        n_four_bar(40, 3),
+        n_four_bar(40, 20),
         pendulum_period_2(),
         pendulum_179(),
     )

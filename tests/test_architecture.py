@@ -28,6 +28,7 @@ FLOORS = {
     "units": 3,
     "validate": 3,
     "scene": 3,
+    "impacts": 4,
     "dae": 4,
     "schemes": 4,
     "export": 4,

@@ -381,3 +381,22 @@ def test_cache_says_why_a_folder_is_not_used(tmp_path, monkeypatch, capsys):
 
 def test_cache_takes_no_scene(capsys):
     assert "unrecognized arguments: SCENE" in refused(capsys, "cache", "SCENE")
+
+
+def test_a_scene_with_impacts(capsys, tmp_path):
+    file = tmp_path / "run.json"
+    main(["simulate", "bouncing_ball", "--json", str(file), "--plot", str(tmp_path / "run.png")])
+    assert "impacts     6 of 'floor'" in capsys.readouterr().out
+    run = json.loads(file.read_text(), parse_constant=pytest.fail)
+    assert [event["what"] for event in run["events"]] == ["impact"] * 6 and run["energy_drift"] < 1e-10
+    file = tmp_path / "bounds.json"
+    main(["compare", "bouncing_ball", "--methods", "pce:2:paper", "taylor:2", "--json", str(file)])
+    shown = capsys.readouterr().out
+    assert "Taylor(order=2) did not run" in shown and "not valid" in shown
+    found = json.loads(file.read_text(), parse_constant=pytest.fail)
+    assert [method["name"] for method in found["methods"]] == ["PolynomialChaos.paper(order=2)"]
+    main(["equations", "bouncing_ball"])
+    assert "impacts      floor" in capsys.readouterr().out
+    main(["codegen", "bouncing_ball", "-o", str(tmp_path / "c")])
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == ["model.c", "model.h"]
+    assert "impulses" in (tmp_path / "c" / "model.h").read_text()

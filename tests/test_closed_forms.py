@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
-from models import cubic, heavy_top, rolling_disc, spherical_pendulum
+from models import cubic, half_car, heavy_top, rolling_disc, spherical_pendulum
 from symmb.bounds import IntervalArithmetic, PolynomialChaos, propagate
 
 G = 9.81
@@ -84,3 +86,40 @@ def test_disc_wobbles_as_its_rates_of_angular_momentum_say():
     assert np.ptp(y[0]) > 0.1
     assert np.abs(run["alpha"] - y[0]).max() < 1e-6
     assert np.abs(run["spin"] - y[3]).max() < 1e-6
+
+
+def test_half_car_over_a_bump():
+    """Equations written by hand in the state (x, y, theta, front x and y, rear x and y), integrated by SciPy."""
+    scene = half_car.scene()
+    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-9))
+    mass, inertia, axle, g, tyre, radius = 690.0, 1200.0, 40.0, 9.81, 190e3, half_car.RADIUS
+    bump = PchipInterpolator(0.6 * np.linspace(0, 1, 9), 0.08 * np.sin(np.pi * np.linspace(0, 1, 9)) ** 2)
+    K, C = np.diag([300e3, 22e3]), np.diag([3e3, 1.6e3])
+
+    def rates(t, state):
+        q, v = state[:7], state[7:]
+        c, s = np.cos(q[2]), np.sin(q[2])
+        R, turned = np.array([[c, -s], [s, c]]), np.array([[-s, -c], [c, -s]])
+        a = np.array([0, -g, 0, 0, -g, 0, -g])
+        for k, (along, behind) in enumerate(((1.3, 0.0), (-1.3, half_car.WHEELBASE))):
+            wheel, speed = q[3 + 2 * k : 5 + 2 * k], v[3 + 2 * k : 5 + 2 * k]
+            arm = wheel - q[:2]
+            d = R.T @ arm - [along, -0.3]
+            d_dot = R.T @ (speed - v[:2]) + turned.T @ arm * v[2]
+            force = -R @ (K @ d + C @ d_dot)  # on the wheel
+            at = 10.0 * t - behind
+            inside = 0 < at < 0.6
+            depth = radius - wheel[1] + (float(bump(at)) if inside else 0.0)
+            rate = -speed[1] + (10.0 * float(bump(at, 1)) if inside else 0.0)
+            road = max(0.0, tyre * depth + 100.0 * rate) if depth > 0 else 0.0
+            a[3 + 2 * k : 5 + 2 * k] += (force + [0, road]) / axle
+            a[:2] -= force / mass
+            a[2] -= (arm[0] * force[1] - arm[1] * force[0]) / inertia
+        return np.hstack([v, a])
+
+    start = np.hstack([run.q[0][[0, 1, 2, 3, 4, 6, 7]], np.zeros(7)])
+    known = solve_ivp(rates, (0, 1.5), start, "DOP853", run.t, rtol=1e-9, atol=1e-10, max_step=2e-3).y
+    assert_allclose(run["bounce"], known[1] - known[1, 0], atol=1e-6)
+    assert_allclose(run["pitch"], known[2], atol=1e-6)
+    assert_allclose(run["front.y"], known[4], atol=1e-6)
+    assert (run["front_lift"].max() > 0.05) and (run["rear_lift"].max() > 0.05)

@@ -159,6 +159,46 @@ FAULTS = {
         lambda: [ROD1, mb.VelocityConstraint("roll", (ROD1.vx**2,))],
         "VelocityConstraint 'roll': expressions must be linear in the velocities",
     ),
+    "a contact without a law": (
+        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 1), 1e5)],
+        r"Contact 'c': expected a law of contact, got 100000\.0\. Use HuntCrossley\(\.\.\.\)",
+    ),
+    "a contact with a plane without direction": (
+        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 0), mb.KelvinVoigt(1e5))],
+        r"Contact 'c': normal \(0, 0\) has no direction\. Give a vector that is not zero",
+    ),
+    "a contact with what is no friction": (
+        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 1), mb.KelvinVoigt(1e5), 0.1, 0.3)],
+        r"Contact 'c': expected a friction law, got 0\.3\. Use Coulomb\(\.\.\.\) or Bristle\(\.\.\.\)",
+    ),
+    "a law of contact with an unknown symbol": (
+        lambda: [ROD1, mb.Contact("c", ROD1.point(0, 0), GROUND.point(0, 0), (0, 1), mb.KelvinVoigt(STRANGER.x))],
+        r"Contact 'c': stiffness: symbol 'stranger\.x' belongs to no parameter and no body",
+    ),
+    "a coupling that turns out of the plane": (
+        lambda: [ROD1, mb.TorsionContact("k", GROUND, ROD1, 0.1, mb.KelvinVoigt(1e5), axis=(1, 0, 0))],
+        r"TorsionContact 'k': axis \(1, 0, 0\) leaves the plane\. Planar bodies turn about z",
+    ),
+    "a coupling of particles": (
+        lambda: [BALL, mb.TorsionContact("k", GROUND, BALL, 0.1, mb.KelvinVoigt(1e5))],
+        r"TorsionContact 'k': makes no sense on Particle\(\) body 'ball'",
+    ),
+    "friction along nothing": (
+        lambda: [ROD1, mb.Friction("f", GROUND.point(0, 0), ROD1.point(0, 0), (0, 0), 1.0, mb.Coulomb(0.3, 1e-3))],
+        r"Friction 'f': axis \(0, 0\) has no direction",
+    ),
+    "a nonlinear spring without a law": (
+        lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), 30.0)],
+        r"NonlinearSpring 'n': pull 30\.0 is no law\. Give a function of length and rate",
+    ),
+    "a nonlinear spring of an unknown symbol": (
+        lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: STRANGER.x * d)],
+        r"NonlinearSpring 'n': pull: symbol 'stranger\.x' belongs to no parameter",
+    ),
+    "soil on both sides": (
+        lambda: [ROD1, mb.Soil("s", ROD1.point(0, 0), ROD1.point(1, 0), (0, 1), mb.KelvinVoigt(1e5))],
+        "Soil 's': both points are on body 'rod1', nothing is left to act on",
+    ),
     "velocity rows that are no tuple": (
         lambda: [ROD1, mb.VelocityConstraint("roll", ROD1.vx)],
         "VelocityConstraint 'roll': expressions must be a tuple, got SX",

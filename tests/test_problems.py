@@ -55,6 +55,27 @@ def test_singular_positions_are_passed(solver):
     assert abs(np.hypot(run["B0_x"], run["B0_y"]) - 1).max() < 1e-6
 
 
+def test_forty_windows_hold_energy_through_their_singular_positions():
+    """Forty windows over 20 s; what the penalty leaves of the constraints turns the phase by 1e-4 at most."""
+    problem = problems.n_four_bar(40, 20)
+    run = mb.simulate(problem.make(), mb.DormandPrince(rtol=1e-6, stabilization=mb.AugmentedLagrangian()))
+    assert run.energy_drift < 1e-6 and problem.error(run.values) < 1e-3
+
+
+@pytest.mark.parametrize("solver", [mb.CVODES(rtol=1e-8), mb.Rosenbrock(), AUGMENTED], ids=repr)
+def test_a_wrong_branch_is_doubted(solver):
+    """Through the dead point the closed form tells the right branch."""
+    problem = problems.slider_crank("dead_point")
+    run = mb.simulate(problem.make(), solver)
+    assert ("another branch may be taken" in str(run)) == (problem.error(run.values) > 0.1)
+
+
+def test_usual_drift_raises_no_doubt():
+    for problem in (problems.car_axis(), problems.slider_crank("massless_coupler")):
+        for solver in (mb.CVODES(rtol=1e-6), mb.CVODES(rtol=1e-8, stiff=True), mb.Rosenbrock(rtol=1e-5)):
+            assert "doubtful" not in str(mb.simulate(problem.make(), solver))
+
+
 def _told(value):
     return value if isinstance(value, str) else value.name
 

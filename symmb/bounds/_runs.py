@@ -41,6 +41,7 @@ class Runs:
     ----------
     most : the runs that are allowed
     nodes : (N, n_t, n_y) responses at nodes
+    events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
     """
 
@@ -52,6 +53,7 @@ class Runs:
     nodes: Array = field(init=False)
     checks: Array = field(init=False)
     points: Array = field(init=False)
+    events: Indices | None = None
     failed: tuple[Failure, ...] = ()
 
     def __post_init__(self) -> None:
@@ -85,7 +87,7 @@ class Runs:
         new = [i for i, key in enumerate(keys) if key not in self._row]
         self._row |= {keys[i]: len(self.nodes) + k for k, i in enumerate(new)}
         if new:
-            Y, ok = self._run(points[new])
+            Y, ok, events = self._run(points[new])
             if not ok.all():
                 if before is None:
                     raise PropagationError(
@@ -94,6 +96,9 @@ class Runs:
                         + failure_text(self.failed)
                     )
                 Y[~ok] = before(points[new][~ok])
+            if events is not None:
+                events[~ok] = -1
+                self.events = events if self.events is None else np.concatenate([self.events, events])
             self.nodes, self._attained = np.concatenate([self.nodes, Y]), np.concatenate([self._attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
@@ -101,7 +106,7 @@ class Runs:
         """Those of the points (C, d) that are new and do not fail, and the responses there, which are kept."""
         known = self._row.keys() | set(_keys(self.points))
         points = points[[key not in known for key in _keys(points)]]
-        Y, ok = self._run(points)
+        Y, ok, _ = self._run(points)
         Y, points = Y[ok], points[ok]
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
@@ -118,14 +123,14 @@ class Runs:
         width, scale = rms(high - low), np.maximum(rms(low), rms(high))
         return np.where(width > ROUNDING * scale, width, np.inf)
 
-    def _run(self, points: Array) -> tuple[Array, Mask]:
-        """Responses (N, n_t, n_y), and which did not fail (N,)."""
+    def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
+        """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t)."""
         P = parameter_samples(self.simulator, self.box, points)
         ensemble = run_blocks(self.simulator, P, self.executor, self.progress)
         bad = np.flatnonzero(~ensemble.ok)
         told = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, told)
-        return ensemble.Y, ensemble.ok
+        return ensemble.Y, ensemble.ok, ensemble.events
 
 
 def share(error: Array, unit: Array) -> float:

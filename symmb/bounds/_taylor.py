@@ -34,7 +34,7 @@ class Taylor(Method):
     Raises
     ------
     PropagationError
-        From ``bounds``: the simulator gives no derivatives, or they are not finite.
+        From ``bounds``: the simulator gives no derivatives, or they are not finite, or an `Impact` makes them invalid.
 
     Examples
     --------

@@ -57,7 +57,7 @@ def tensor_bounds(runs: Runs, tolerance: float) -> Found:
         worst = pieces[int(np.argmax([share(error, unit) for error in union.errors]))]
         last = not _affordable(worst.next(), runs)
         estimate = union.errors.max(axis=0)
-        if last or share(estimate, unit) <= enough:
+        if last or share(union.trust * estimate, unit) <= tolerance:
             estimate, worst = _checked(runs, union, worst, unit, min(checks, runs.left))
             wanted = worst.next()
             if share(estimate, unit) <= tolerance or not _affordable(wanted, runs):
@@ -124,6 +124,10 @@ class _Piece:
     @cached_property
     def rough(self) -> int | None:
         """The parameter along which the response is not smooth, that from which most of the error comes; or None."""
+        if self.crossed is not None:
+            shares = np.array([share(np.nan_to_num(error), self.unit) for error in self.crossed])
+            if shares.max() >= self._shares.max():
+                return int(shares.argmax())
         falls = _falls(self.expansion, self.unit, _WHOLE if self.inherited is None else _HALVES)
         wrong = np.where(falls > _SMOOTH, self._shares, 0.0)
         return int(wrong.argmax()) if wrong.max() >= _REFINED * self._shares.max() > 0 else None
@@ -134,10 +138,34 @@ class _Piece:
         return np.array([share(error, self.unit) for error in self.tails.directions])
 
     @cached_property
+    def crossed(self) -> Array | None:
+        """Expected errors along each parameter (d, n_t, n_y) where there are events between nodes, nan elsewhere.
+
+        Kinks and jumps are there. In between an extreme lies beyond the nodes by no more than what the responses change
+        on such a distance, at the largest slope that is seen away from events.
+        """
+        if self.runs.events is None:
+            return None
+        degrees = self.expansion.alpha.max(axis=0)
+        order = np.lexsort(self.nodes.T[::-1])
+        Y = self.Y[order].reshape(*(degrees + 1), *self.runs.shape)
+        events = self.runs.events[self.rows[order]].reshape(*(degrees + 1), -1, 1)
+        across = np.ptp(events, axis=tuple(range(len(degrees)))) > 0
+        errors = np.zeros((len(degrees), *self.runs.shape))
+        for i, x in enumerate(self.nodes[order].T.reshape(len(degrees), *(degrees + 1))):
+            ahead, axes = np.diff(x, axis=i)[..., None, None], tuple(range(len(degrees)))
+            change, met = np.abs(np.diff(Y, axis=i)), np.diff(events, axis=i) != 0
+            slope = np.where(met, 0.0, change / ahead).max(axis=axes)
+            widest = np.where(met, ahead, 0.0).max(axis=axes)
+            errors[i] = np.where(met.all(axis=axes), change.max(axis=axes), slope * widest)
+        return np.where(across, errors, np.nan)
+
+    @cached_property
     def jumps(self) -> Mask | None:
         """Where a half of a rough piece (n_t, n_y) is taken as it is at the nodes: interpolants overshoot at a jump."""
-        if self.rough is None or self.inherited is None:
-            return None
+        met = None if self.crossed is None else np.isfinite(self.crossed[0])
+        if self.rough is None or self.inherited is None or met is not None:
+            return met
         large = self.tails.directions >= _REFINED * self.tails.directions.max(axis=0)
         return ((self.tails.falls > _SMOOTH) & large).any(axis=0) | (self.half.min() < _SMALL)
 
@@ -178,6 +206,9 @@ class _Piece:
     def expected(self, places: Array) -> Array:
         """Expected errors (n_t, n_y) at places (n_t, n_y, d) of the box, or (d,) for all times and outputs."""
         smooth = self.tails.at((places - self.centre) / self.half)
+        if self.crossed is not None:
+            met = self.crossed.sum(axis=0)
+            return np.where(np.isnan(met), smooth, met)
         if self.jumps is None or self.inherited is None:
             return smooth
         return np.where(self.jumps, self.inherited, smooth)
@@ -185,6 +216,11 @@ class _Piece:
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of the box."""
         return self.expansion.values((points - self.centre) / self.half)
+
+    def error(self, point: Array, y: Array) -> Array:
+        """What a run y (n_t, n_y) at a point shows of the errors of the expansion, where it is used."""
+        error = y - self.values(point[None])[0]
+        return error if self.crossed is None else np.where(np.isnan(self.crossed[0]), error, 0.0)
 
     def next(self) -> list[_Part]:
         """The piece with twice the degree where errors are large, or its halves; nothing where that goes too far."""
@@ -236,6 +272,7 @@ class _Union:
     places : (2, n_t, n_y, d) of its minima and maxima
     errors : (k, n_t, n_y) how far each piece may reach beyond
     told : (2, n_t, n_y) errors that runs at the places may see: none at nodes
+    trust : (n_t, n_y) least share of the largest error that check runs leave: all of one between events
     """
 
     pieces: list[_Piece]
@@ -244,6 +281,7 @@ class _Union:
     places: Array
     errors: Array
     told: Array
+    trust: Array
 
     @classmethod
     def of(cls, pieces: list[_Piece]) -> "_Union":
@@ -254,7 +292,10 @@ class _Union:
         beyond = np.maximum(np.maximum(lower - (lows - below), highs + above - upper), 0.0)
         told = np.stack([piece.told for piece in pieces])
         at = np.take_along_axis(places, first[..., None], axis=0)[0]
-        return cls(pieces, lower, upper, at, beyond, np.take_along_axis(told, first, axis=0)[0])
+        between = [np.zeros(beyond.shape[1:]) if p.crossed is None else np.isfinite(p.crossed[0]) for p in pieces]
+        crossed = np.take_along_axis(np.array(between, dtype=bool), beyond.argmax(axis=0)[None], axis=0)[0]
+        trust = np.where(crossed, 1.0, TRUST)
+        return cls(pieces, lower, upper, at, beyond, np.take_along_axis(told, first, axis=0)[0], trust)
 
     def piece(self, point: Array) -> _Piece:
         """One that holds the point."""
@@ -271,8 +312,8 @@ def _checked(runs: Runs, union: _Union, worst: _Piece, unit: Array, number: int)
     if not len(points):
         return estimate, worst
     pieces = [union.piece(x) for x in points]
-    errors = np.stack([y - piece.values(x[None])[0] for x, y, piece in zip(points, Y, pieces, strict=True)])
+    errors = np.stack([piece.error(x, y) for x, y, piece in zip(points, Y, pieces, strict=True)])
     expected = np.stack([piece.expected(x) for x, piece in zip(points, pieces, strict=True)])
     ratios = np.divide(estimate, expected, out=np.ones_like(errors), where=expected > estimate / _FARTHEST)
     largest = pieces[int(np.argmax([share(error, unit) for error in errors]))]
-    return np.maximum(seen(errors * ratios), TRUST * estimate), largest
+    return np.maximum(seen(errors * ratios), union.trust * estimate), largest

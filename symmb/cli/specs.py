@@ -19,6 +19,7 @@ from symmb.bounds import (
     Vertex,
 )
 from symmb.solve.compiled import DormandPrince, RungeKutta
+from symmb.solve.event_driven import EventDriven
 from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
 from symmb.solve.solvers import CVODES, IDAS, Collocation, StabilizedIndex2
 from symmb.solve.state_space import StateSpace
@@ -90,6 +91,7 @@ SOLVERS = (
     Spec("si2", "StabilizedIndex2()", StabilizedIndex2),
     Spec("si2:RTOL", "StabilizedIndex2(rtol=RTOL)", lambda rtol: StabilizedIndex2(rtol=rtol)),
     Spec("state-space[:RTOL]", "StateSpace(rtol=RTOL)", StateSpace),
+    Spec("events[:RTOL]", "EventDriven(rtol=RTOL)", EventDriven),
     Spec("nstiff-si2[:STEP]", "NSTIFFSI2(step=STEP)", NSTIFFSI2),
     Spec("nstiff-si2:tol=RTOL", "NSTIFFSI2(step=1.0, rtol=RTOL)", lambda rtol: NSTIFFSI2(step=1.0, rtol=rtol)),
     Spec("gen-alpha[:STEP]", "GeneralizedAlpha(step=STEP)", GeneralizedAlpha),

@@ -58,17 +58,21 @@ class _Study(ctypes.Structure):
         ("newton", ctypes.c_double),
         ("most_steps", ctypes.c_long),
         ("dealt", ctypes.c_long),
-        *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "Y")),
+        *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "x_failed", "Y")),
         *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
     ]
 
 
 @dataclass(frozen=True)
 class Losses:
-    """Samples that failed: t_failed (N,) [s], nan where not, and of what (N,), an index of `REASONS`."""
+    """Samples that failed: t_failed (N,) [s], nan where not, and of what (N,), an index of `REASONS`.
+
+    The state where the last step of a failed sample began stands in the first columns of x_failed (N, ...).
+    """
 
     t_failed: Array
     failure: NDArray[np.int8]
+    x_failed: Array
 
     @property
     def reasons(self) -> list[str]:
@@ -164,7 +168,7 @@ class Engine:
         if not self.starts and x0.shape[1] < self.n_x:  # a history, which follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8))
+        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
         control = self.control
         tolerances = (0.0, 0.0) if isinstance(control, FixedStep) else (control.rtol, control.atol)
         study = _Study(
@@ -180,6 +184,7 @@ class Engine:
             0,
             losses.t_failed.ctypes.data,
             losses.failure.ctypes.data,
+            losses.x_failed.ctypes.data,
             None if Y is None else Y.ctypes.data,
             0,
             0,

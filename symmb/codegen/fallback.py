@@ -66,7 +66,7 @@ class ArrayEngine:
     def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> Losses:
         """Blocks of samples, fixed by sample index, some together; `keep` takes (n_t, n_y, m), and whether m ended."""
         N = len(x0)
-        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8))
+        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.full(x0.shape, np.nan))
         losses.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
         blocks = [np.arange(start, min(start + WIDTH, N)) for start in range(0, N, WIDTH)]
         with np.errstate(all="ignore"):
@@ -86,7 +86,7 @@ class ArrayEngine:
             return []
         # Lanes without a sample repeat one that has: they do not change the common step.
         lanes = np.array([np.resize(b, WIDTH) for b in alive])
-        Y, lost, at = _advance(self, x0[lanes.ravel()].T, p[lanes.ravel()].T)
+        Y, lost, at, x = _advance(self, x0[lanes.ravel()].T, p[lanes.ravel()].T)
         finite = np.logical_and.reduce(np.isfinite(Y), axis=1).reshape(len(self.times), *lanes.shape)
         passed = ~(self.times[:, None, None] > at[:, None])
         irregular = ~np.logical_and.reduce(finite | ~passed, axis=0)
@@ -95,6 +95,7 @@ class ArrayEngine:
         losses.failure[lanes[irregular]] = 1
         losses.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
         losses.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
+        losses.x_failed[lanes[lost]] = x.T[lost.ravel()]
         failed = lost | irregular
         again = failed.any(axis=1)
         told = (failed | ~again[:, None]) & (np.arange(WIDTH) < np.array([[b.size] for b in alive]))
@@ -123,23 +124,25 @@ class _Blocks:
             setattr(self, name, getattr(self, name)[mask])
 
 
-def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Array]:
-    """From x (n_x, L), p (n_p, L): outputs (n_t, n_y, L), lost lanes (B, 8), when blocks stopped (B,), nan if not."""
+def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Array, Array]:
+    """From x (n_x, L), p (n_p, L): outputs (n_t, n_y, L), lost lanes (B, 8), and of blocks that stopped when (B,) and
+    in what states (n_x, L), nan if they did not."""
     times, n_t, B = engine.times, len(engine.times), x.shape[1] // WIDTH
     Y, lost, at = np.full((n_t, engine.n_y, x.shape[1]), np.nan), np.zeros((B, WIDTH), dtype=bool), np.full(B, np.nan)
+    left = np.full(x.shape, np.nan)
     t = np.full(B, times[0])
     c = engine.prepare(x, np.ascontiguousarray(p), _spread(t))
     x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, c, _spread(t))
     engine.outputs(x, c, _spread(t), Y[0])
     if n_t == 1:
-        return Y, lost, at
+        return Y, lost, at, left
     end = times[-1]
     slope = engine.rates(x, c, _spread(t))
     h = _first_step(engine, x, c, slope, t, end - times[0])
     b = _Blocks(x, slope, c, np.arange(B), t, h, np.ones(B, dtype=int), np.full(B, 1e-4))
-    shortest = 1e-14 * (end - times[0])
+    shortest, longest = 1e-14 * (end - times[0]), engine.control.longest or np.inf
     for _ in range(MOST_STEPS):
-        h = np.where(b.h > shortest, b.h, shortest)
+        h = np.maximum(np.minimum(b.h, longest), shortest)
         final = b.t + h >= end
         t_new, h = np.where(final, end, b.t + h), np.where(final, end - b.t, h)
         k, x_new = _stages(engine, b, h)
@@ -147,7 +150,9 @@ def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Arra
         e = norm.max(axis=1)
         good = e <= 1.0
         stuck = ~good & (h <= shortest * 1.0000001)
-        lost[b.number[stuck]], at[b.number[stuck]] = ~(norm[stuck] <= 1.0), b.t[stuck]
+        if stuck.any():
+            lost[b.number[stuck]], at[b.number[stuck]] = ~(norm[stuck] <= 1.0), b.t[stuck]
+            left.reshape(-1, B, WIDTH)[:, b.number[stuck]] = b.x.reshape(len(left), -1, WIDTH)[:, stuck]
         if good.any():
             lanes, t_good = _lanes(good), _spread(t_new[good])
             k[12][:, lanes] = engine.rates(x_new[:, lanes], b.c[:, lanes], t_good)
@@ -167,7 +172,7 @@ def _advance(engine: ArrayEngine, x: Array, p: Array) -> tuple[Array, Mask, Arra
         if not b.number.size:
             break
     lost[b.number], at[b.number] = True, b.t  # too many steps
-    return Y, lost, at
+    return Y, lost, at, left
 
 
 def _stages(engine: ArrayEngine, b: _Blocks, h: Array) -> tuple[Array, Array]:

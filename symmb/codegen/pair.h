@@ -92,10 +92,7 @@ static int judge(Block *b, Study *s, double shortest) {
   const int too_many = ++b->steps == s->most_steps;
   if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
     for (int l = 0; l < WIDTH; ++l)
-      if (too_many || !(norm[l / W][l % W] <= 1.0)) {
-        s->t_failed[b->sample[l % b->live]] = b->t;
-        s->failure[b->sample[l % b->live]] = too_many ? MANY : STEPS;
-      }
+      if (too_many || !(norm[l / W][l % W] <= 1.0)) lose(b, s, l, b->t, too_many ? MANY : STEPS);
     return LOST;
   }
   if (!(e <= 1.0)) {
@@ -119,6 +116,7 @@ static int run(Block *b, Study *s) {
   EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
   b->h = first_step(b, s);
   while (b->next < s->n_t) {
+    if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
     b->t_new = b->t + b->h;
     if (b->t_new >= end) {

@@ -57,10 +57,7 @@ static double judge(Block *b, const Study *s, M *large) {
 /* No shorter step is left: the marked lanes fail. */
 static int give_up(Block *b, Study *s, const M *marked, char why) {
   for (int l = 0; l < b->live; ++l)
-    if (marked[l / W][l % W]) {
-      s->t_failed[b->sample[l]] = b->t;
-      s->failure[b->sample[l]] = why;
-    }
+    if (marked[l / W][l % W]) lose(b, s, l, b->t, why);
   return 0;
 }
 

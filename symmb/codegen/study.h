@@ -17,12 +17,13 @@ typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
   double rtol, atol; /* of steps with control */
-  double longest;    /* of fixed steps, or 0 */
+  double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;
   long dealt;       /* blocks given to threads */
   double *t_failed; /* (n,) NaN while a sample has not */
   char *failure;    /* (n,) of what */
+  double *x_failed; /* (n, N_X) the state where its last step began */
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
   long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
 } Study;
@@ -47,6 +48,14 @@ typedef struct {
 
 /* The slope of state i from x and the slopes that are kept. */
 static inline V slope(const V *x, const V *k, int i) { return i < N_OWN ? k[i] : x[i - N_OWN]; }
+
+/* The sample of a lane fails. */
+static void lose(const Block *b, Study *s, long lane, double t, char why) {
+  const long i = b->sample[lane % b->live];
+  s->t_failed[i] = t;
+  s->failure[i] = why;
+  for (int j = 0; j < N_X; ++j) s->x_failed[i * N_X + j] = b->part[lane / W].x[place[j]][lane % W];
+}
 
 static int run(Block *b, Study *s); /* from the first time to the last, or until samples fail: 0 */
 
@@ -105,8 +114,7 @@ static int keep(Block *b, Study *s, long first, long n) {
   for (long l = 0; l < b->live && !finite; ++l)
     for (long i = 0; i < n * N_Y; ++i)
       if (b->part[l / W].y[i][l % W] * 0.0 != 0.0) {
-        s->failure[b->sample[l]] = OUTPUT;
-        s->t_failed[b->sample[l]] = s->times[first + i / SIZE(N_Y)];
+        lose(b, s, l, s->times[first + i / SIZE(N_Y)], OUTPUT);
         break;
       }
   for (long l = 0; l < b->live && s->Y; ++l) {
@@ -157,7 +165,7 @@ static int place_samples(Block *b, Study *s) {
     for (int j = 0; j < N_X; ++j) sum += a->x[j] * 0.0;
     for (int l = 0; l < W; ++l)
       if (sum[l] != 0.0) {
-        s->t_failed[b->sample[((a - b->part) * W + l) % b->live]] = b->t;
+        lose(b, s, (a - b->part) * W + l, b->t, STEPS);
         finite = 0;
       }
   }

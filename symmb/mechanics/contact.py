@@ -10,15 +10,12 @@ from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, body_faults, bound, pair_faults, point_faults, pose_faults
-from symmb.mechanics.force import Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
-from symmb.mechanics.friction import FrictionLaw, axis_faults, friction_faults
-from symmb.mechanics.pose import Planar, Spatial
+from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, turning_faults
+from symmb.mechanics.force import MEETING, Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
+from symmb.mechanics.friction import FrictionLaw, friction_faults
+from symmb.mechanics.pose import Planar
 from symmb.symbolic.geometry import Z, triad, unit, vector
 from symmb.symbolic.symbols import Symbol, ddt
-
-_COAXIAL = 1e-12
-"""Distance below which two axes coincide [m]."""
 
 
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
@@ -68,7 +65,7 @@ class Contact(ForceElement):
     def faults(self) -> Iterator[str]:
         faults = list(point_faults(self.title, self.point, self.plane_point))
         yield from faults or pair_faults(self.title, self.bodies())
-        yield from axis_faults(self.title, "normal", self.normal)
+        yield from direction_faults(self.title, "normal", self.normal)
         yield from law_faults(self.title, self.law)
         if self.friction is not None:
             yield from friction_faults(self.title, self.friction)
@@ -127,7 +124,7 @@ class BushContact(ForceElement):
     def faults(self) -> Iterator[str]:
         faults = list(point_faults(self.title, self.point_a, self.point_b))
         yield from faults or pair_faults(self.title, self.bodies())
-        yield from axis_faults(self.title, "axis", self.axis)
+        yield from direction_faults(self.title, "axis", self.axis)
         yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
@@ -138,7 +135,7 @@ class BushContact(ForceElement):
         across = d - ca.dot(d, axis) * axis
         # Where the axes coincide no direction leads to the wall, and none is needed.
         squared = ca.sumsqr(across)
-        apart = squared > _COAXIAL**2
+        apart = squared > MEETING**2
         distance = ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1)), 0)
         direction = a.frame.R @ across / ca.if_else(apart, distance, 1)
         law = bound(self.law, bind, self.title)
@@ -173,7 +170,7 @@ class ToothContact(ForceElement):
     def faults(self) -> Iterator[str]:
         faults = list(point_faults(self.title, self.point_a, self.point_b))
         yield from faults or pair_faults(self.title, self.bodies())
-        yield from axis_faults(self.title, "direction", self.direction)
+        yield from direction_faults(self.title, "direction", self.direction)
         yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
@@ -215,9 +212,7 @@ class TorsionContact(ForceElement):
         return (self.body_a, self.body_b)
 
     def faults(self) -> Iterator[str]:
-        faults = list(body_faults(self.title, self.body_a, self.body_b))
-        yield from faults or pose_faults(self.title, self.bodies(), ((Planar, Spatial), (Planar, Spatial)))
-        yield from axis_faults(self.title, "axis", self.axis)
+        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
         yield from law_faults(self.title, self.law)
 
     @cached_property

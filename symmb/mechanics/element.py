@@ -4,14 +4,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb.mechanics.body import Ground, Point, _Framed
-from symmb.mechanics.pose import Fixed, Planar, Pose
-from symmb.symbolic.geometry import is_zero
+from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
+from symmb.symbolic.geometry import is_zero, vector
 
 Bind = Callable[[Any, str], ca.SX]
 """Turns a law as declared (number, SX or SymPy) into SX; the text says whose law it is, for error messages."""
@@ -62,6 +62,27 @@ def pose_faults(title: str, bodies: tuple[_Framed, ...], allowed: tuple[tuple[ty
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
             yield f"{title}: makes no sense on {body.pose!r} body {body.name!r}. Use {names}, or another joint."
     yield from pair_faults(title, bodies)
+
+
+def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
+    """Fault of a direction that is none."""
+    if is_zero(vector(axis, f"{what} of {title}")):
+        yield f"{title}: {what} {axis} has no direction. Give a vector that is not zero."
+
+
+def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Iterator[str]:
+    """Faults of what turns two bodies about an axis fixed in both."""
+    faults = list(body_faults(title, body_a, body_b))
+    yield from faults
+    if faults:
+        return
+    bodies = cast(tuple[_Framed, ...], (body_a, body_b))
+    yield from pose_faults(title, bodies, ((Planar, Spatial), (Planar, Spatial)))
+    a = vector(axis, f"axis of {title}")
+    if is_zero(a):
+        yield from direction_faults(title, "axis", axis)
+    elif any(isinstance(b.pose, Planar) for b in bodies) and not (is_zero(a[0]) and is_zero(a[1])):
+        yield f"{title}: axis {axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
 
 
 def pair_faults(title: str, bodies: tuple[_Framed, ...]) -> Iterator[str]:

@@ -11,12 +11,13 @@ from symmb._errors import DeclarationError
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
-from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults
+from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults, turning_faults
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.symbolic.geometry import is_zero, unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
 
-_MEETING = 1e-12  # [m]
+MEETING = 1e-12
+"""Distance below which two points meet [m]: no direction leads from one to the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ class SpringDamper(ForceElement):
         if not is_zero(c):
             rate = ddt(d)
             # Points closer than 1e-12 m have no line between them: the pull fades there and stays finite.
-            yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), _MEETING**2) * d))
+            yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), MEETING**2) * d))
 
 
 def Spring(name: str, point_a: Point, point_b: Point, stiffness: Expr, length: Expr = 0.0) -> SpringDamper:
@@ -197,16 +198,7 @@ class TorsionSpring(ForceElement):
         return (self.body_a, self.body_b)
 
     def faults(self) -> Iterator[str]:
-        faults = list(body_faults(self.title, self.body_a, self.body_b))
-        yield from faults
-        if faults:
-            return
-        yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial), (Planar, Spatial)))
-        axis = vector(self.axis, f"axis of {self.title}")
-        if is_zero(axis):
-            yield f"{self.title}: axis {self.axis} has no direction. Give a vector that is not zero."
-        elif any(isinstance(b.pose, Planar) for b in self.bodies()) and not (is_zero(axis[0]) and is_zero(axis[1])):
-            yield f"{self.title}: axis {self.axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
+        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
 
     @cached_property
     def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:

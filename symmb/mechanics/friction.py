@@ -8,9 +8,9 @@ import casadi as ca
 
 from symmb._types import Expr
 from symmb.mechanics.body import Body, Point, _Framed
-from symmb.mechanics.element import Bind, bound, pair_faults, point_faults, require_number
+from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, require_number
 from symmb.mechanics.force import Action, ForceElement, push
-from symmb.symbolic.geometry import is_zero, unit, vector
+from symmb.symbolic.geometry import unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, declare
 
 
@@ -152,7 +152,7 @@ class Friction(ForceElement):
     def faults(self) -> Iterator[str]:
         faults = list(point_faults(self.title, self.point_a, self.point_b))
         yield from faults or pair_faults(self.title, self.bodies())
-        yield from axis_faults(self.title, "axis", self.axis)
+        yield from direction_faults(self.title, "axis", self.axis)
         yield from friction_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
@@ -163,12 +163,6 @@ class Friction(ForceElement):
         law = bound(self.law, bind, self.title)
         force, states = law.resistance(self.name, slip, normal_force)
         yield Action(push(self.point_b, a, force * (a.frame.R @ axis)), states=states)
-
-
-def axis_faults(title: str, what: str, axis: tuple[Expr, ...]) -> Iterator[str]:
-    """Fault of a direction that is none."""
-    if is_zero(vector(axis, f"{what} of {title}")):
-        yield f"{title}: {what} {axis} has no direction. Give a vector that is not zero."
 
 
 def friction_faults(title: str, law: object) -> Iterator[str]:

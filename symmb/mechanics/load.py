@@ -9,13 +9,10 @@ from symmb._types import Expr
 from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact import law_faults, press
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, bound, pair_faults, point_faults
-from symmb.mechanics.force import Action, ForceElement, diagonal, force_at, mount, push
-from symmb.mechanics.friction import axis_faults
+from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
+from symmb.mechanics.force import MEETING, Action, ForceElement, diagonal, force_at, mount, push
 from symmb.symbolic.geometry import unit, vector
 from symmb.symbolic.symbols import ddt
-
-_MEETING = 1e-12  # [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +44,7 @@ class NonlinearSpring(ForceElement):
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.point_b.r - self.point_a.r
         # Points closer than 1e-12 m have no line between them: the force fades there and stays finite.
-        length = ca.sqrt(ca.fmax(ca.sumsqr(d), _MEETING**2))
+        length = ca.sqrt(ca.fmax(ca.sumsqr(d), MEETING**2))
         pull = bind(self.pull(length, ca.dot(d, ddt(d)) / length), f"{self.title}: pull")
         force = pull * d / length
         yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)))
@@ -148,7 +145,7 @@ class Soil(ForceElement):
     def faults(self) -> Iterator[str]:
         faults = list(point_faults(self.title, self.ground_point, self.point))
         yield from faults or pair_faults(self.title, self.bodies())
-        yield from axis_faults(self.title, "normal", self.normal)
+        yield from direction_faults(self.title, "normal", self.normal)
         yield from law_faults(self.title, self.law)
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:

@@ -44,7 +44,7 @@ class Table:
 
     x: Sequence[float] | Array
     y: Sequence[float] | Array
-    _pieces: Array = field(init=False, repr=False)  # (n + 1, 5): beginning and coefficients of rising powers
+    _pieces: Array = field(init=False, repr=False)  # (n - 1, 6): begin, end, coefficients of rising powers
 
     def __post_init__(self) -> None:
         try:
@@ -60,9 +60,8 @@ class Table:
             raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
         h, slope = np.diff(x), np.diff(y) / np.diff(x)
         m = _slopes(h, slope)
-        pieces = [x[:-1], y[:-1], m[:-1], (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2]
-        before, after = [0.0, y[0], 0, 0, 0], [x[-1], y[-1], 0, 0, 0]
-        object.__setattr__(self, "_pieces", np.vstack([before, np.column_stack(pieces), after]))
+        c, d = (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2
+        object.__setattr__(self, "_pieces", np.column_stack([x[:-1], x[1:], y[:-1], m[:-1], c, d]))
 
     def __call__(self, at: Expr) -> ca.SX:
         """The curve at a number or an expression, such as `mb.t`, a position or a velocity."""
@@ -70,16 +69,11 @@ class Table:
             at = ca.SX(at)
         except (NotImplementedError, TypeError):
             raise DeclarationError(f"Table: {at!r} is no number and no CasADi SX expression.") from None
-        # All pieces' coefficients weighted by 0 and a single 1: cheap on vectors, exact, and constant to derivatives.
-        begins = np.append(np.asarray(self.x, dtype=float)[:1], self._pieces[2:, 0])
-        beyond = [ca.SX(1), *(at >= begin for begin in begins.tolist()), ca.SX(0)]
-        chosen = [ca.SX(0)] * 5
-        for k, piece in enumerate(self._pieces.tolist()):
-            here = beyond[k] - beyond[k + 1]
-            chosen = [c + here * value if value else c for c, value in zip(chosen, piece, strict=True)]
-        begin, a, b, c, d = chosen
-        u = at - begin
-        return a + u * (b + u * (c + u * d))
+        curve = ca.SX(float(self.y[-1]))
+        for begin, end, a, b, c, d in self._pieces[::-1].tolist():
+            u = at - begin
+            curve = ca.if_else(at < end, a + u * (b + u * (c + u * d)), curve)
+        return ca.if_else(at < float(self.x[0]), float(self.y[0]), curve)
 
 
 def _slopes(h: Array, slope: Array) -> Array:

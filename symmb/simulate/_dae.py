@@ -3,7 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from threading import RLock
@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Mask
 from symmb.codegen.engine import REASONS, Losses
 from symmb.dae import DAE, compile_dae
@@ -20,7 +20,10 @@ from symmb.scene import Scene
 from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
+from symmb.solve._laws import kinks
+from symmb.solve._rank import singularity
 from symmb.solve.compiled import AnyEngine, CompiledSolver
+from symmb.solve.event_driven import EventDriven, impacts_text
 from symmb.solve.solvers import Solver
 from symmb.solve.start import Start, prepare_start
 from symmb.symbolic.batch import batch
@@ -72,9 +75,13 @@ class DAESimulator:
         self.y = output_function(self.dae, scene, scene.y)
         self.threads = os.cpu_count() or 1
         self.reason = ""
+        if solver is None and self.dae.impacts is not None:
+            solver, self.reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         if solver is None:
             made: dict[Solver, DAESimulator] = {}
             solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
+            corners = kinks(self.dae)
+            self.reason += f"; {corners}" if corners else ""
             self.__dict__ = made[solver].__dict__ | {"reason": self.reason}
         else:
             self._take(solver)
@@ -107,6 +114,11 @@ class DAESimulator:
         return copy
 
     def _take(self, solver: Solver) -> None:
+        if self.dae.impacts is not None and not isinstance(solver, EventDriven):
+            raise DeclarationError(
+                f"{solver!r} does not locate the events of {impacts_text(self.dae.impacts)}. "
+                "Use EventDriven(), which is the default there."
+            )
         self.solver = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
@@ -256,20 +268,45 @@ def _ensemble(simulator: DAESimulator, Y: Array, runs: list[Run], P: Array) -> E
         first = simulator.times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
         t_failed[k] = runs[k].t_failed if runs[k].message else first
     reasons = [run.message or IRREGULAR for run in runs]
-    return Ensemble(Y, ok, t_failed, _messages(simulator, P, t_failed, reasons))
+    events = None
+    if simulator.dae.impacts is not None:
+        when = [[event.time for event in run.events] for run in runs]
+        events = np.array([np.searchsorted(times, simulator.times, "right") for times in when], dtype=np.intp)
+    told = _messages(simulator, P, t_failed, reasons, lambda k: (runs[k].X, simulator.times))
+    return Ensemble(Y, ok, t_failed, told, events)
 
 
-def _messages(simulator: DAESimulator, P: Array, t_failed: Array, reasons: Sequence[str]) -> tuple[str, ...]:
-    """A text for each failed sample: time, parameters, reason."""
+NAMED = 5
+"""Failed samples of a block of which joints are named: as many as are printed."""
+
+
+def _messages(
+    simulator: DAESimulator,
+    P: Array,
+    t_failed: Array,
+    reasons: Sequence[str],
+    states: Callable[[int], tuple[Array, Array]],
+) -> tuple[str, ...]:
+    """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
+
+    `states` of a sample gives some (m, n_x), which may be nan, and their times (m,).
+    """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
         values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(simulator.parameters, P[k], strict=True))
-        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}")
+        near = None
+        if len(texts) < NAMED:
+            X, times = states(k)
+            known = np.isfinite(X).all(axis=1)
+            near = singularity(simulator.dae, X[known], P[k], times[known])
+        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}{f'; {near}' if near else ''}")
     return tuple(texts)
 
 
 class CompiledEnsemble:
     """An Ensemble from the engine: only what is asked for, trajectories or extremes, is computed."""
+
+    events = None
 
     def __init__(self, simulator: DAESimulator, engine: AnyEngine, P: Array) -> None:
         self._simulator, self._engine, self._P = simulator, engine, P
@@ -318,4 +355,5 @@ class CompiledEnsemble:
             told = self._simulator.start.states(self._P[at_once])[1] if at_once.size else ()
         for k, why in zip(at_once.tolist(), told, strict=True):
             reasons[k] = why or reasons[k]
-        return _messages(self._simulator, self._P, self.t_failed, reasons)
+        X = lost.x_failed[:, : self._simulator.y.numel_in(0)]
+        return _messages(self._simulator, self._P, lost.t_failed, reasons, lambda k: (X[[k]], lost.t_failed[[k]]))

@@ -39,6 +39,9 @@ class Samples(Protocol):
     @property
     def messages(self) -> tuple[str, ...]: ...
 
+    @property
+    def events(self) -> Indices | None: ...
+
     def extremes(self) -> tuple[Array, Array]: ...
 
 
@@ -52,12 +55,14 @@ class Ensemble:
     ok : (N,) bool
     t_failed : (N,) time at which a sample failed [s], nan where ok
     messages : one text for each failed sample, in order
+    events : (N, n_t) numbers of events up to each time, between which responses are smooth; None where there are none
     """
 
     Y: Array
     ok: Mask
     t_failed: Array
     messages: tuple[str, ...]
+    events: Indices | None = None
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
@@ -199,11 +204,13 @@ def run_blocks(
     """All trajectories of samples P (N, d), run block by block."""
     parts = simulator.stream(P, _GATHER, executor, progress)
     shape = (0, len(simulator.times), len(simulator.outputs))
+    events = [part.events for part in parts if part.events is not None]
     return Ensemble(
         Y=np.concatenate([np.empty(shape), *(part.Y for part in parts)]),
         ok=np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)]),
         t_failed=np.concatenate([np.empty(0), *(part.t_failed for part in parts)]),
         messages=tuple(message for part in parts for message in part.messages),
+        events=np.concatenate(events) if events else None,
     )
 
 
@@ -213,7 +220,7 @@ def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indic
 
 def _append(state: tuple[Ensemble, ...], block: Samples, indices: Indices) -> tuple[Ensemble, ...]:
     # What another process computed on request must be computed there.
-    return (*state, Ensemble(block.Y, block.ok, block.t_failed, block.messages))
+    return (*state, Ensemble(block.Y, block.ok, block.t_failed, block.messages, block.events))
 
 
 def _chain(first: tuple[Ensemble, ...], second: tuple[Ensemble, ...]) -> tuple[Ensemble, ...]:

@@ -15,6 +15,7 @@ from symmb.simulate._dae import DAESimulator
 from symmb.simulate._subject import require_scene, require_solver
 from symmb.simulate._trajectory import Trajectory
 from symmb.solve._integration import Run
+from symmb.solve._laws import kinks
 from symmb.solve._rank import singularity
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.stiffness import stiffness
@@ -34,7 +35,7 @@ def simulate(
     ----------
     scene : Scene
     solver : Solver            default CVODES(), for stiff scenes CVODES(stiff=True), where these break down that with
-                               AugmentedLagrangian(); `trajectory.reason` tells why
+                               AugmentedLagrangian(), with Impacts EventDriven(); `trajectory.reason` tells why
     parameters : mapping       values in the place of nominal ones
     times, outputs             in the place of the scene's own
 
@@ -72,7 +73,11 @@ def simulate(
             raise DeclarationError(f"Parameter {name!r}: {value!r} is not a finite number.")
         values[name] = float(value)
     begin = time.perf_counter()
-    simulator = DAESimulator(scene, CVODES() if solver is None else solver)
+    if solver is None and not scene.system.collected.impacts:
+        simulator = DAESimulator(scene, CVODES())
+    else:
+        simulator = DAESimulator(scene, solver)
+        solver = simulator.solver
     setup = time.perf_counter() - begin
     p = np.array(list(values.values()))
     told = ", ".join(f"{n} = {v:g}" for n, v in values.items())
@@ -84,7 +89,7 @@ def simulate(
     def pilot(solver: Solver) -> Pilot:
         begin = time.perf_counter()
         solved = simulator.solved_by(solver)
-        integration = solved.integration(work=solved.dae.power is not None)
+        integration = solved.integration(work=solved.dae.power is not None or solved.dae.impacts is not None)
         middle = time.perf_counter()
         run = integration.run(x0, p[None])[0]
         seconds, counted = time.perf_counter() - middle, integration.statistics()
@@ -101,6 +106,7 @@ def simulate(
             statistics={"start": start, "integrator": counted},
             setup_seconds=setup + middle - begin,
             run_seconds=seconds,
+            events=run.events,
         )
         made[solver] = run, trajectory
         return Pilot(run.message, counted.get("steps", 0), seconds, False)
@@ -123,7 +129,7 @@ def simulate(
         span = float(simulator.times[-1] - simulator.times[0])
         return stiffness(simulator.dae, X[some], p, simulator.times[some]).is_stiff(span)
 
-    reason = ""
+    reason = simulator.reason
     if solver is not None:
         pilot(solver)
     else:
@@ -131,15 +137,20 @@ def simulate(
         solver, reason = choose(for_one_run(stiff), judged)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
     run, trajectory = made[solver]
+    corners = kinks(simulator.dae) if reason or run.message else None
     if run.message:
         known = np.isfinite(run.X).all(axis=1)
         near = singularity(simulator.dae, run.X[known], p, simulator.times[known])
         texts = [f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}"]
         texts += [f"The position may be singular: {near}"] if near else []
+        texts += [f"The equations have {corners}, at which no motion can stay: {_SMOOTH}"] if corners else []
         texts += [f"No other solver gets through: {reason}"] if len(made) > 1 else []
         raise SimulationError(". ".join(texts) + ".")
+    if corners:
+        reason += f"; {corners} met {corners.met(run.X, p, simulator.times)} times or more"
     return replace(trajectory, reason=reason)
 
 
+_SMOOTH = "where it sticks to one, smooth it, as tanh(v / 1e-3) does sign(v)"
 _FAR, _LOST, _SUSPECT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the size, of energy, and of that through a singular position, at which others are tried."""

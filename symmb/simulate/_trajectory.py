@@ -3,7 +3,8 @@
 import csv
 import json
 import math
-from dataclasses import dataclass, field
+from collections import Counter
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +18,9 @@ from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.scene import Scene
 from symmb.simulate._dae import DAESimulator, output_function
+from symmb.solve._laws import longest_step
 from symmb.solve._rank import Singularity, singularity
+from symmb.solve._rebound import Event
 from symmb.symbolic.batch import batch
 
 
@@ -57,9 +60,10 @@ class Trajectory:
     solver, reason : str       its text, and why it was taken if none was given
     t : (n_t,)                 times [s]
     x : (n_t, n_x)             states (q, v, s)
-    work : (n_t,)              work of forces without potential and of drives since the start [J]
+    work : (n_t,)              work of forces without potential, of drives and of impacts since the start [J]
     statistics : dict          what the integrator counted, and what the start did
     setup_seconds, run_seconds : float
+    events : tuple of Event    impacts, and contacts that close and open, in order
     """
 
     scene: Scene
@@ -73,6 +77,7 @@ class Trajectory:
     statistics: dict[str, Any] = field(repr=False)
     setup_seconds: float
     run_seconds: float
+    events: tuple[Event, ...] = field(default=(), repr=False)
 
     @property
     def _p(self) -> Array:
@@ -197,17 +202,48 @@ class Trajectory:
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
                 *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
+                *self._pulse_line(),
+                *self._event_lines(),
                 *self._drift_line(),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
+                *self._doubt_line(),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
+
+    def _pulse_line(self) -> list[str]:
+        longest = longest_step(self.simulator.dae, self.t)
+        if not math.isfinite(longest):
+            return []
+        passes = "at most {:.2g} s, so that none passes over one"
+        if getattr(self.simulator.solver, "rtol", None) is None:  # a fixed step is the user's
+            passes = "more than {:.2g} s may pass over one"
+        return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
+
+    def _event_lines(self) -> list[str]:
+        if not self.events:
+            return []
+        counts = Counter(event.name for event in self.events if event.what == "impact")
+        told = [f"{n} of {name!r}" for name, n in counts.items()]
+        told += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in self.events if e.what != "impact"]
+        lost = sum(event.work for event in self.events)
+        return [f"  impacts     {', '.join(told[:6] + ['...'] * (len(told) > 6))}; work {lost:.4g} J"]
 
     def _drift_line(self) -> list[str]:
         if not self.x.shape[1]:
             return []
         drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}"
         return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
+
+    def _doubt_line(self) -> list[str]:
+        """Energy that drifts by more than a tolerance explains: branches of a motion meet in singular positions."""
+        rtol = getattr(self.simulator.solver, "rtol", None)
+        if rtol is None or not self.energy_drift > max(_LEAST, (_NEAR if self.singularity else _USUAL) * rtol):
+            return []
+        told = f"energy drifts by more than rtol = {rtol:g} explains"
+        if self.singularity:
+            return [f"  doubtful    {told}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
+        return [f"  doubtful    {told}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
         """The run as plain numbers and texts; what is not finite is None."""
@@ -216,6 +252,7 @@ class Trajectory:
             "times": self.t.tolist(),
             "outputs": list(self.names),
             "values": [[_finite(y) for y in row] for row in self.values.tolist()],
+            **({"events": [asdict(event) for event in self.events]} if self.simulator.dae.impacts else {}),
             "position_drift": _finite(self.position_drift),
             "velocity_drift": _finite(self.velocity_drift),
             "energy_drift": _finite(self.energy_drift),
@@ -248,6 +285,9 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+_LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
+"""Drift of energy that raises a doubt: least, and in relative tolerances, of which regular motion of multistep methods
+takes up to 1,000; near singular positions, where wrong branches were taken at 300 and more."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 

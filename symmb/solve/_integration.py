@@ -13,6 +13,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array, Mask
 from symmb.solve._advance import Marching
 from symmb.solve._problem import Problem
+from symmb.solve._rebound import Event
 from symmb.symbolic.batch import batch
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
@@ -28,12 +29,13 @@ _COUNTED = {
 
 @dataclass(frozen=True)
 class Run:
-    """One run: X (n_t, n_x), quadratures (n_t, n_quad), and where it broke down: nan or a time, with the reason."""
+    """One run: X (n_t, n_x), quadratures (n_t, n_quad), where it broke down: nan or a time, with the reason; events."""
 
     X: Array
     quad: Array
     t_failed: float = np.nan
     message: str = ""
+    events: tuple[Event, ...] = ()
 
 
 class Integration:
@@ -144,9 +146,12 @@ class Integration:
 
 
 def multistep_integration(
-    problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array
+    problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array, longest: float = np.inf
 ) -> Integration:
-    """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length."""
+    """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length.
+
+    Steps are no longer than `longest` [s].
+    """
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
     project = projection(problem)
     whole = between = None
@@ -157,14 +162,18 @@ def multistep_integration(
         # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
         most = min(MOST_STEPS, MOST_STATES // problem.x.numel())
         limit = {"max_num_steps": max(most // (len(times) - 1), 1000)}
+
+        def limited(length: float, unit: float) -> dict[str, Any]:
+            return options(length) | limit | ({"max_step_size": longest / unit} if np.isfinite(longest) else {})
+
         if project is None:
-            whole = ca.integrator("whole", plugin, dae, times[0], times, options(float(times[-1] - times[0])) | limit)
+            whole = ca.integrator("whole", plugin, dae, times[0], times, limited(float(times[-1] - times[0]), 1.0))
         # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
         begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
         for name in {"ode", "alg", "quad"} & dae.keys():
             dae[name] = ca.substitute(dae[name], problem.t, begin + span * tau) * (1 if name == "alg" else span)
         dae |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
-        between = ca.integrator("between", plugin, dae, 0, 1, options(1.0) | limit)
+        between = ca.integrator("between", plugin, dae, 0, 1, limited(1.0, float(np.diff(times).max())))
     return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
 
 

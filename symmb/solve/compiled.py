@@ -17,6 +17,7 @@ from symmb.dae import DAE
 from symmb.solve._advance import Advance
 from symmb.solve._fixed_step import explicit
 from symmb.solve._integration import Integration, Run
+from symmb.solve._laws import longest_step
 from symmb.solve._problem import Problem, build_problem
 from symmb.solve.solvers import CVODES, OneStep, Solver
 from symmb.solve.stabilization import Projection, Stabilization
@@ -52,6 +53,14 @@ class CompiledSolver(Solver):
     def available(self, dae: DAE) -> bool:
         """Whether the engine takes these steps here."""
         return has_compiler()
+
+    def limited(self, dae: DAE, times: Array) -> Tolerances | FixedStep:
+        """What the engine is told about steps, those with control so short that none passes over a pulse."""
+        control = self.control(times, dae.scales.size)
+        if isinstance(control, FixedStep):
+            return control
+        longest = min(longest_step(dae, times), control.longest or np.inf)
+        return replace(control, longest=longest if np.isfinite(longest) else 0.0)
 
 
 class _Explicit(CompiledSolver):
@@ -90,7 +99,7 @@ class _Explicit(CompiledSolver):
             None if projected is None else ca.vertcat(at(projected), x[n_x:]),
             start.equations(x, problem.p) if start is not None and compiled and start.compiles else None,
         )
-        control = self.control(times, dae.scales.size)
+        control = self.limited(dae, times)
         if isinstance(control, Tolerances) and not compiled:
             return ArrayEngine(f, times, control)
         return Engine(f, times, control)

@@ -57,7 +57,7 @@ class _Stepping(CompiledSolver):
     ) -> Engine:
         step = self.formula(dae, order, work)
         w, n_x = step.w, step.n_x
-        state, control = w[:n_x], self.control(times, dae.scales.size)
+        state, control = w[:n_x], self.limited(dae, times)
         change, counted = step.newton()
         of_state = [step.x, state]
         f = scheme_function(

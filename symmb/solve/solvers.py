@@ -11,6 +11,7 @@ from symmb._types import Array
 from symmb.dae import DAE
 from symmb.solve._fixed_step import Advance, collocation, fixed_step_integration
 from symmb.solve._integration import Integration, multistep_integration, projection
+from symmb.solve._laws import longest_step
 from symmb.solve._problem import Problem, build_problem, stabilized_problem
 from symmb.solve.stabilization import Stabilization
 
@@ -65,7 +66,8 @@ class _Multistep(Solver):
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
-        return multistep_integration(problem, self.plugin, lambda length: self.options(length, dae.scales.size), times)
+        size, longest = dae.scales.size, longest_step(dae, times)
+        return multistep_integration(problem, self.plugin, lambda length: self.options(length, size), times, longest)
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +121,11 @@ class StabilizedIndex2(Solver):
         options["abstolv"] = [atol] * problem.x.numel() + [_UNTESTED] * problem.z.numel()
         first = 1e-3 * self.rtol**0.5 * float(np.diff(times).min(initial=1.0))
         return multistep_integration(
-            problem, "idas", lambda length: {**options, "step0": min(first, 1e-3 * self.rtol**0.5 * length)}, times
+            problem,
+            "idas",
+            lambda length: {**options, "step0": min(first, 1e-3 * self.rtol**0.5 * length)},
+            times,
+            longest_step(dae, times),
         )
 
     def tighter(self, factor: float = 10.0) -> "StabilizedIndex2":

@@ -9,6 +9,7 @@ from symmb._errors import PropagationError
 from symmb._types import Array, Indices
 from symmb.dae import DAE
 from symmb.solve._integration import Integration, Run
+from symmb.solve._laws import longest_step
 from symmb.solve._rank import independent
 from symmb.solve.solvers import CVODES, Solver
 from symmb.symbolic.batch import batch
@@ -40,7 +41,7 @@ class StateSpace(Solver):
         if not dae.n_v:
             return CVODES().integration(dae, times, work=work)
         atol = dae.scales.size * self.rtol / 100 if self.atol is None else self.atol
-        return _Partitioned(dae, times, self.rtol, atol, work and dae.power is not None)
+        return _Partitioned(dae, times, self.rtol, atol, longest_step(dae, times), work and dae.power is not None)
 
     def tighter(self, factor: float = 10.0) -> "StateSpace":
         return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
@@ -51,9 +52,9 @@ _WORSE = 100.0
 
 
 class _Partitioned(Integration):
-    def __init__(self, dae: DAE, times: Array, rtol: float, atol: float, work: bool) -> None:
+    def __init__(self, dae: DAE, times: Array, rtol: float, atol: float, longest: float, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
-        self._dae, self._rtol, self._atol = dae, rtol, atol
+        self._dae, self._rtol, self._atol, self._longest = dae, rtol, atol, longest
         self._counts = {"steps": 0, "choices of coordinates": 0}
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -78,7 +79,7 @@ class _Partitioned(Integration):
         while known < len(times):
             motion = _Motion(self._dae, p, self._chosen(y[:n_x], p, t))
             self._counts["choices of coordinates"] += 1
-            solver = DOP853(motion.rates, t, y, times[-1], rtol=self._rtol, atol=self._atol)
+            solver = DOP853(motion.rates, t, y, times[-1], self._longest, self._rtol, self._atol)
             while known < len(times) and solver.status == "running":
                 try:
                     message = solver.step()

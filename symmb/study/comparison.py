@@ -25,7 +25,8 @@ class Comparison:
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not keep the
-    reference's cost, the solver's own error, `threads`, `repeats`, `units` and `reason`: they are left out then.
+    reference's cost, the solver's own error, `threads`, `repeats`, `units`, `reason` and what was said of failed runs:
+    they are left out then.
 
     Attributes
     ----------

@@ -31,12 +31,13 @@ def not_run(methods: Iterable[NotRun]) -> list[str]:
 
 
 def failed(rows: Iterable[Row]) -> list[str]:
-    """A line that says what failed runs mean for the bounds; none if all ran."""
-    if not any(row.failed for row in rows):
+    """What failed runs mean for the bounds, and where the first one broke down; nothing if all ran."""
+    failing = [row for row in rows if row.failed]
+    if not failing:
         return []
-    return [
-        wrapped("failed: runs that broke down; the bounds are those of the others. print(propagate(...)) tells which.")
-    ]
+    lines = ["failed: runs that broke down; the bounds are those of the others. print(propagate(...)) tells which."]
+    lines += [f"The first of {row.name}: {row.failure}" for row in failing[:1] if row.failure]
+    return [wrapped(line) for line in lines]
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:

@@ -25,6 +25,7 @@ class Row:
     estimate : (n_t, n_y) or None   the method's own estimate of its error
     inner : two (n_t, n_y) or None  lower and upper attained by actual runs
     score : Score                   measured with the comparison's reference
+    failure : str                   what was said of the first run that failed; a file does not keep it
     """
 
     name: str
@@ -38,6 +39,7 @@ class Row:
     estimate: Array | None
     inner: tuple[Array, Array] | None
     score: Score
+    failure: str = ""
 
     def to_plain(self) -> dict[str, Any]:
         """The row as the JSON layout has it, arrays left as they are."""

@@ -16,6 +16,8 @@ from symmb.simulate._simulate import simulate
 from symmb.solve.solvers import Solver
 
 _TICK = 0.2
+_SETUP = 3.0
+"""Seconds that the first trial of a job may take longer: what is compiled for it is kept only if it ends."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +105,9 @@ class _Running:
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 2) -> Iterator[Trial]:
     """All trials of all jobs, as they end.
 
-    A trial that takes longer than the limit [s] is ended, and those of its job that would take longer still are not
-    tried. After the deadline (`time.monotonic`) no more jobs begin. Where processes cannot be forked, jobs run here one
-    after the other, without limits.
+    A trial that takes longer than the limit [s], set-up aside, is ended, and those of its job that would take longer
+    still are not tried. After the deadline (`time.monotonic`) no more jobs begin. Where processes cannot be forked,
+    jobs run here one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
@@ -130,7 +132,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
                     ended = True
                     yield from _left(r.job, r.done, "the process broke down")
             else:
-                ended = time.monotonic() - r.since > limit
+                ended = time.monotonic() - r.since > (limit if r.done else limit + _SETUP)
                 if ended:
                     yield from _left(r.job, r.done, f"took longer than {limit:g} s", "a longer step took too long")
             if ended:

@@ -5,7 +5,7 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import ALL_MODELS
+from conftest import SMOOTH_MODELS
 from mechanisms import explosion
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
@@ -89,7 +89,7 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
         assert_allclose([lower, upper], [good.Y.min(axis=0), good.Y.max(axis=0)], rtol=1e-9)
 
 
-@pytest.mark.parametrize("model", ALL_MODELS, ids=lambda m: getattr(m, "__name__", str(m)))
+@pytest.mark.parametrize("model", SMOOTH_MODELS, ids=lambda m: getattr(m, "__name__", str(m)))
 def test_every_model_runs_as_with_cvodes(model):
     scene = model.scene() if hasattr(model, "scene") else model()
     compiled = mb.simulate(scene, mb.DormandPrince(rtol=1e-10))
@@ -117,7 +117,7 @@ def test_it_pickles_and_streams():
     assert len(gathered) == 1 and len(gathered[0][0]) == 11
 
 
-MOVING = [model for model in ALL_MODELS if model is not cubic]  # which has no states
+MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has no states
 
 
 @pytest.mark.parametrize("model", MOVING, ids=lambda m: getattr(m, "__name__", str(m)))

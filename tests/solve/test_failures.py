@@ -1,6 +1,9 @@
 """Runs that break down: an error with time and parameters, a failed sample whose neighbours are untouched."""
 
+import re
+
 import numpy as np
+import problems
 import pytest
 from conftest import ALL_SOLVERS
 from mechanisms import double_pendulum, explosion
@@ -8,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from symmb.bounds._reductions import failures
+from symmb.simulate._dae import NAMED
 
 ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]
 
@@ -74,6 +78,27 @@ def test_a_sample_that_cannot_be_assembled_fails_at_the_start():
     assert ensemble.messages[0].startswith("t = 0 s, w = 1.5: the start could not be solved for")
     with pytest.raises(mb.SimulationError, match=r"t = 0 s \(w = 1\.5\): the start could not be solved for"):
         mb.simulate(scene, parameters={"w": 1.5})
+
+
+@pytest.mark.parametrize(
+    ("solver", "until", "why"),
+    [(mb.DormandPrince(), 2.0, "the step became too short"), (mb.CVODES(rtol=1e-8), 0.72, "an output is not finite")],
+    ids=repr,
+)
+def test_the_first_samples_that_fail_near_a_singular_position_name_its_joints(solver, until, why):
+    """Two windows, whose bars lie on one line at 0.7143555 s and again after half a turn; an output ends at 1.5 s, or
+    right before the first.
+    """
+    scene = problems.n_four_bar(2).make().with_times(np.linspace(0, until, 73))
+    simulator = mb.DAESimulator(scene.with_outputs({"root": (min(until - 0.005, 1.5) - mb.t) ** 0.5}), solver)
+    ensemble = simulator.run(np.tile(simulator.dae.p_nominal, (NAMED + 2, 1)))
+    start = rf"t = (0\.72|1\.2\d*) s, length = 1, mass = 1: {why}"
+    assert len(ensemble.messages) == NAMED + 2
+    for message in ensemble.messages[:NAMED]:
+        assert re.match(
+            rf"{start}.*; near t = (0\.71|1\.2)\d* s rows of 'foot0', .* nearly depend on each other", message
+        )
+    assert re.match(start, ensemble.messages[NAMED]) and "near t" not in ensemble.messages[NAMED]
 
 
 def test_derivatives_of_a_failing_run_are_an_error():

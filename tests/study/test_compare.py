@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from mechanisms import explosion
 
 import symmb as mb
 from symmb import DeclarationError, PropagationError
@@ -165,3 +166,11 @@ def test_taylor_joins_where_there_are_jets():
         Taylor(2),
         Taylor(3),
     ]
+
+
+def test_the_first_run_that_fails_is_told():
+    """v = 1 / (1 - a t) ends at t = 1/a."""
+    found = mb.compare(explosion(), [Scanning(3)], Box(a=(0.2, 0.6)), reference=Scanning(5))
+    told = " ".join(str(found).split())
+    assert found.rows[0].failed == 1
+    assert "The first of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told

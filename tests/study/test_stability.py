@@ -12,7 +12,7 @@ from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
 from symmb.cli.main import main
-from symmb.study.stability import _lighter
+from symmb.study.stress import lighter, slower, stresses
 from symmb.study.trials import Job, run_jobs
 
 SPRUNG = """
@@ -92,13 +92,60 @@ def test_trials_that_take_too_long_or_break_down_are_ended():
 
 
 def test_the_lightest_body_gets_lighter(found):
-    lighter = double_pendulum(np.linspace(0, 1.5, 31))
+    scene = double_pendulum(np.linspace(0, 1.5, 31))
     assert {t.scene for t in found.stress} >= {"mass ratio x 100", "mass ratio x 10000", "horizon x 10"}
-    first, second = (b.mass for b in _lighter(lighter, 100.0).system.bodies)
-    masses = ca.Function("m", [lighter.system.p], [first, second])([1.0, 0.8])
-    before = ca.Function("m", [lighter.system.p], [ca.SX(b.mass) for b in lighter.system.bodies])([1.0, 0.8])
+    first, second = (b.mass for b in lighter(scene, 100.0).system.bodies)
+    masses = ca.Function("m", [scene.system.p], [first, second])([1.0, 0.8])
+    before = ca.Function("m", [scene.system.p], [ca.SX(b.mass) for b in scene.system.bodies])([1.0, 0.8])
     ratios = sorted(float(a / b) for a, b in zip(before, masses, strict=True))
     np.testing.assert_allclose(ratios, [1.0, 100.0])
+
+
+def shaken(law=None, speed=3.0):
+    """A bead on a spring under gravity on a support that shakes, with a reaction."""
+    p = mb.Parameters(k=40.0)
+    bead, slider = mb.Body("bead", 2.0, pose=mb.Particle()), mb.Body("slider", 1.0, pose=mb.Particle())
+    system = mb.System(
+        bead, slider,
+        mb.Motion("drive", slider.x, ca.sin(2 * mb.t) if law is None else law),
+        mb.Spring("spring", slider.point(0, 0), bead.point(0, 0), p.k, 0.0),
+        mb.Gravity(0, -9.81), parameters=p,
+    )  # fmt: skip
+    start = {"bead.x": 0.1, "bead.vx": speed, "slider.y": 0.0, "slider.vy": speed}
+    return mb.Scene(system, start, 1 + np.linspace(0, 2, 21), {"s": slider.x, "x": bead.x, "y": bead.y, "h": slider.y})
+
+
+def test_another_time_scale_is_that_of_laws_start_velocities_and_gravity():
+    """x: a mass on a shaken spring, m x'' = k (s - x), whose spring does not slow down with the rest."""
+    sympy = pytest.importorskip("sympy")
+    for scene in (shaken(), shaken(sympy.sin(2 * sympy.Symbol("t")))):
+        run = mb.simulate(slower(scene, 10.0), mb.DormandPrince(rtol=1e-11))
+        t, w = run.t - 1, np.sqrt(40.0 / 2.0)
+        np.testing.assert_allclose(run.t[[0, -1]], [1.0, 21.0])
+        np.testing.assert_allclose(run["s"], np.sin(2 + 0.2 * t), atol=1e-9)
+        driven = 20 / (20 - 0.04)  # of x = driven sin(2 + t/5) + free swinging
+        free = 0.1 - driven * np.sin(2), (0.3 - driven * 0.2 * np.cos(2)) / w
+        exact = driven * np.sin(2 + 0.2 * t) + free[0] * np.cos(w * t) + free[1] * np.sin(w * t)
+        np.testing.assert_allclose(run["x"], exact, atol=1e-7)
+
+
+def test_without_springs_another_time_scale_is_the_same_motion():
+    scene = double_pendulum(np.linspace(0, 1.5, 31))
+    plain, fast = (mb.simulate(s, mb.DormandPrince(rtol=1e-11)) for s in (scene, slower(scene, 0.1)))
+    np.testing.assert_allclose(fast.t, plain.t / 10)
+    np.testing.assert_allclose(fast.q, plain.q, atol=1e-8)
+    np.testing.assert_allclose(fast.v, 10 * plain.v, atol=1e-7)
+
+
+def test_a_time_scale_is_stressed_where_something_sets_it(found):
+    assert {"time scale x 0.1", "time scale x 10"} <= {t.scene for t in found.stress}
+    assert "time scale x 0.1" in str(found) and "time scale x 10" in json.dumps(found.to_json())
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 1.0, 0.0)
+    free = mb.Scene(mb.System(bead, spring), {"bead.x": 1.0}, [0.0, 1.0])
+    assert {name for name, _ in stresses(free)} == {
+        "stiffness x 100", "stiffness x 10000", "horizon x 10", "horizon x 100"
+    }  # fmt: skip
 
 
 def test_a_scene_without_motion_is_refused():

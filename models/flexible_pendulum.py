@@ -1,0 +1,56 @@
+"""Elastic rod that swings under gravity in the plane, with a bob at its end.
+
+      ////
+       (o)
+        \\
+         `.
+           `-.          bends
+              `-.
+                 `o     bob            g along -y
+
+The rod's modes are those of the free rod: hinge and bob bend it.
+
+Source: textbook mechanism, e.g. Shabana, Dynamics of Multibody Systems, ch. 5 (flexible pendulum).
+"""
+
+import numpy as np
+
+import symmb as mb
+
+LENGTH, RADIUS, BOB = 1.0, 0.004, 0.3
+STEEL = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
+
+
+def scene(*, count: int = 4, angle: float = np.pi / 2) -> mb.Scene:
+    """Two seconds of swinging from rest.
+
+    Parameters
+    ----------
+    count : int            modes of the rod
+    angle : float          of the rod from the downward vertical at the start [rad]
+    """
+    p = mb.Parameters(bob=BOB, stiffness=2.0)
+    ground = mb.Ground()
+    mesh = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (0, -LENGTH, 0)], mb.Section.circle(RADIUS), STEEL, elements=16))
+    rod = mb.FlexibleBody("rod", mesh.modes(count=count, planar=True, damping=0.002), mb.Planar())
+    bob = mb.Body("bob", mass=p.bob, inertia=p.bob * 0.03**2 / 2, pose=mb.Planar())
+    hinge = rod.point(0, 0)
+    system = mb.System(
+        rod,
+        bob,
+        mb.Revolute("hinge", ground.point(0, 0), hinge),
+        mb.Weld("end", rod.point(0, -LENGTH), bob.point(0, 0)),
+        mb.TorsionSpring("spring", ground, hinge.body, stiffness=p.stiffness),
+        mb.Gravity(0, -9.81),
+        parameters=p,
+    )
+    along = rod.rotation.T @ (bob.point(0, 0).r - hinge.r)
+    return mb.Scene(
+        system,
+        start={"rod.theta": angle},
+        guess={"rod.x": LENGTH / 2 * np.sin(angle), "rod.y": -LENGTH / 2 * np.cos(angle), "bob.theta": angle},
+        times=np.linspace(0.0, 2.0, 201),
+        outputs={"x": bob.x, "y": bob.y, "bend": along[0], "hinge_angle": hinge.body.theta},
+        box=mb.Box.around(p, 0.1),
+        name="flexible_pendulum",
+    )

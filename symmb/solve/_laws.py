@@ -1,0 +1,100 @@
+"""Laws of time, and kinks or jumps, in equations of motion: what steps may pass over, and what they cannot."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.dae import DAE
+from symmb.symbolic.batch import batch
+from symmb.symbolic.switching import On, switching
+
+_LOOKS = 20_000
+"""Equally spaced times at which laws of time are looked at, beside those of the outputs."""
+_HIGH, _LOW = 0.5, 0.25
+"""Shares of a law's largest distance from its median that make a pulse, and within which one ends."""
+
+
+@dataclass(frozen=True)
+class Kinks:
+    """Kinks and jumps of forces, constraints and first-order rates, as far as they depend on the state or on time.
+
+    Attributes
+    ----------
+    names : tuple of str     operations that have them
+    switches                 (x, p, t) -> what changes sign at each
+    """
+
+    names: tuple[str, ...]
+    switches: ca.Function
+
+    def met(self, X: Array, p: Array, times: Array) -> int:
+        """How many changes of sign states X (n_t, n_x) show; those between two times that undo each other do not."""
+        (values,) = batch(self.switches, X, p, times[:, None])
+        return int(np.count_nonzero(np.diff(values > 0, axis=0)))
+
+    def __str__(self) -> str:
+        return f"kinks or jumps ({', '.join(self.names)})"
+
+
+def kinks(dae: DAE) -> Kinks | None:
+    """Kinks and jumps of the equations of motion, if there are any."""
+    f, at = _equations(dae)
+    found = switching(f, at)
+    symbols = [symbol for symbol, _ in at]
+    return Kinks(found.kinks, ca.Function("switches", symbols, [found.switches])) if found.kinks else None
+
+
+def longest_step(dae: DAE, times: Array) -> float:
+    """A step [s] that no pulse of a law of time fits into, at the nominal parameters; infinite without pulses.
+
+    Step control sees what a step evaluates: a pulse that lies between leaves no trace. A pulse is a stretch where a
+    law is far from its median, and shorter than the horizon. Those of less than 1/20,000 of the horizon are seen only
+    where output times stand in them.
+    """
+    f, at = _equations(dae)
+    x, p, time = (symbol for symbol, _ in at)
+    if len(times) < 2 or not ca.depends_on(f(x, p, time), time):
+        return np.inf
+    signals = ca.Function("signals", [p, time], [switching(f, at).signals], {"cse": True})
+    t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
+    (values,) = batch(signals, dae.p_nominal, t[:, None])
+    return min((_shortest_pulse(t, law) for law in values.T), default=np.inf) / 2
+
+
+def _shortest_pulse(t: Array, law: Array) -> float:
+    """Duration of the shortest pulse of a law (m,) at times (m,), at most twice what it is, infinite without pulses."""
+    t, law = t[np.isfinite(law)], law[np.isfinite(law)]
+    if not law.size:
+        return np.inf
+    far = np.abs(law - np.median(law))
+    top = far.max()
+    if top <= 1e-9 * np.abs(law).max():  # rounding
+        return np.inf
+    steps = np.diff((far > _LOW * top).astype(int))
+    before, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)
+    # What is under way at the first or the last time is evaluated there.
+    last = last[last > before.min(initial=len(t))]
+    pulses = zip(before.tolist(), last.tolist(), strict=False)
+    return min(
+        (
+            max(t[j] - t[i + 1], (t[j + 1] - t[i]) / 2)  # the second where there is but one sample
+            for i, j in pulses
+            if far[i + 1 : j + 1].max() > _HIGH * top
+        ),
+        default=np.inf,
+    )
+
+
+def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
+    """Forces, right sides of constraints and first-order rates of (x, p, t), with symbols for these."""
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, t)
+    parts = [dae.Q(*at)]
+    if dae.gamma is not None:
+        parts.append(dae.gamma(*at))
+    if dae.n_s:
+        parts.append(dae.rhs(*at)[2])
+    f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))], {"cse": True})
+    return f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]

@@ -1,0 +1,139 @@
+"""What any scene can be put to: stiffer springs, lighter bodies, another time scale, longer horizons."""
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb.mechanics.body import Point
+from symmb.mechanics.force import Gravity
+from symmb.scene import Scene
+from symmb.symbolic.symbols import t
+from symmb.symbolic.sympy_border import from_sympy, is_sympy
+from symmb.system import System
+
+_LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
+
+
+def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
+    """What is done to a scene, by name; what would leave it as it is is left out."""
+    found: list[tuple[str, Callable[[], Scene]]] = []
+    if any(_stiffnesses(element) for element in scene.system.elements):
+        found += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]
+    if len(scene.system.bodies) > 1:
+        found += [(f"mass ratio x {factor:g}", lambda k=factor: lighter(scene, k)) for factor in _LARGER]
+    if _paced(scene):
+        found += [(f"time scale x {scale:g}", lambda c=scale: slower(scene, c)) for scale in _SCALES]
+    begin = scene.times[0]
+    for factor in _LONGER:
+        longer = begin + factor * (scene.times - begin)
+        found.append((f"horizon x {factor}", lambda longer=longer: scene.with_times(longer)))
+    return found
+
+
+def stiffer(scene: Scene, factor: float) -> Scene:
+    """The scene with springs stiffer by a factor."""
+
+    def stiff(element: Any) -> Any:
+        return _changed(element, {name: _divided(getattr(element, name), 1 / factor) for name in _stiffnesses(element)})
+
+    return _with(scene, [stiff(element) for element in _elements(scene.system)])
+
+
+def lighter(scene: Scene, factor: float) -> Scene:
+    """The scene with its lightest body lighter by a factor, if that is not without mass."""
+    system = scene.system
+    elements = copy.deepcopy(_elements(system))
+    values = ca.Function("masses", [system.p], [ca.vertcat(*[ca.SX(body.mass) for body in system.bodies])])
+    masses = values(system.parameters.nominal).full().ravel()
+    lightest = elements[int(np.argmin(np.where(masses > 0, masses, np.inf)))]
+    for name in ("mass", "inertia"):
+        object.__setattr__(lightest, name, _divided(getattr(lightest, name), factor))
+    return _with(scene, elements)
+
+
+def slower(scene: Scene, scale: float) -> Scene:
+    """The scene with all that sets its pace slower by a factor, over a horizon so much longer.
+
+    Laws of time stretch, start velocities shrink, and gravity shrinks with the square, so that a mechanism without
+    springs, dampers and constant forces goes the same way at another speed. These stay: their own times become shorter
+    or longer beside those of the motion, which is what makes a scene stiff or soft.
+    """
+    begin = float(scene.times[0])
+    elements = [_changed(e, _weakened(e, scale) | _stretched(e, scene, scale)) for e in _elements(scene.system)]
+    start = {
+        key: value if key not in _velocities(scene) else _divided(value, scale) for key, value in scene.start.items()
+    }
+    return replace(_with(scene, elements), start=start, times=begin + scale * (scene.times - begin))
+
+
+def _paced(scene: Scene) -> bool:
+    """Whether gravity, laws of time or start velocities set the pace of a scene."""
+    elements = _elements(scene.system)
+    return bool(_velocities(scene)) or any(_weakened(e, 2.0) or _stretched(e, scene, 2.0) for e in elements)
+
+
+def _velocities(scene: Scene) -> list[str]:
+    """Start values that are velocities."""
+    return [key for key in scene.start if key.rpartition(".")[2] in ("vx", "vy", "vz", "omega")]
+
+
+def _weakened(element: object, scale: float) -> dict[str, Any]:
+    """What of gravity changes on another time scale."""
+    if not isinstance(element, Gravity):
+        return {}
+    return {name: _divided(getattr(element, name), scale**2) for name in ("gx", "gy", "gz")}
+
+
+def _stretched(element: object, scene: Scene, scale: float) -> dict[str, Any]:
+    """What of an element depends on time by itself, on another time scale."""
+    begin, system = float(scene.times[0]), scene.system
+
+    def law(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(law(part) for part in value)
+        if isinstance(value, Point):
+            return replace(value, s=law(value.s))
+        if is_sympy(value):
+            value = from_sympy(value, system.bind.by_name)
+        return ca.substitute(value, t, begin + (t - begin) / scale) if isinstance(value, ca.SX) else value
+
+    own = {f.name: getattr(element, f.name) for f in fields(element) if f.init}  # pyright: ignore[reportArgumentType]
+    return {name: law(value) for name, value in own.items() if _depends_on_time(value)}
+
+
+def _depends_on_time(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return any(_depends_on_time(part) for part in value)
+    if isinstance(value, Point):
+        return _depends_on_time(value.s)
+    if is_sympy(value):
+        return any(symbol.name == t.name() for symbol in value.free_symbols)
+    return isinstance(value, ca.SX) and bool(ca.depends_on(value, t))
+
+
+def _divided(value: Any, by: float) -> Any:
+    return tuple(part / by for part in value) if isinstance(value, tuple) else value / by
+
+
+def _stiffnesses(element: object) -> list[str]:
+    return [name for name in ("stiffness", "rotational_stiffness") if hasattr(element, name)]
+
+
+def _elements(system: System) -> tuple[Any, ...]:
+    return (*system.bodies, *(e for e in system.elements if e not in system.bodies))
+
+
+def _changed(element: Any, changes: Mapping[str, Any]) -> Any:
+    """The element itself, or a copy with other fields, whose symbols are the same."""
+    changed = copy.copy(element) if changes else element
+    for name, value in changes.items():
+        object.__setattr__(changed, name, value)
+    return changed
+
+
+def _with(scene: Scene, elements: Sequence[Any]) -> Scene:
+    return replace(scene, system=System(*elements, parameters=scene.system.parameters))

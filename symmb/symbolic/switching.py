@@ -1,0 +1,102 @@
+"""What of an expression depends on time alone, and where it has kinks or jumps, from its instruction list."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import casadi as ca
+
+from .instructions import interpret
+
+_GUARD = 1e-20
+"""A bound as small as this keeps a denominator from vanishing and is never met."""
+_KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
+    ca.OP_FABS: ("fabs", lambda a: a),
+    ca.OP_SIGN: ("sign", lambda a: a),
+    ca.OP_COPYSIGN: ("copysign", lambda a, b: b),
+    ca.OP_FMIN: ("fmin", lambda a, b: a - b),
+    ca.OP_FMAX: ("fmax", lambda a, b: a - b),
+    **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), ("comparison", lambda a, b: a - b)),
+    ca.OP_FLOOR: ("floor", lambda a: ca.sin(ca.pi * a)),
+    ca.OP_CEIL: ("ceil", lambda a: ca.sin(ca.pi * a)),
+    ca.OP_FMOD: ("fmod", lambda a, b: ca.sin(ca.pi * a / b)),
+}
+"""Name of an operation, and what of its arguments changes sign at its kinks or jumps."""
+
+
+class On(IntEnum):
+    """What a value depends on, the most changeable of its parts."""
+
+    PARAMETERS = 0
+    TIME = 1
+    STATE = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Switching:
+    """What a Function's outputs are made of.
+
+    Attributes
+    ----------
+    signals : (n,) SX      the largest parts that depend on time, and perhaps on parameters, but not on the state
+    kinks : tuple of str   operations with a kink or a jump whose arguments depend on the state or on time
+    switches : (m,) SX     what changes sign there
+    """
+
+    signals: ca.SX
+    kinks: tuple[str, ...]
+    switches: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
+class _Value:
+    sx: ca.SX
+    on: On
+
+
+def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
+    """Signals of time and kinks of an SX Function at symbols for its inputs.
+
+    Examples
+    --------
+    >>> x, t = ca.SX.sym("x"), ca.SX.sym("t")
+    >>> f = ca.Function("f", [x, t], [ca.fabs(x) * ca.sin(2 * t)])
+    >>> found = switching(f, [(x, On.STATE), (t, On.TIME)])
+    >>> found.signals.numel(), found.kinks
+    (1, ('fabs',))
+    """
+    signals: dict[int, ca.SX] = {}
+    switches: dict[int, ca.SX] = {}
+    kinks: set[str] = set()
+
+    def used(value: _Value) -> None:
+        if value.on is On.TIME:
+            signals.setdefault(value.sx.element_hash(), value.sx)
+
+    def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
+        on = max((a.on for a in arguments), default=On.PARAMETERS)
+        if on is On.STATE:
+            for a in arguments:
+                used(a)
+        if on > On.PARAMETERS and code in _KINKS and not any(_is_guard(a.sx) for a in arguments):
+            name, of = _KINKS[code]
+            kinks.add(name)
+            switch = of(*(a.sx for a in arguments))
+            switches.setdefault(switch.element_hash(), switch)
+        if len(arguments) == 2:
+            return _Value(ca.SX.binary(code, arguments[0].sx, arguments[1].sx), on)
+        return _Value(ca.SX.unary(code, arguments[0].sx), on)
+
+    given = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
+    for values in interpret(f, given, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS)):
+        for value in values:
+            used(value)
+    return Switching(_column(signals), tuple(sorted(kinks)), _column(switches))
+
+
+def _column(values: dict[int, ca.SX]) -> ca.SX:
+    return ca.vertcat(ca.SX(0, 1), *values.values())
+
+
+def _is_guard(value: ca.SX) -> bool:
+    return value.is_constant() and 0 < abs(float(value)) <= _GUARD

@@ -1,0 +1,71 @@
+"""Bounds of responses with kinks and jumps at impacts, against closed forms on a dense grid of parameters."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import bouncing_ball
+from symmb.simulate import run_blocks
+
+G = 9.81
+TIMES = np.linspace(0.0, 3.0, 151)
+
+
+def true(e, height):
+    """Least and largest heights and rates (n_t, 2) of balls dropped, e and height (m,)."""
+    e, height, t = e[:, None], height[:, None], TIMES[None]
+    hit, up = np.sqrt(2 * height / G), np.sqrt(2 * G * height) * e
+    y, v = height - G * t**2 / 2, -G * t + 0 * e * height
+    for _ in range(40):  # none of the balls comes to rest within the times
+        since = np.where(t >= hit, t - hit, 0.0)
+        y, v = np.where(t >= hit, up * since - G * since**2 / 2, y), np.where(t >= hit, up - G * since, v)
+        hit, up = hit + 2 * up / G, up * e
+    Y = np.stack([y, v], axis=2)
+    return Y.min(axis=0), Y.max(axis=0)
+
+
+def rms(a):
+    return np.sqrt(np.mean(np.square(a), axis=0))
+
+
+ONE = np.ones(1)
+CASES = {
+    "restitution": (mb.Box(restitution=(0.76, 0.84)), (np.linspace(0.76, 0.84, 8001), ONE)),
+    "gap": (mb.Box(height=(0.95, 1.05)), (0.8 * ONE, np.linspace(0.95, 1.05, 8001))),
+}
+
+
+@pytest.mark.parametrize("names", [("y",), ("y", "y_dot")], ids=["kinks", "jumps"])
+@pytest.mark.parametrize("case", CASES)
+def test_bounds_are_honest_across_impacts(case, names):
+    box, law = CASES[case]
+    lower, upper = (a[:, : len(names)] for a in true(*law))
+    scene = bouncing_ball.scene().with_times(TIMES)
+    outputs = dict(zip(scene.output_names, (scene.y[0], scene.y[1]), strict=True))
+    scene = scene.with_outputs({name: outputs[name] for name in names})
+    bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=3e-2), box)
+    width = (upper - lower).max(axis=0)
+    errors = np.maximum(np.abs(bounds.lower - lower), np.abs(bounds.upper - upper))
+    assert (rms(errors) <= rms(bounds.estimate)).all()
+    assert (errors <= bounds.estimate + 1e-5 * width).mean() >= 0.98
+    uncovered = np.maximum(bounds.lower - bounds.estimate - lower, upper - bounds.upper - bounds.estimate)
+    assert (uncovered <= 1e-5 * width).mean() >= 0.98 and (uncovered <= 5e-3 * width).all()
+    assert (rms(bounds.estimate) <= 0.05 * rms(upper - lower)).all() and len(bounds.failed) == 0
+    assert bounds.evaluations < 500
+
+
+def test_scanning_and_monte_carlo_lie_within():
+    box, law = CASES["restitution"]
+    lower, upper = true(*law)
+    scene = bouncing_ball.scene().with_times(TIMES)
+    for method in (mb.Scanning(21), mb.MonteCarlo(100)):
+        bounds = mb.propagate(scene, method, box)
+        assert (bounds.lower >= lower - 1e-2).all() and (bounds.upper <= upper + 1e-2).all()
+        assert (bounds.upper - bounds.lower)[:, 0].max() > 0.7 * (upper - lower)[:, 0].max()
+
+
+def test_ensembles_tell_how_many_events_there_were():
+    simulator = mb.DAESimulator(bouncing_ball.scene().with_times([0.0, 0.5, 1.2, 1.8]))
+    events = run_blocks(simulator, np.array([[0.8, 1.0], [0.5, 1.0]])).events
+    assert events[0].tolist() == [0, 1, 2, 3] and events[1, :3].tolist() == [0, 1, 3]
+    assert events[1, 3] > 20  # at rest since 1.35 s
