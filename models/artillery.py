@@ -1,4 +1,4 @@
-"""Towed gun of the 155-mm class while it fires: rigid carriage on soil; flexible top carriage, cradle and barrel.
+"""Towed gun of the 155-mm class, 52 calibres long, while it fires: rigid carriage on soil; flexible top carriage, cradle and barrel.
 
                                              _ . - ~ ' [#]  muzzle brake
                           front bush _ . [=]  barrel
@@ -42,11 +42,11 @@ ELEVATION = np.radians(15.0)
 TRUNNION = np.array([-0.4, 1.55, 0.0])
 
 # Places in the axes of the bore, from the trunnion [m]
-BREECH, REAR, FRONT, MUZZLE = -1.2, -0.5, 2.3, 5.8
+BREECH, REAR, FRONT, MUZZLE = -1.2, -0.5, 2.3, 6.8
 GIRDER, SECTOR = -0.25, 0.55  # height of the cradle's girder, radius of the toothed sector
-HEIGHTS = {"rods": -0.295, "mass": -0.03}  # of the rods in the recoil cylinders, and of the rigid mass
+HEIGHTS = {"rods": -0.295, "mass": -0.0275}  # of the rods in the recoil cylinders, and of the rigid mass
 
-BREECH_MASS, BRAKE_MASS, RIGID_MASS = 900.0, 120.0, 500.0  # [kg]
+BREECH_MASS, BRAKE_MASS, RIGID_MASS = 900.0, 150.0, 500.0  # [kg]
 CLEARANCE, BACKLASH = 1e-4, 1e-4  # of the bushes, radial, and of the tooth, from flank to flank [m]
 BUSH = mb.HuntCrossley(2e11, restitution=0.8, speed=0.1)
 TOOTH = mb.HuntCrossley(5e10, restitution=0.7, speed=0.1)
