@@ -1,4 +1,4 @@
-"""Towed gun of the 155-mm class, 52 calibres long, while it fires: rigid carriage on soil; flexible top carriage, cradle and barrel.
+"""Towed gun of the 155-mm class while it fires: rigid carriage on soil; flexible top carriage, cradle and barrel.
 
                                              _ . - ~ ' [#]  muzzle brake
                           front bush _ . [=]  barrel
@@ -19,16 +19,16 @@ them against an absorber and a recuperator, whose gas holds it on its stop befor
 The breech pressure is a given curve, and the muzzle brake pulls by a share of it while the gases leave. A rigid mass on
 the breech stands for what recoils with it; its eccentricities across the bore are uncertain.
 
-The modes of barrel and top carriage are Craig-Bampton's for the bushes and the joints, those of the cradle its free ones.
-Geometric stiffening is left out: it would change the muzzle's angle at 14 ms by some 0.002 deg.
+Barrel and top carriage have Craig-Bampton modes for the bushes and the joints, the cradle its free ones. Geometric
+stiffening is left out: it would change the muzzle's angle at 14 ms by some 0.002 deg.
 
 Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets; the values are our own, of a
-generic gun of that size, not those of the gun measured there. Tuned by hand were
+generic gun of 52 calibres, not those of the gun measured there. Tuned by hand were
 
     parameter                            target                                           reached
     scale of PRESSURE                    largest breech pressure 366.56 MPa               366.56 MPa
-    OPENING of the absorber's ring       recoil length of 1001 to 1072 mm                 1055 mm
-    HEIGHTS of rods and rigid mass       muzzle 0.01382 deg up at 14 ms, within 10 %      0.01355 deg
+    OPENING of the absorber's ring       recoil length of 1001 to 1072 mm                 1056 mm
+    HEIGHTS of rods and rigid mass       muzzle 0.01382 deg up at 14 ms, within 10 %      0.01381 deg
 """
 
 import casadi as ca
@@ -51,9 +51,9 @@ CLEARANCE, BACKLASH = 1e-4, 1e-4  # of the bushes, radial, and of the tooth, fro
 BUSH = mb.HuntCrossley(2e11, restitution=0.8, speed=0.1)
 TOOTH = mb.HuntCrossley(5e10, restitution=0.7, speed=0.1)
 STOP = mb.HuntCrossley(1e10, restitution=0.3, speed=0.5)
-TRAVERSE, KEY = 1e7, 1e7  # stiffness of the traversing gear, and of the barrel's key against rolling [N m/rad]
-FOOT, SPADE = mb.KelvinVoigt(8e7, 4e5), mb.KelvinVoigt(4e7, 2e5)
-GROUND, PLATE = (2e7, 0, 2e7), 5e6  # stiffness of the soil across [N/m], of that below the plate [N m/rad]
+TRAVERSE, KEY = 8e6, 1e7  # stiffness of the traversing gear, and of the barrel's key against rolling [N m/rad]
+FOOT, SPADE = mb.KelvinVoigt(6e7, 3e5), mb.KelvinVoigt(3e7, 1.5e5)
+GROUND, PLATE = (2e7, 0, 2e7), 4e6  # stiffness of the soil across [N/m], of that below the plate [N m/rad]
 SPADES = [(-4.5, 0.0, -1.8), (-4.5, 0.0, 1.8)]
 
 BORE = np.pi / 4 * 0.155**2  # [m^2]

@@ -12,7 +12,6 @@ from scipy.linalg import eigh, null_space
 from models import artillery as gun
 
 BASE = ("bottom_carriage", "base_plate", "left_trail", "right_trail")
-Y = np.array([0.0, 1.0, 0.0])
 
 
 def cross(arm):
@@ -30,7 +29,7 @@ def transport(arm):
 
 @dataclass
 class Contact:
-    """Force along a row b (n,) of relative displacement, from a gap to either side (or one) on."""
+    """Force along a relative displacement b u from a gap on, to either side; before the shot it is one of them."""
 
     b: np.ndarray
     stiffness: float
@@ -74,8 +73,7 @@ class Gun:
         self.M[breech, breech] += self._rigid(bodies["mass"], R, arm)
         self._joints()
         self.f = -gun.GRAVITY * self.M @ np.tile([0, 1.0, 0, 0, 0, 0], n // 6)
-        # The rigid bodies turn about a point that is not their centre of mass: the same holds, by M of the motion.
-        self._springs(R)
+        self._springs()
 
     def _rigid(self, body, turn, arm):
         inertia = turn @ np.diag(body.inertia) @ turn.T
@@ -109,7 +107,7 @@ class Gun:
     def _add(self, stiffness, row):
         self.K += stiffness * np.outer(row, row)
 
-    def _springs(self, R):
+    def _springs(self):
         for place, law, turning in (
             (np.zeros(3), gun.FOOT, gun.PLATE),
             *((np.array(spade), gun.SPADE, 0.0) for spade in gun.SPADES),
@@ -117,13 +115,12 @@ class Gun:
             rows = self.at("base", place)
             for row, stiffness in zip(rows, (gun.GROUND[0], law.stiffness, gun.GROUND[2], *3 * [turning]), strict=True):
                 self._add(stiffness, row)
-        along = np.array([np.cos(gun.ELEVATION), np.sin(gun.ELEVATION), 0])
 
         def apart(a, b, place_a, place_b):
             return self.at(b, place_b)[:3] - self.at(a, place_a)[:3]
 
         tooth = apart("top_carriage", "cradle", gun.PINION, gun.PINION)
-        self.contacts = [Contact(along @ tooth, gun.TOOTH.stiffness, gun.BACKLASH / 2)]
+        self.contacts = [Contact(self.bore @ tooth, gun.TOOTH.stiffness, gun.BACKLASH / 2)]
         self.lateral = []
         for x in (gun.REAR, gun.FRONT):
             place = gun.tilted(x, 0)
@@ -151,15 +148,17 @@ class Gun:
     def equilibrium(self):
         """(n,) displacements under gravity and gas, by Newton's method from springs of the contacts' size."""
         Z = null_space(self.C)
-        soft = self.K + sum(5e8 * np.outer(c.b, c.b) for c in self.contacts) + self._sideways(1e8 * np.ones(2))
+        k = 2e8  # softer than the contacts are: Newton's method comes from where they are pressed too far
+        soft = self.K + sum(k * np.outer(c.b, c.b) for c in self.contacts) + self._sideways(k * np.ones(2))
         u = Z @ np.linalg.solve(Z.T @ soft @ Z, Z.T @ self.f)
-        u += sum(0 * c.b for c in self.contacts)
+        pressed = self.f + sum(k * c.gap * np.sign(c.b @ u) * c.b for c in self.contacts)
+        u = Z @ np.linalg.solve(Z.T @ soft @ Z, Z.T @ pressed)
         for _ in range(100):
             J = self.K + self._sideways(self._hold(u)) + sum(c.tangent(u) * np.outer(c.b, c.b) for c in self.contacts)
             left = self.f - self.K @ u + sum(c.force(u) * c.b for c in self.contacts)
             step = Z @ np.linalg.solve(Z.T @ J @ Z, Z.T @ left)
             u = u + step
-            if np.abs(step).max() < 1e-13:
+            if np.abs(step).max() < 1e-9 * np.abs(u).max():
                 return u
         raise AssertionError("the linear structure has found no equilibrium")
 
