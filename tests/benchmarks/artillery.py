@@ -59,9 +59,9 @@ def runs() -> None:
 
 
 def modes() -> None:
+    P = np.zeros((1, 2))
     for count in (10, 20, 40):
         simulator = mb.DAESimulator(gun.scene(modes=count), SOLVER)
-        P = np.zeros((1, 2))
         seconds = median(lambda simulator=simulator: simulator.run(P).Y, clock=time.perf_counter)
         angle = np.degrees(simulator.run(P).Y[0, :, simulator.outputs.index("muzzle_vertical")])
         size = simulator.dae.rhs.n_instructions()
