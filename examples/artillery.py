@@ -46,8 +46,9 @@ assert abs(left[-1] + right[-1]) < 1e-3 * right[-1]
 def study(end: float, outputs: tuple[str, ...]) -> mb.Comparison:
     """All methods against the paper's scan."""
     case = scene(end=end)
-    expressions = {name: case.outputs[name] for name in outputs}
-    return mb.compare(case.with_outputs(expressions), METHODS, reference=mb.Scanning(10), solver=SOLVER)
+    assert case.outputs is not None
+    case = case.with_outputs({name: case.outputs[name] for name in outputs})
+    return mb.compare(case, METHODS, reference=mb.Scanning(10), solver=SOLVER)
 
 
 def draw(folder: Path) -> None:

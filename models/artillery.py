@@ -193,7 +193,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
     placed = {
         **{part: np.array(part.com) for part in (bottom, plate, left, right)},
         top: top.modes.origin,
-        cradle: tilted(*cradle.modes.origin[:2], aimed),
+        cradle: tilted(cradle.modes.origin[0], cradle.modes.origin[1], aimed),
         barrel: tilted(barrel.modes.origin[0] + ahead, down, aimed),
         mass: tilted(center[0] + ahead, center[1] + down, aimed),
     }

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from artillery_elements import Gun
-from scipy.linalg import eigvals, null_space
+from scipy.linalg import eig, null_space
 
 import symmb as mb
 from models import artillery as gun
@@ -100,5 +100,5 @@ def frequencies(run):
     left = dae.Q(moved, v, s, p, t) - dae.G(moved, v, s, p, t).T @ lam
     K = -ca.Function("K", [delta], [ca.jacobian(left, delta)])(0).full()
     Z = null_space(dae.G(*at).full())
-    squares = eigvals(Z.T @ K @ Z, Z.T @ dae.M(*at).full() @ Z).real
-    return np.sqrt(np.sort(squares)) / (2 * np.pi)
+    squares = eig(Z.T @ K @ Z, Z.T @ dae.M(*at).full() @ Z)[0]
+    return np.sqrt(np.sort(np.real(squares))) / (2 * np.pi)

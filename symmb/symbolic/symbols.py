@@ -91,7 +91,7 @@ def initial(expression: ca.SX) -> ca.SX:
     >>> import symmb as mb
     >>> block = mb.Body("block", mass=1.0, pose=mb.Particle())
     >>> block.x - mb.initial(block.x)
-    SX((block.x-initial_0))
+    SX((block.x-initial))
     """
     expression = ca.densify(ca.SX(expression))
     records = [lookup(symbol) for symbol in symbols_in(expression)]
@@ -103,7 +103,7 @@ def initial(expression: ca.SX) -> ca.SX:
         )
     kept = _STARTS.setdefault(moving[0], [])
     state = ca.SX.sym("initial", *expression.shape)
-    names = [f"initial.{s.name()}" for s in ca.vertsplit(ca.vec(state))]
+    names = [s.name() for s in ca.vertsplit(ca.vec(state))]
     kept += declare(names, Kind.STATE, ca.vec(state), ca.SX.zeros(state.numel(), 1), ca.vec(expression))
     return state
 
