@@ -114,5 +114,6 @@ from symmb.study import Stability as Stability
 from symmb.study import stability as stability
 from symmb.study._public import compare as compare
 from symmb.symbolic.symbols import ddt as ddt
+from symmb.symbolic.symbols import initial as initial
 from symmb.symbolic.symbols import t as t
 from symmb.system import System as System

@@ -7,7 +7,7 @@ what it is and how fast it changes; the table here holds those records weakly, s
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
-from weakref import WeakValueDictionary
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import casadi as ca
 
@@ -41,6 +41,8 @@ class Symbol:
 
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
+_STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
+"""Records of `initial` values, kept as long as a coordinate that they were read from."""
 
 
 def declare(
@@ -64,6 +66,46 @@ def lookup(symbol: ca.SX) -> Symbol | None:
 def is_time(symbol: ca.SX) -> bool:
     """Whether a symbol is the time `t`."""
     return symbol.element_hash() == t.element_hash()
+
+
+def initial(expression: ca.SX) -> ca.SX:
+    """Value that a position expression has at the start of a run, a first-order state without rate.
+
+    Where a scene starts from is often solved for, such as a static equilibrium; `x - initial(x)` is the way since then.
+
+    Parameters
+    ----------
+    expression : SX of any shape, in coordinates and parameters [unit]
+
+    Returns
+    -------
+    SX of the same shape [unit]
+
+    Raises
+    ------
+    DeclarationError
+        if the expression contains a velocity, a multiplier, `t` or no coordinate at all
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> block = mb.Body("block", mass=1.0, pose=mb.Particle())
+    >>> block.x - mb.initial(block.x)
+    SX((block.x-initial))
+    """
+    expression = ca.densify(ca.SX(expression))
+    records = [lookup(symbol) for symbol in symbols_in(expression)]
+    moving = [r for r in records if r is not None and r.kind is Kind.COORDINATE]
+    if not moving or any(r is None or r.kind not in (Kind.COORDINATE, Kind.PARAMETER) for r in records):
+        raise DeclarationError(
+            f"initial: {expression} must be made of coordinates and parameters alone. "
+            "Velocities, multipliers and times at the start need no state: list them in start."
+        )
+    kept = _STARTS.setdefault(moving[0], [])
+    state = ca.SX.sym("initial", *expression.shape)
+    names = [s.name() for s in ca.vertsplit(ca.vec(state))]
+    kept += declare(names, Kind.STATE, ca.vec(state), ca.SX.zeros(state.numel(), 1), ca.vec(expression))
+    return state
 
 
 def symbols_in(expression: ca.SX) -> list[ca.SX]:
