@@ -73,7 +73,7 @@ def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
         folder = Path(name).resolve()
         cache.check_folder(folder, "TMPDIR")
         made = _built(source, folder, compiler)
-        cache.keep(key, made)
+        cache.keep(key, made.read_bytes())
         # The cache first, then what lies in the temporary folder: either may forbid programs.
         library = _opened(cache.find(key)) or _opened(made)
     if library is None:

@@ -1,7 +1,8 @@
 """The user's cache folder of built libraries: nothing is taken from it that is damaged or that others can write to.
 
 A library is one file, `<key>-<SHA-256 of its bytes>.so`: moved into place whole, and its bytes are compared with its
-name before it is loaded, because loading half a file may end the process instead of raising.
+name before it is loaded, because loading half a file may end the process instead of raising. Sources of large models,
+`.c`, are kept in the same way, as they take seconds to write.
 """
 
 import hashlib
@@ -67,26 +68,25 @@ def check_folder(path: Path, variable: str) -> None:
             )
 
 
-def find(key: str) -> Path | None:
-    """The whole library of a key, or None; those that are damaged or open to others are removed."""
+def find(key: str, suffix: str = ".so") -> Path | None:
+    """The whole file of a key, or None; those that are damaged or open to others are removed."""
     with suppress(OSError, SymmbError):
-        for path in folder().glob(f"{key}-*.so"):
+        for path in folder().glob(f"{key}-*{suffix}"):
             if _is_whole(path):
                 return path
             path.unlink()
     return None
 
 
-def keep(key: str, library: Path) -> None:
-    """Put a library into the cache, where that is possible."""
+def keep(key: str, content: bytes, suffix: str = ".so") -> None:
+    """Put a file into the cache, where that is possible."""
     with suppress(OSError, SymmbError):
-        content = library.read_bytes()
         place = folder()
         handle, part = tempfile.mkstemp(suffix=".part", dir=place)
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
-            os.replace(part, place / f"{key}-{hashlib.sha256(content).hexdigest()}.so")
+            os.replace(part, place / f"{key}-{hashlib.sha256(content).hexdigest()}{suffix}")
         except BaseException:
             os.unlink(part)
             raise
@@ -106,10 +106,9 @@ def note(key: str) -> None:
 
 
 def contents() -> tuple[Path, ...]:
-    """The libraries in the cache folder, notes, and what killed processes left of some."""
-    return tuple(
-        path for path in sorted(folder().iterdir()) if path.suffix in (".so", ".part", ".note") and not path.is_dir()
-    )
+    """The libraries in the cache folder, sources, notes, and what killed processes left of some."""
+    kinds = (".so", ".c", ".part", ".note")
+    return tuple(path for path in sorted(folder().iterdir()) if path.suffix in kinds and not path.is_dir())
 
 
 def _is_whole(path: Path) -> bool:

@@ -1,7 +1,9 @@
 """Ensembles in compiled lanes: steps for W samples side by side, blocks of them on threads."""
 
 import ctypes
-from collections.abc import Mapping, Sequence
+import functools
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symmb._types import Array
-from symmb.codegen import tableau
+from symmb.codegen import cache, tableau
 from symmb.codegen.build import load
 from symmb.codegen.emit import Emitter
 from symmb.codegen.graph import INPUT, Graph, graph_of
@@ -129,7 +131,8 @@ class Engine:
         self.newton = scheme.newton if scheme else 0.0
         self.counts = Counts(0, 0, 0)
         self._times = np.ascontiguousarray(times, dtype=float)
-        self.source = _source(f, isinstance(control, FixedStep)) if scheme is None else _scheme_source(f, scheme)
+        fixed = isinstance(control, FixedStep)
+        self.source = _kept(f, (fixed, scheme), lambda: _scheme_source(f, scheme) if scheme else _source(f, fixed))
         self._open()
 
     def _open(self) -> None:
@@ -261,6 +264,26 @@ def scheme_function(
     if start is not None:
         parts["newton"], parts["start"] = start[0], whole(start[1])
     return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+
+
+def _kept(f: ca.Function, options: object, write: Callable[[], str]) -> str:
+    """The source of a model, from the cache if it is large and was written before, by this very generator."""
+    if f.n_instructions() < _LARGE:
+        return write()
+    key = hashlib.sha256("\0".join([f.serialize(), repr(options), _generator()]).encode()).hexdigest()[:32]
+    found = cache.find(key, ".c")
+    if found is not None:
+        return found.read_text(encoding="utf-8")
+    source = write()
+    cache.keep(key, source.encode(), ".c")
+    return source
+
+
+@functools.cache
+def _generator() -> str:
+    """What the generator's own files say."""
+    files = sorted(path for path in Path(__file__).parent.iterdir() if path.suffix in (".py", ".h"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 def _source(f: ca.Function, fixed: bool) -> str:

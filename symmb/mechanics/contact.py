@@ -11,7 +11,7 @@ from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, turning_faults
-from symmb.mechanics.force import MEETING, Action, ForceElement, Load, fixed_at, is_constant, moment_on, push
+from symmb.mechanics.force import MEETING, Action, ForceElement, Load, PairForce, fixed_at, is_constant, moment_on, push
 from symmb.mechanics.friction import FrictionLaw, friction_faults
 from symmb.mechanics.pose import Planar
 from symmb.symbolic.geometry import Z, triad, unit, vector
@@ -98,7 +98,7 @@ def _velocity(body: _Framed, r: ca.SX) -> ca.SX:
 
 
 @dataclass(frozen=True, eq=False)
-class BushContact(ForceElement):
+class BushContact(PairForce):
     """A pin in a cylindrical bush that is wider than it: the pin is free until it reaches the wall.
 
     Parameters
@@ -111,19 +111,12 @@ class BushContact(ForceElement):
     law : ContactLaw       `HuntCrossley(...)`, ...
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
     axis: tuple[Expr, ...]
     clearance: Expr
     law: ContactLaw
 
-    def bodies(self) -> tuple[_Framed, ...]:
-        return (self.point_a.body, self.point_b.body)
-
     def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
+        yield from super().faults()
         yield from direction_faults(self.title, "axis", self.axis)
         yield from law_faults(self.title, self.law)
 
@@ -144,7 +137,7 @@ class BushContact(ForceElement):
 
 
 @dataclass(frozen=True, eq=False)
-class ToothContact(ForceElement):
+class ToothContact(PairForce):
     """A tooth between two flanks: free over the backlash, then pressed back from either side.
 
     Parameters
@@ -157,19 +150,12 @@ class ToothContact(ForceElement):
     law : ContactLaw       of one flank
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
     direction: tuple[Expr, ...]
     backlash: Expr
     law: ContactLaw
 
-    def bodies(self) -> tuple[_Framed, ...]:
-        return (self.point_a.body, self.point_b.body)
-
     def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
+        yield from super().faults()
         yield from direction_faults(self.title, "direction", self.direction)
         yield from law_faults(self.title, self.law)
 

@@ -88,6 +88,22 @@ class ForceElement(Element):
 
 
 @dataclass(frozen=True, eq=False)
+class PairForce(ForceElement):
+    """A force between a point of body a and a point of body b."""
+
+    name: str
+    point_a: Point
+    point_b: Point
+
+    def bodies(self) -> tuple[_Framed, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults or pair_faults(self.title, self.bodies())
+
+
+@dataclass(frozen=True, eq=False)
 class Gravity(ForceElement):
     """Uniform gravity (gx, gy, gz) [m/s^2] in world axes on every body of the system."""
 
@@ -112,7 +128,7 @@ class Gravity(ForceElement):
 
 
 @dataclass(frozen=True, eq=False)
-class SpringDamper(ForceElement):
+class SpringDamper(PairForce):
     """Spring and damper along the line between two points: pull k (d - length) + c d'.
 
     A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper resists
@@ -128,19 +144,9 @@ class SpringDamper(ForceElement):
     length : Expr          without load [m]
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
     stiffness: Expr = 0.0
     damping: Expr = 0.0
     length: Expr = 0.0
-
-    def bodies(self) -> tuple[_Framed, ...]:
-        return (self.point_a.body, self.point_b.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
 
     def _pull(self, force: ca.SX) -> tuple[Load, ...]:
         return (force_at(self.point_a, force), force_at(self.point_b, -force))
@@ -222,7 +228,7 @@ class TorsionSpring(ForceElement):
 
 
 @dataclass(frozen=True, eq=False)
-class Bushing(ForceElement):
+class Bushing(PairForce):
     """Elastic mount between two points: springs and dampers along and about the axes of body a.
 
     Parameters
@@ -234,20 +240,10 @@ class Bushing(ForceElement):
                            against a, of which the sine is taken about each axis
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
     stiffness: Expr
     damping: Expr = 0.0
     rotational_stiffness: Expr = 0.0
     rotational_damping: Expr = 0.0
-
-    def bodies(self) -> tuple[_Framed, ...]:
-        return (self.point_a.body, self.point_b.body)
-
-    def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         translation = [

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.mechanics.body import Body, Point, _Framed
-from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, require_number
-from symmb.mechanics.force import Action, ForceElement, push
+from symmb.mechanics.body import Body
+from symmb.mechanics.element import Bind, bound, direction_faults, require_number
+from symmb.mechanics.force import Action, PairForce, push
 from symmb.symbolic.geometry import unit, vector
 from symmb.symbolic.symbols import Kind, Symbol, ddt, declare
 
@@ -127,7 +127,7 @@ def _require_coefficients(law: Coulomb | Bristle) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Friction(ForceElement):
+class Friction(PairForce):
     """Friction between two bodies that slide along an axis, as in a `Prismatic` guide or on a table.
 
     Parameters
@@ -139,19 +139,12 @@ class Friction(ForceElement):
     law : FrictionLaw      `Coulomb(...)` or `Bristle(...)`
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
     axis: tuple[Expr, ...]
     normal_force: Expr
     law: FrictionLaw
 
-    def bodies(self) -> tuple[_Framed, ...]:
-        return (self.point_a.body, self.point_b.body)
-
     def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
+        yield from super().faults()
         yield from direction_faults(self.title, "axis", self.axis)
         yield from friction_faults(self.title, self.law)
 

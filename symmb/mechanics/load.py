@@ -10,13 +10,13 @@ from symmb.mechanics.body import Body, Point, _Framed
 from symmb.mechanics.contact import law_faults, press
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
-from symmb.mechanics.force import MEETING, Action, ForceElement, diagonal, force_at, mount, push
+from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, diagonal, force_at, mount, push
 from symmb.symbolic.geometry import unit, vector
 from symmb.symbolic.symbols import ddt
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearSpring(ForceElement):
+class NonlinearSpring(PairForce):
     """A force along the line between two points by any law of their distance and its rate.
 
     Parameters
@@ -27,17 +27,10 @@ class NonlinearSpring(ForceElement):
                            `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
     """
 
-    name: str
-    point_a: Point
-    point_b: Point
     pull: Callable[[ca.SX, ca.SX], Expr]
 
-    def bodies(self) -> tuple[_Framed, ...]:
-        return (self.point_a.body, self.point_b.body)
-
     def faults(self) -> Iterator[str]:
-        faults = list(point_faults(self.title, self.point_a, self.point_b))
-        yield from faults or pair_faults(self.title, self.bodies())
+        yield from super().faults()
         if not callable(self.pull):
             yield f"{self.title}: pull {self.pull!r} is no law. Give a function of length and rate, lambda d, v: ..."
 

@@ -44,7 +44,7 @@ def settle(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple
     left = balance(dae, dae.retract(at, _spread(dae, free) @ delta), lam, ca.SX(ca.DM(dae.p_nominal)), t0, free, rows)
     z = ca.vertcat(delta, lam)
     at_zero = [ca.substitute(e, delta, ca.SX.zeros(n, 1)) for e in (left, ca.jacobian(left, z))]
-    f = ca.Function("balance", [at, lam], at_zero, {"cse": True})
+    f = ca.Function("balance", [at, lam], at_zero)
     size = float(np.abs(q).max(initial=0.0)) or 1.0
     names = [coordinate_of(dae, int(i)) for i in free]
     for thick in (False, True):

@@ -10,6 +10,9 @@ from symmb._types import Array, Mask
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jet_function
 
+_FEW = 40
+"""Symbols of a residual up to which its expressions are searched for common ones, which takes longer than it saves."""
+
 
 @dataclass(frozen=True)
 class ImplicitMap:
@@ -21,7 +24,7 @@ class ImplicitMap:
     @classmethod
     def of(cls, residual: ca.SX, u: ca.SX, w: ca.SX) -> "ImplicitMap":
         """From SX, residual (m,) in the unknowns u (m,) and the arguments w (n_w,)."""
-        options = {"cse": True}
+        options = {"cse": len(ca.symvar(residual)) <= _FEW}
         return cls(
             ca.Function("residual", [u, w], [ca.densify(residual)], options),
             ca.Function("jacobian", [u, w], [ca.jacobian(residual, u)], options),
