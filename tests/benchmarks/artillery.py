@@ -3,7 +3,7 @@
 PYTHONPATH=. python tests/benchmarks/artillery.py
 """
 
-# ruff: noqa: E402, I001  (before NumPy starts its threads: those of its small matrices get in each other's way)
+# Before NumPy starts its threads: those of its small matrices get in each other's way.
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
