@@ -20,7 +20,7 @@ The breech pressure is a given curve, and the muzzle brake pulls by a share of i
 the breech stands for what recoils with it; its eccentricities across the bore are uncertain.
 
 Barrel and top carriage have Craig-Bampton modes for the bushes and the joints, the cradle its free ones. Geometric
-stiffening is left out: it would change the muzzle's angle at 14 ms by some 0.002 deg.
+stiffening is left out; on the muzzle's angle at 14 ms it is of the order of 0.002 deg.
 
 Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets; the values are our own, of a
 generic gun of 52 calibres, not those of the gun measured there. Tuned by hand were
