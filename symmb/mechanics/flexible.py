@@ -74,7 +74,6 @@ class FlexibleBody(Body):
         }
         for key, value in given.items():
             object.__setattr__(self, key, value)
-        object.__setattr__(self, "_nodes", {})
         self.__post_init__()
 
     @property
@@ -148,12 +147,16 @@ class FlexibleBody(Body):
         return Point(self._carrier(number), vector(arm.tolist()))
 
     def _carrier(self, number: int) -> "_Carrier":
-        nodes: dict[int, _Carrier] = getattr(self, "_nodes")  # noqa: B009  (set past the frozen dataclass)
-        if number not in nodes:
+        if number not in self._nodes:
             m = self.modes
             place = _polynomial(m.positions[number], m.shapes[number], m.shapes2[number], self.eta)
-            nodes[number] = _Carrier(self, f"node{number}", place, m.rotations[number])
-        return nodes[number]
+            self._nodes[number] = _Carrier(self, f"node{number}", place, m.rotations[number])
+        return self._nodes[number]
+
+    @cached_property
+    def _nodes(self) -> "dict[int, _Carrier]":
+        """Frames of the nodes asked for, one for each: elements know bodies by identity."""
+        return {}
 
     @cached_property
     def center(self) -> _Framed:
