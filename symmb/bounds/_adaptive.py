@@ -39,17 +39,16 @@ def adaptive_bounds(
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress)
     found = (tensor_bounds if tensor else sparse_bounds)(runs, tolerance)
-    inner = runs.extremes()
     return Bounds(
         t=simulator.times,
         names=simulator.outputs,
-        lower=np.minimum(found.lower, inner[0]),
-        upper=np.maximum(found.upper, inner[1]),
+        lower=np.minimum(found.lower, runs.extremes[0]),
+        upper=np.maximum(found.upper, runs.extremes[1]),
         kind="estimate",
         method=text,
         evaluations=len(runs),
         estimate=found.estimate,
-        inner=inner,
+        inner=runs.extremes,
         failed=runs.failed,
         expansion=found.expansion,
     )

@@ -34,6 +34,7 @@ class _Grid(ctypes.Structure):
         ("x", ctypes.c_void_p * MOST_PARAMETERS),
         ("values", ctypes.c_void_p * MOST_PARAMETERS),
         ("factors", ctypes.c_void_p),
+        ("rows", ctypes.c_void_p),
         ("pieces", ctypes.c_long),
     ]
 
@@ -49,9 +50,8 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     d, m = alpha.shape[1], coefficients.shape[1]
     degrees = alpha.max(axis=0)
     order = np.argsort(degrees, kind="stable")
-    lanes = -(-m // 8) * 8
-    C = np.zeros((*(degrees[order] + 1), lanes))
-    C[(*alpha[:, order].T, slice(0, m))] = coefficients
+    rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
+    C = np.ascontiguousarray(coefficients, dtype=float)
     wavy = degrees.max() > _WAVY
     per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if wavy else _SAMPLES]
     tables = [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
@@ -60,19 +60,19 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     for k, (x, values) in enumerate(tables):
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
-    found, points = np.empty((2, lanes)), np.empty((2, MOST_PARAMETERS, lanes))
-    grid.factors = _FACTORS.ctypes.data
+    found, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
+    grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
     library = load(_SOURCE)
 
     def work(dealt: ctypes.c_long) -> None:
-        if not library.dense(ctypes.byref(grid), ctypes.byref(dealt), ctypes.c_long(lanes), *pointers):
+        if not library.dense(ctypes.byref(grid), ctypes.byref(dealt), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    on_threads(work, lanes)
+    on_threads(work, m)
     at = np.empty((2, m, d))
-    at[:, :, order] = points[:, MOST_PARAMETERS - d :, :m].swapaxes(1, 2)
-    return found[0, :m], found[1, :m], at[0], at[1]
+    at[:, :, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
+    return found[0], found[1], at[0], at[1]
 
 
 @cache

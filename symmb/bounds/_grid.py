@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bounds._legendre import MultiIndices
 
 Index = tuple[int, ...]
@@ -65,11 +65,16 @@ class Grid:
         """(N, d) in [-1, 1]."""
         return line(int(self.alpha.max(initial=0)) + 1)[self.alpha]
 
-    def coefficients(self, Y: Array) -> Array:
-        """Legendre coefficients (N, m) of the interpolant from values (N, m) at the nodes."""
-        if len(Y) <= _FEW:
-            return self._interpolants(np.eye(len(Y))) @ Y
-        return self._interpolants(Y)
+    def coefficients(self, Y: Array, rows: Indices | None = None) -> Array:
+        """Legendre coefficients (N, m) of the interpolant from values (n, m), of which rows (N,) are at the nodes."""
+        if rows is None:
+            rows = np.arange(len(Y))
+        if len(rows) > _FEW:
+            return self._interpolants(Y[rows])
+        fit = self._interpolants(np.eye(len(rows)))
+        if len(rows) == len(Y):  # values are many, and not copied to be put in order
+            return fit[:, np.argsort(rows)] @ Y
+        return fit @ Y[rows]
 
     def _interpolants(self, Y: Array) -> Array:
         total = np.zeros_like(Y)

@@ -43,6 +43,7 @@ class Runs:
     nodes : (N, n_t, n_y) responses at nodes
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
+    extremes : smallest and largest responses of all runs (n_t, n_y)
     """
 
     simulator: Simulator
@@ -53,12 +54,14 @@ class Runs:
     nodes: Array = field(init=False)
     checks: Array = field(init=False)
     points: Array = field(init=False)
+    extremes: tuple[Array, Array] = field(init=False)
     events: Indices | None = None
     failed: tuple[Failure, ...] = ()
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
         self.nodes = self.checks = np.empty((0, *self.shape))
+        self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = np.empty((0, len(self.box)))
         self._attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
@@ -99,7 +102,8 @@ class Runs:
             if events is not None:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
-            self.nodes, self._attained = np.concatenate([self.nodes, Y]), np.concatenate([self._attained, ok])
+            self.nodes = np.concatenate([self.nodes, Y]) if len(self.nodes) else Y
+            self._attained = np.concatenate([self._attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
     def check(self, points: Array) -> tuple[Array, Array]:
@@ -111,15 +115,9 @@ class Runs:
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
 
-    def extremes(self) -> tuple[Array, Array]:
-        """Smallest and largest responses of all runs (n_t, n_y)."""
-        nodes = self.nodes if self._attained.all() else self.nodes[self._attained]
-        both = [Y for Y in (nodes, self.checks) if len(Y)]
-        return np.min([Y.min(axis=0) for Y in both], axis=0), np.max([Y.max(axis=0) for Y in both], axis=0)
-
     def unit(self) -> Array:
         """What errors of each output are measured by, rms width (n_y,); infinite if it is constant but for rounding."""
-        low, high = self.extremes()
+        low, high = self.extremes
         width, scale = rms(high - low), np.maximum(rms(low), rms(high))
         return np.where(width > ROUNDING * scale, width, np.inf)
 
@@ -130,6 +128,8 @@ class Runs:
         bad = np.flatnonzero(~ensemble.ok)
         told = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, told)
+        low, high = ensemble.extremes()
+        self.extremes = np.minimum(self.extremes[0], low), np.maximum(self.extremes[1], high)
         return ensemble.Y, ensemble.ok, ensemble.events
 
 

@@ -1,6 +1,5 @@
 """What an expansion leaves out, estimated from how its last coefficients fall off."""
 
-import itertools
 from dataclasses import dataclass
 from typing import cast
 
@@ -50,23 +49,22 @@ class Tails:
         degrees = alpha.max(axis=0)
         tensor = len(alpha) == int(np.prod(degrees + 1))
 
-        def size(rows: Indices) -> Array:
-            return np.sqrt(smooth(np.einsum("iab,iab->ab", coefficients[rows], coefficients[rows])))
+        def sizes(*groups: Indices) -> Array:
+            parts = (coefficients[rows] for rows in groups)
+            return np.sqrt(smooth(np.stack([np.einsum("iab,iab->ab", part, part) for part in parts])))
 
         directions, falls = np.zeros((2, d, *coefficients.shape[1:]))
         mixed = np.zeros(coefficients.shape[1:])
-        total = size(np.flatnonzero(alpha.sum(axis=1) == 1))
         for i in range(d):
             fronts, absent = _fronts(alpha, i, 1 if tensor else 0)
-            sizes = [size(rows) for rows in fronts]
-            ratios = [_ratio(last, before) for last, before in itertools.pairwise(sizes)]
+            each = sizes(*fronts)
+            ratios = _ratio(each[:-1], each[1:])
             falls[i] = np.max(ratios, axis=0) if tensor else ratios[0]
             power = np.maximum(1 - falls[i] / _FAST, _DECAY) if tensor else _DECAY
-            directions[i] = sizes[0] * falls[i] ** power
+            directions[i] = each[0] * falls[i] ** power
             if absent.size:
-                first, base = _products(alpha, i)
-                share = _ratio(size(first), size(base)) if first.size else _ratio(size(_main(alpha, i)), total)
-                mixed += np.square(size(absent) * share)
+                part, whole, left = sizes(*_products(alpha, i), absent)
+                mixed += np.square(left * _ratio(part, whole))
         return cls(directions, falls, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
@@ -129,15 +127,14 @@ def _fronts(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indices], Ind
 
 
 def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
-    """Rows of products of x_i with others, and of these without it."""
+    """Rows of products of x_i with others, and of these without it; of x_i and all x_j if there are none."""
     rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
     first, base = [], []
     for a, k in rows.items():
         if a[i] == 1 and sum(a) > 1:
             first.append(k)
             base.append(rows[(*a[:i], 0, *a[i + 1 :])])
+    if not first:
+        base = np.flatnonzero(alpha.sum(axis=1) == 1).tolist()
+        first = [k for k in base if alpha[k, i]]
     return np.array(first, dtype=np.intp), np.array(base, dtype=np.intp)
-
-
-def _main(alpha: MultiIndices, i: int) -> Indices:
-    return np.flatnonzero((alpha.sum(axis=1) == 1) & (alpha[:, i] == 1))

@@ -1,7 +1,7 @@
 """Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -73,12 +73,13 @@ def _affordable(wanted: list[_Part], runs: Runs) -> bool:
 
 def _nodes(part: _Part) -> Array:
     centre, half, degrees = part
-    return centre + half * _grid(degrees).nodes
+    return centre + half * _grid(*degrees.tolist()).nodes
 
 
-def _grid(degrees: Array) -> Grid:
+@cache
+def _grid(*degrees: int) -> Grid:
     grid = Grid(len(degrees))
-    grid.add(grid.missing([tuple(degrees.tolist())]))
+    grid.add(grid.missing([degrees]))
     return grid
 
 
@@ -109,10 +110,9 @@ class _Piece:
     def of(cls, runs: Runs, part: _Part, before: "_Piece | None" = None) -> "_Piece":
         """Run what is missing; nodes that fail are predicted by the piece before, which holds this one."""
         centre, half, degrees = part
-        grid = _grid(degrees)
+        grid = _grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, before and before.values)
-        Y = runs.nodes[rows]
-        coefficients = grid.coefficients(Y.reshape(len(Y), -1)).reshape(Y.shape)
+        coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1), rows).reshape(-1, *runs.shape)
         expansion = Expansion(grid.alpha, coefficients, runs.box.names)
         return cls(centre, half, expansion, grid.nodes, runs, rows, runs.unit(), before and before.inherited)
 
@@ -287,19 +287,22 @@ class _Union:
     def of(cls, pieces: list[_Piece]) -> "_Union":
         lows, highs, places = (np.stack(each) for each in zip(*(piece.range for piece in pieces), strict=True))
         lower, upper = lows.min(axis=0), highs.max(axis=0)
-        first = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])[None]
+        first = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
         below, above = (np.stack([piece.errors[side] for piece in pieces]) for side in (0, 1))
         beyond = np.maximum(np.maximum(lower - (lows - below), highs + above - upper), 0.0)
         told = np.stack([piece.told for piece in pieces])
-        at = np.take_along_axis(places, first[..., None], axis=0)[0]
         between = [np.zeros(beyond.shape[1:]) if p.crossed is None else np.isfinite(p.crossed[0]) for p in pieces]
-        crossed = np.take_along_axis(np.array(between, dtype=bool), beyond.argmax(axis=0)[None], axis=0)[0]
-        trust = np.where(crossed, 1.0, TRUST)
-        return cls(pieces, lower, upper, at, beyond, np.take_along_axis(told, first, axis=0)[0], trust)
+        trust = np.where(_chosen(np.array(between, dtype=bool), beyond.argmax(axis=0)), 1.0, TRUST)
+        return cls(pieces, lower, upper, _chosen(places, first[..., None]), beyond, _chosen(told, first), trust)
 
     def piece(self, point: Array) -> _Piece:
         """One that holds the point."""
         return min(self.pieces, key=lambda piece: float((np.abs(point - piece.centre) / piece.half).max()))
+
+
+def _chosen(each: np.ndarray, numbers: Indices) -> np.ndarray:
+    """Of k alternatives (k, ...) at each place that with the number there."""
+    return each[0] if len(each) == 1 else np.take_along_axis(each, numbers[None], axis=0)[0]
 
 
 def _checked(runs: Runs, union: _Union, worst: _Piece, unit: Array, number: int) -> tuple[Array, _Piece]:

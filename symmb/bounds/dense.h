@@ -10,6 +10,7 @@ typedef struct {
   const double *x[DIRECTIONS];           /* (K) samples */
   const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials there */
   const double *factors;                 /* (ORDERS, 2) of their recurrence */
+  const int *rows;                       /* (n0 n1 n2) of the coefficients, the last parameter's degrees fastest */
   long pieces;                           /* of the last parameter: Newton's steps start from the best sample of each */
 } Grid;
 
@@ -131,13 +132,14 @@ static void scan(const Grid *g, const V *c, V *plane, V *row, V best[2][PIECES],
   }
 }
 
-/* C (n0 n1 n2, m) by rows -> values (2, m) and points (2, 3, m) of minima and maxima, m a multiple of W; threads count
-   those dealt in one place. 0 if there is not enough memory. */
+/* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima; threads count those dealt in one place.
+   0 if there is not enough memory. */
 int dense(const Grid *g, long *dealt, long m, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
   V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), best[2][PIECES], sample[2][PIECES] = {{{0}}};
   for (long i; c && (i = __atomic_fetch_add(dealt, W, __ATOMIC_RELAXED)) < m;) {
-    for (long j = 0; j < n; ++j) memcpy(c + j, C + j * m + i, sizeof(V));
+    const size_t some = (m - i < W ? m - i : W) * sizeof *C;
+    for (long j = 0; j < n; ++j) c[j] = zero(), memcpy(c + j, C + g->rows[j] * m + i, some);
     scan(g, c, c + n, c + n + n12, best, sample);
     V low = best[0][0], high = best[1][0];
     for (long s = 1; s < g->pieces; ++s) low = v_smaller(low, best[0][s]), high = v_larger(high, best[1][s]);
@@ -155,8 +157,8 @@ int dense(const Grid *g, long *dealt, long m, const double *C, double *values, d
         for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
       }
       least *= sign;
-      memcpy(values + side * m + i, &least, sizeof(V));
-      for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, at + k, sizeof(V));
+      memcpy(values + side * m + i, &least, some);
+      for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, at + k, some);
     }
   }
   const int enough = c != NULL;

@@ -4,7 +4,6 @@ import ctypes
 import functools
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from symmb.codegen import cache, tableau
 from symmb.codegen.build import load
 from symmb.codegen.emit import Emitter
 from symmb.codegen.graph import INPUT, Graph, graph_of
+from symmb.codegen.threads import side_by_side
 
 MOST_STEPS = 1_000_000
 REASONS = (
@@ -198,14 +198,7 @@ class Engine:
             lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
             return bool(self._library.work(ctypes.byref(study), ctypes.c_void_p(lower), ctypes.c_void_p(upper)))
 
-        own, *others = found[: max(1, -(-N // self.width))]
-        if others:
-            with ThreadPoolExecutor(len(others)) as pool:
-                running = [pool.submit(work, part) for part in others]
-                enough = [work(own), *(run.result() for run in running)]
-        else:
-            enough = [work(own)]
-        if not all(enough):
+        if not all(side_by_side(work, found[: max(1, -(-N // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
         self.counts = Counts(study.steps, study.iterations, study.most)
         return losses

@@ -1,7 +1,6 @@
 """The simulator of a declared scene."""
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,6 +14,7 @@ import numpy as np
 from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Mask
 from symmb.codegen.engine import REASONS, Losses
+from symmb.codegen.threads import cores
 from symmb.dae import DAE, compile_dae
 from symmb.scene import Scene
 from symmb.simulate._choice import MANY, Pilot, choose, for_studies
@@ -73,7 +73,7 @@ class DAESimulator:
         kept = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
         self.dae: DAE = replace(kept, scales=self.start.scales(kept))
         self.y = output_function(self.dae, scene, scene.y)
-        self.threads = os.cpu_count() or 1
+        self.threads = cores()
         self.reason = ""
         if solver is None and self.dae.impacts is not None:
             solver, self.reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"

@@ -203,6 +203,8 @@ def run_blocks(
 ) -> Ensemble:
     """All trajectories of samples P (N, d), run block by block."""
     parts = simulator.stream(P, _GATHER, executor, progress)
+    if len(parts) == 1:
+        return parts[0]
     shape = (0, len(simulator.times), len(simulator.outputs))
     events = [part.events for part in parts if part.events is not None]
     return Ensemble(

@@ -1,0 +1,24 @@
+"""Threads for compiled work."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+A = TypeVar("A")
+R = TypeVar("R")
+
+
+def cores() -> int:
+    """Processors that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
+    """Results for all arguments, the first here, while threads for the others wake up."""
+    first, *others = arguments
+    if not others:
+        return [work(first)]
+    with ThreadPoolExecutor(len(others)) as pool:
+        running = [pool.submit(work, argument) for argument in others]
+        return [work(first), *(run.result() for run in running)]
