@@ -31,6 +31,8 @@ def describe(bounds: "Bounds") -> str:
     doubtful = [f"{name} from {since:g} s" for name, since in bounds.doubtful().items()]
     if doubtful:
         lines.append(f"  doubtful     estimated error above 10 % of the width: {', '.join(doubtful)}")
+    if bounds.caution:
+        lines.append(f"  caution      {bounds.caution}")
     return "\n".join([*lines, *(f"  {line}" for line in aligned(_widest(bounds)))])
 
 

@@ -58,6 +58,7 @@ class Bounds:
     failed : the runs that failed
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
+    caution : from when on the method does not hold, and why; empty where nothing speaks against it
 
     Examples
     --------
@@ -78,6 +79,7 @@ class Bounds:
     failed: tuple[Failure, ...] = ()
     seconds: float = field(default=float("nan"))
     expansion: Expansion | None = None
+    caution: str = ""
 
     @property
     def outer(self) -> tuple[Array, Array]:
@@ -139,6 +141,7 @@ class Bounds:
             "evaluations": self.evaluations,
             "failed": [[run.parameters, run.time, run.message] for run in self.failed],
             "seconds": self.seconds,
+            "caution": self.caution,
             "parameters": () if self.expansion is None else self.expansion.parameters,
         }
         none = np.empty((0, 0))
@@ -190,6 +193,7 @@ class Bounds:
             expansion=Expansion(arrays["alpha"].astype(np.intp), arrays["coefficients"], tuple(about["parameters"]))
             if arrays["alpha"].size
             else None,
+            caution=about.get("caution", ""),
         )
 
     def plot(self, path: str | Path | None = None) -> "Figure":

@@ -10,10 +10,10 @@ from symmb._box import Box
 from symmb._types import Array, Executor
 from symmb.bounds._jets import unit_jets
 from symmb.bounds._legendre import MultiIndices, homogeneous
-from symmb.bounds._method import Method, constructor_text, require_whole
+from symmb.bounds._method import Method, constructor_text, parameter_samples, require_whole
 from symmb.bounds._result import Bounds, Kind
 from symmb.bounds._samplers import grid
-from symmb.simulate import Progress, Simulator
+from symmb.simulate import Kinked, Progress, Simulator
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,10 @@ class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
     Natural interval arithmetic with even powers taken as [0, 1]; the remainder is left out, so nothing is
-    proved. The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| =
-    order: the j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d +
-    order, d) evaluations a part, the coefficients of its expansion. The executor is not used.
+    proved. Expansions do not hold beyond kinks or jumps: ``caution`` tells where runs at centres meet some.
+    The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| = order: the
+    j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d + order, d)
+    evaluations a part, the coefficients of its expansion. The executor is not used.
 
     Parameters
     ----------
@@ -66,10 +67,14 @@ class Taylor(Method):
         centers = grid(middles, d)
         lower = np.full((len(simulator.times), len(simulator.outputs)), np.inf)
         upper = -lower
+        kinked = isinstance(simulator, Kinked)
+        kinks: list[tuple[float, str]] = []
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
             below, above = self._part(jets, unit)
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
+            met = simulator.kink(parameter_samples(simulator, box, center[None])[0]) if kinked else None
+            kinks += [met] if met else []
             if progress is not None:
                 progress(done, len(centers))
         return Bounds(
@@ -80,6 +85,7 @@ class Taylor(Method):
             kind=self.kind,
             method=repr(self),
             evaluations=len(centers) * math.comb(d + self.order, d),
+            caution=_caution(kinks),
         )
 
     def _part(self, jets: Array, unit: Array) -> tuple[Array, Array]:
@@ -93,6 +99,14 @@ class Taylor(Method):
 
     def __repr__(self) -> str:
         return constructor_text(self, f"order={self.order}")
+
+
+def _caution(kinks: list[tuple[float, str]]) -> str:
+    """What expansions miss of kinks or jumps that the runs at their centres meet."""
+    if not kinks:
+        return ""
+    time, which = min(kinks)
+    return f"not valid from t = {time:g} s on: derivatives leave out the {which} that are met there"
 
 
 def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:

@@ -4,6 +4,7 @@ from symmb.simulate._ensemble import BLOCK as BLOCK
 from symmb.simulate._ensemble import Ensemble as Ensemble
 from symmb.simulate._ensemble import Indices as Indices
 from symmb.simulate._ensemble import Jets as Jets
+from symmb.simulate._ensemble import Kinked as Kinked
 from symmb.simulate._ensemble import March as March
 from symmb.simulate._ensemble import Mask as Mask
 from symmb.simulate._ensemble import Plain as Plain

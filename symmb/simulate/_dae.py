@@ -20,7 +20,7 @@ from symmb.scene import Scene
 from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
-from symmb.solve._laws import kinks
+from symmb.solve._laws import Kinks, kinks
 from symmb.solve._rank import singularity
 from symmb.solve.compiled import AnyEngine, CompiledSolver
 from symmb.solve.event_driven import EventDriven, impacts_text
@@ -80,8 +80,7 @@ class DAESimulator:
         if solver is None:
             made: dict[Solver, DAESimulator] = {}
             solver, self.reason = choose(for_studies(), lambda solver: self._pilot(made, solver))
-            corners = kinks(self.dae)
-            self.reason += f"; {corners}" if corners else ""
+            self.reason += f"; {self._kinks}" if self._kinks else ""
             self.__dict__ = made[solver].__dict__ | {"reason": self.reason}
         else:
             self._take(solver)
@@ -200,17 +199,36 @@ class DAESimulator:
                 t_failed = losses.t_failed
                 if not np.isnan(t_failed).all():
                     k = int(np.nanargmin(t_failed))
-                    raise SimulationError(
-                        f"{self!r}: derivatives break down at t = {t_failed[k]:g} s: {losses.reasons[k]}."
-                    )
+                    raise SimulationError(self._no_derivatives(p0, t_failed[k], losses.reasons[k]))
                 return Y.reshape(shape).transpose(2, 0, 1, 3)
             runs = self.integration(order).run(x0, P, self.threads)
             for run in runs:
                 if run.message:
-                    raise SimulationError(f"{self!r}: derivatives break down at t = {run.t_failed:g} s: {run.message}.")
+                    raise SimulationError(self._no_derivatives(p0, run.t_failed, run.message))
             f = _jet_outputs(self.y, self.y.numel_in(0), len(p0), order)
             Y = self._evaluate(f, runs, P)
             return Y.reshape(shape).transpose(2, 0, 1, 3)
+
+    def _no_derivatives(self, p0: Array, time: float, why: str) -> str:
+        met = self.kink(p0)
+        near = f"; the run itself has met {met[1]} by t = {met[0]:g} s" if met else ""
+        return f"{self!r}: derivatives break down at t = {time:g} s: {why}{near}."
+
+    @cached_property
+    def _kinks(self) -> Kinks | None:
+        return kinks(self.dae)
+
+    def kink(self, p0: Array) -> tuple[float, str] | None:
+        """When the run at p0 (d,) has first met a kink or a jump that depends on its state [s], and which there are."""
+        with _LOCK:
+            if self._kinks is None or not self._kinks.on_state.any():
+                return None
+            p0 = np.asarray(p0, dtype=float)
+            x0, _ = self.start.states(p0[None])
+            (run,) = self.integration().run(x0, p0[None], 1)
+            known = np.isfinite(run.X).all(axis=1)
+            first = self._kinks.first(run.X[known], p0, self.times[known])
+            return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """All samples side by side with a fixed step: (i, Y_i (N, n_y)) for every output time.

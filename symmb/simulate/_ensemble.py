@@ -131,6 +131,15 @@ class Jets(Protocol):
 
 
 @runtime_checkable
+class Kinked(Protocol):
+    """Capability: whether a run meets kinks or jumps of its equations, beyond which expansions do not hold."""
+
+    def kink(self, p0: Array) -> tuple[float, str] | None:
+        """When the run at p0 (d,) has first met one [s], and which there are."""
+        ...
+
+
+@runtime_checkable
 class March(Protocol):
     """Capability: all samples advanced side by side from one output time to the next."""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.dae import DAE
 from symmb.symbolic.batch import batch
 from symmb.symbolic.switching import On, switching
@@ -23,16 +23,24 @@ class Kinks:
     Attributes
     ----------
     names : tuple of str     operations that have them
-    switches                 (x, p, t) -> what changes sign at each
+    switches                 (x, p, t) -> what changes sign at each (m,)
+    on_state : (m,) bool     which depend on the state; others depend on time
     """
 
     names: tuple[str, ...]
     switches: ca.Function
+    on_state: Mask
 
     def met(self, X: Array, p: Array, times: Array) -> int:
         """How many changes of sign states X (n_t, n_x) show; those between two times that undo each other do not."""
         (values,) = batch(self.switches, X, p, times[:, None])
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
+
+    def first(self, X: Array, p: Array, times: Array) -> float:
+        """The first of the times by which states X (n_t, n_x) have met one that depends on the state; nan if none."""
+        (values,) = batch(self.switches, X, p, times[:, None])
+        changed = (np.diff(values > 0, axis=0) & self.on_state).any(axis=1)
+        return float(times[1:][changed].min(initial=np.inf)) if changed.any() else np.nan
 
     def __str__(self) -> str:
         return f"kinks or jumps ({', '.join(self.names)})"
@@ -42,8 +50,11 @@ def kinks(dae: DAE) -> Kinks | None:
     """Kinks and jumps of the equations of motion, if there are any."""
     f, at = _equations(dae)
     found = switching(f, at)
+    if not found.kinks:
+        return None
     symbols = [symbol for symbol, _ in at]
-    return Kinks(found.kinks, ca.Function("switches", symbols, [found.switches])) if found.kinks else None
+    on_state = np.array(ca.which_depends(found.switches, symbols[0], 1, True), dtype=bool)
+    return Kinks(found.kinks, ca.Function("switches", symbols, [found.switches]), on_state)
 
 
 def longest_step(dae: DAE, times: Array) -> float:

@@ -73,6 +73,7 @@ class Comparison:
                 "",
                 *report.not_run(self.not_run),
                 *report.failed(self.rows),
+                *report.cautions(self.rows),
                 *report.zero_width(self.rows, yardstick, self.outputs),
                 "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
                 "of the reference's width, means over outputs. covered: share of times at which outer holds",

@@ -40,6 +40,11 @@ def failed(rows: Iterable[Row]) -> list[str]:
     return [wrapped(line) for line in lines]
 
 
+def cautions(rows: Iterable[Row]) -> list[str]:
+    """One line for each method that does not hold all the time."""
+    return [wrapped(f"{row.name} is {row.caution}.") for row in rows if row.caution]
+
+
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
     """One line for each output without width: whose bounds miss it, and by how much."""
     lines = []

@@ -26,6 +26,7 @@ class Row:
     inner : two (n_t, n_y) or None  lower and upper attained by actual runs
     score : Score                   measured with the comparison's reference
     failure : str                   what was said of the first run that failed; a file does not keep it
+    caution : str                   from when on the method does not hold, and why
     """
 
     name: str
@@ -40,6 +41,7 @@ class Row:
     inner: tuple[Array, Array] | None
     score: Score
     failure: str = ""
+    caution: str = ""
 
     def to_plain(self) -> dict[str, Any]:
         """The row as the JSON layout has it, arrays left as they are."""
@@ -59,6 +61,8 @@ class Row:
         }
         if self.estimate is not None:
             plain["estimate"] = self.estimate
+        if self.caution:
+            plain["caution"] = self.caution
         if self.inner is not None:
             plain["inner_lower"], plain["inner_upper"] = self.inner
         return plain
@@ -81,6 +85,7 @@ class Row:
             estimate=estimate,
             inner=inner,
             score=yardstick.score(lower, upper, estimate),
+            caution=plain.get("caution", ""),
         )
 
 

@@ -69,3 +69,43 @@ def test_ensembles_tell_how_many_events_there_were():
     events = run_blocks(simulator, np.array([[0.8, 1.0], [0.5, 1.0]])).events
     assert events[0].tolist() == [0, 1, 2, 3] and events[1, :3].tolist() == [0, 1, 3]
     assert events[1, 3] > 20  # at rest since 1.35 s
+
+
+SPRING = mb.KelvinVoigt(1e6)
+
+
+def dropped(end, law=SPRING):
+    """A ball let go 0.05 m above a floor that it presses in."""
+    p = mb.Parameters(gap=0.05)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    floor = mb.Contact("floor", ball.point(0, 0), mb.Ground().point(0, 0), (0, 1), law)
+    system = mb.System(ball, floor, mb.Gravity(0, -G), parameters=p)
+    start = {"ball.x": 0, "ball.y": p.gap, "ball.vx": 0, "ball.vy": 0}
+    return mb.Scene(system, start=start, times=np.linspace(0.0, end, 101), outputs={"y": ball.y})
+
+
+def test_taylor_tells_from_when_on_a_contact_makes_it_invalid(tmp_path):
+    box = mb.Box(gap=(0.045, 0.055))
+    touch = np.sqrt(2 * 0.05 / G)
+    assert mb.propagate(dropped(0.9 * touch), mb.Taylor(2), box).caution == ""
+    bounds = mb.propagate(dropped(0.12), mb.Taylor(2), box)
+    since = float(bounds.caution.split("t = ")[1].split(" s")[0])
+    assert touch <= since <= touch + 0.0012 + 1e-6 and bounds.caution.startswith("not valid")
+    assert bounds.caution in str(bounds)
+    bounds.save(tmp_path / "b.npz")
+    assert mb.Bounds.load(tmp_path / "b.npz").caution == bounds.caution
+
+
+def test_derivatives_that_do_not_pass_a_contact_name_it():
+    with pytest.raises(mb.SymmbError, match=r"derivatives break down .* the run itself has met kinks or jumps"):
+        mb.propagate(dropped(0.12, mb.HuntCrossley(1e6, 0.8, 1.0)), mb.Taylor(2), mb.Box(gap=(0.045, 0.055)))
+
+
+def test_comparison_tells_which_method_is_not_valid(tmp_path):
+    box = mb.Box(gap=(0.045, 0.055))
+    found = mb.compare(dropped(0.12), [mb.Taylor(2), mb.Vertex()], box, reference=mb.Scanning(5))
+    cautions = [row.caution for row in found.rows]
+    assert cautions[0].startswith("not valid from t = 0.1") and not cautions[1]
+    assert f"{found.rows[0].name} is not valid from t = 0.1" in str(found)
+    found.save(tmp_path / "c.json")
+    assert [row.caution for row in mb.Comparison.load(tmp_path / "c.json").rows] == cautions
