@@ -61,7 +61,9 @@ def table(name: str, scene: mb.Scene, settings: dict[str, list[tuple[str, Solver
     for peer in ("exudyn", "CasADi idas"):
         for label, err, seconds in found[peer]:
             enough = [row for row in own if row[1] <= err]
-            if enough:
+            if not np.isfinite(err):
+                print(f"  {peer}, {label}: breaks down")
+            elif enough:
                 best = min(enough, key=lambda row: row[2])
                 print(f"  {peer}, {label}: symmb errs no more in 1/{seconds / best[2]:.1f} of its time ({best[0]})")
             else:
