@@ -216,14 +216,6 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     c = system.collected
     q, v, s, p = system.q, system.v, system.s, system.p
     states = [("q", q), ("v", v), *([("s", s)] if c.states else []), ("p", p), ("t", t)]
-    names, z = [n for n, _ in states], [x for _, x in states]
-    options = {"cse": True}
-
-    def function(
-        name: str, outputs: list[ca.SX], out: list[str], extra: tuple[tuple[str, ca.SX], ...] = ()
-    ) -> ca.Function:
-        return ca.Function(name, [*z, *[x for _, x in extra]], outputs, [*names, *[n for n, _ in extra]], out, options)
-
     lam = ca.SX(system.lam)
     n_r = lam.numel()
     constrained = n_r > 0
@@ -234,11 +226,33 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     vdot, multipliers = solve(system.Q, right)
     vdot_free, _ = solve(system.Q, system.gamma)
     delta, _ = system.solve(ca.SX(v.numel(), 1), right)
-    rates = [system.qdot, vdot_free, *([system.s_rate] if c.states else [])]
     power = system.power if contacts is None else system.power + contacts.power
     positive_names, positive = system.positive
     displacement = ca.SX.sym("delta", v.numel())
     retract = ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"])
+    outputs: dict[str, dict[str, ca.SX]] = {
+        "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if c.states else {})},
+        "M": {"M": system.M},
+        "Q": {"Q": system.Q},
+        "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
+        "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
+    }
+    if held:
+        outputs |= {"Phi": {"Phi": system.Phi}, "Phi_q": {"Phi_q": system.Phi_q}}
+    if "Phi_t" in system.parts:
+        outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
+    if constrained:
+        outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
+        outputs["shift"] = {"delta": ca.densify(delta)}
+    if ca.sparsify(power).nnz():
+        outputs["power"] = {"power": power}
+    if rows is not None:
+        outputs["shared"] = {"lam": _shared(whole.G, rows, lam)}
+    functions = _functions(
+        states,
+        outputs,
+        {"forward": ("gamma", right), "shift": ("r", right), "power": ("lam", lam), "shared": ("lam_kept", lam)},
+    )
     return DAE(
         q_names=c.q_names,
         v_names=c.v_names,
@@ -248,22 +262,20 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         rows=c.rows,
         p_nominal=system.parameters.nominal,
         q_neutral=np.array([1.0 if _is_scalar_part(system, name) else 0.0 for name in c.q_names]),
-        rhs=function("rhs", rates, ["qdot", "vdot", "sdot"][: len(rates)]),
-        M=function("M", [system.M], ["M"]),
-        Q=function("Q", [system.Q], ["Q"]),
-        Phi=function("Phi", [system.Phi], ["Phi"]) if held else None,
-        Phi_q=function("Phi_q", [system.Phi_q], ["Phi_q"]) if held else None,
-        Phi_t=function("Phi_t", [ca.densify(system.Phi_t)], ["Phi_t"]) if "Phi_t" in system.parts else None,
-        Phi_dot=function("Phi_dot", [system.Phi_dot], ["Phi_dot"]) if constrained else None,
-        G=function("G", [system.G], ["G"]) if constrained else None,
-        gamma=function("gamma", [system.gamma], ["gamma"]) if constrained else None,
-        forward=function("forward", [ca.densify(vdot), multipliers], ["vdot", "lam"], (("gamma", right),)),
-        shift=function("shift", [ca.densify(delta)], ["delta"], (("r", right),)) if constrained else None,
-        energy=function("energy", [system.kinetic_energy, system.potential_energy], ["T", "V"]),
-        power=function("power", [power], ["power"], (("lam", lam),)) if not ca.sparsify(power).nnz() == 0 else None,
-        shared=None
-        if rows is None
-        else function("shared", [_shared(whole.G, rows, lam)], ["lam"], (("lam_kept", lam),)),
+        rhs=functions["rhs"],
+        M=functions["M"],
+        Q=functions["Q"],
+        Phi=functions.get("Phi"),
+        Phi_q=functions.get("Phi_q"),
+        Phi_t=functions.get("Phi_t"),
+        Phi_dot=functions.get("Phi_dot"),
+        G=functions.get("G"),
+        gamma=functions.get("gamma"),
+        forward=functions["forward"],
+        shift=functions.get("shift"),
+        energy=functions["energy"],
+        power=functions.get("power"),
+        shared=functions.get("shared"),
         retract=retract,
         upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
         s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
@@ -273,6 +285,22 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         positive_names=positive_names,
         impacts=None if contacts is None else contacts.compiled(retract),
     )
+
+
+def _functions(
+    states: list[tuple[str, ca.SX]], outputs: dict[str, dict[str, ca.SX]], extra: dict[str, tuple[str, ca.SX]]
+) -> dict[str, ca.Function]:
+    """A Function of the states, and of what some take besides, for each dictionary of outputs.
+
+    Common expressions are found once for all of them: most have the factors of M in common.
+    """
+    reduced = iter(ca.cse([e for parts in outputs.values() for e in parts.values()]))
+    functions = {}
+    for name, parts in outputs.items():
+        inputs = [*states, *([extra[name]] if name in extra else [])]
+        values = [next(reduced) for _ in parts]
+        functions[name] = ca.Function(name, [x for _, x in inputs], values, [n for n, _ in inputs], list(parts))
+    return functions
 
 
 def _shared(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:

@@ -207,10 +207,8 @@ def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int) -> S
 
 def _merged(nodes: list[Array]) -> tuple[Array, list[Indices]]:
     """Distinct nodes in the order of their first appearance, and the numbers of each beam's nodes."""
-    from scipy.spatial import KDTree
-
     every = np.vstack(nodes)
     near = 1e-9 * np.ptp(every, axis=0).max()
-    first = np.array([min(group) for group in KDTree(every).query_ball_point(every, near)])
+    first = np.array([(np.abs(every - node) <= near).all(axis=1).argmax() for node in every])
     kept = np.unique(first)
     return every[kept], np.split(np.searchsorted(kept, first), np.cumsum([len(x) for x in nodes])[:-1])

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.dae import DAE
 from symmb.symbolic.batch import batch
-from symmb.symbolic.switching import On, switching
+from symmb.symbolic.switching import On, laws, switching
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are looked at, beside those of the outputs."""
@@ -66,9 +66,10 @@ def longest_step(dae: DAE, times: Array) -> float:
     """
     f, at = _equations(dae)
     x, p, time = (symbol for symbol, _ in at)
-    if len(times) < 2 or not ca.depends_on(f(x, p, time), time):
+    found = laws(f(x, p, time), p, time)
+    if len(times) < 2 or not found.numel():
         return np.inf
-    signals = ca.Function("signals", [p, time], [switching(f, at).signals], {"cse": True})
+    signals = ca.Function("signals", [p, time], [found], {"cse": True})
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
     (values,) = batch(signals, dae.p_nominal, t[:, None])
     return min((_shortest_pulse(t, law) for law in values.T), default=np.inf) / 2

@@ -1,4 +1,4 @@
-"""What of an expression depends on time alone, and where it has kinks or jumps, from its instruction list."""
+"""What of an expression depends on time alone, and where it has kinks or jumps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -34,16 +34,14 @@ class On(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """What a Function's outputs are made of.
+    """Where a Function's outputs are not smooth.
 
     Attributes
     ----------
-    signals : (n,) SX      the largest parts that depend on time, and perhaps on parameters, but not on the state
     kinks : tuple of str   operations with a kink or a jump whose arguments depend on the state or on time
     switches : (m,) SX     what changes sign there
     """
 
-    signals: ca.SX
     kinks: tuple[str, ...]
     switches: ca.SX
 
@@ -55,29 +53,20 @@ class _Value:
 
 
 def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
-    """Signals of time and kinks of an SX Function at symbols for its inputs.
+    """Kinks and jumps of an SX Function at symbols for its inputs.
 
     Examples
     --------
     >>> x, t = ca.SX.sym("x"), ca.SX.sym("t")
     >>> f = ca.Function("f", [x, t], [ca.fabs(x) * ca.sin(2 * t)])
-    >>> found = switching(f, [(x, On.STATE), (t, On.TIME)])
-    >>> found.signals.numel(), found.kinks
-    (1, ('fabs',))
+    >>> switching(f, [(x, On.STATE), (t, On.TIME)]).kinks
+    ('fabs',)
     """
-    signals: dict[int, ca.SX] = {}
     switches: dict[int, ca.SX] = {}
     kinks: set[str] = set()
 
-    def used(value: _Value) -> None:
-        if value.on is On.TIME:
-            signals.setdefault(value.sx.element_hash(), value.sx)
-
     def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
-        if on is On.STATE:
-            for a in arguments:
-                used(a)
         if on > On.PARAMETERS and code in _KINKS and not any(_is_guard(a.sx) for a in arguments):
             name, of = _KINKS[code]
             kinks.add(name)
@@ -88,14 +77,21 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
         return _Value(ca.SX.unary(code, arguments[0].sx), on)
 
     given = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
-    for values in interpret(f, given, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS)):
-        for value in values:
-            used(value)
-    return Switching(_column(signals), tuple(sorted(kinks)), _column(switches))
+    interpret(f, given, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
+    return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()))
 
 
-def _column(values: dict[int, ca.SX]) -> ca.SX:
-    return ca.vertcat(ca.SX(0, 1), *values.values())
+def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
+    """(n,) the largest parts that depend on time, and perhaps on parameters, alone; time itself is none.
+
+    Examples
+    --------
+    >>> x, p, t = (ca.SX.sym(name) for name in "xpt")
+    >>> laws(x * ca.sin(p * t) + x * p, p, t)
+    SX(sin((p*t)))
+    """
+    _, _, parts = ca.extract_parametric(expression, ca.vertcat(p, t))
+    return ca.vertcat(ca.SX(0, 1), *[part for part in parts if ca.depends_on(part, t)])
 
 
 def _is_guard(value: ca.SX) -> bool:
