@@ -95,4 +95,4 @@ class Exact:
         """Bounds with the points where they are nearly taken."""
         terms = terms_of(LowerSet.of(alpha))
         ranges = compiled_ranges if has_compiler() else array_ranges
-        return Extremes(*ranges(terms, terms.coefficients(coefficients), self.tolerance, self.budget))
+        return Extremes(*ranges(terms, coefficients, self.tolerance, self.budget))

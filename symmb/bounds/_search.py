@@ -10,7 +10,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.bounds._chebyshev import LowerSet, halving
 from symmb.bounds._parts import on_threads
-from symmb.bounds._terms import LANES, Terms, terms_of
+from symmb.bounds._terms import FEW, LANES, Terms, terms_of
 from symmb.codegen.build import load
 
 _LEVELS = 64
@@ -47,20 +47,23 @@ class _Tables:
     arrays: tuple[np.ndarray, ...]
 
 
-def compiled_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
-    """Bounds, points and gaps of polynomials with coefficients C (m, n_padded), as in ``Extremes``."""
+def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
+    """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``."""
     tables = _tables(terms.products)
-    b, m = tables.basis, len(C)
+    b, (given, m) = tables.basis, legendre.shape
+    # The basis is changed in C: threads of a matrix product of NumPy's would spin on in the way of those below.
+    change = terms.change if given <= FEW else None
+    C = terms.coefficients(legendre) if change is None else np.ascontiguousarray(legendre, dtype=float)
     depth = _LEVELS * b.d
     found, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
-    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points, gaps)]
+    of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, found, points, gaps))
     library = load(_SOURCE)
 
     def work(dealt: ctypes.c_long) -> None:
         sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
         own = [np.zeros(size) for size in sizes]
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
-        library.ranges(ctypes.byref(search), ctypes.byref(dealt), ctypes.c_long(m), *pointers)
+        library.ranges(ctypes.byref(search), ctypes.byref(dealt), ctypes.c_long(m), of, to, ctypes.c_long(given), *rest)
 
     on_threads(work, m)
     return *found, *points, *gaps

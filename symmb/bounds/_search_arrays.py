@@ -29,8 +29,9 @@ class _Boxes:
 
 
 @np.errstate(invalid="ignore")
-def array_ranges(terms: Terms, C: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
-    """Bounds, points and gaps of polynomials with coefficients C (m, n_padded), as in ``Extremes``."""
+def array_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
+    """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``."""
+    C = terms.coefficients(legendre)
     floor = 1e-13 * np.abs(C).max(axis=1)
     at_lower = np.where(C[:, terms.linear] > 0, -1.0, 1.0)
     points = np.stack([at_lower, -at_lower])

@@ -10,7 +10,7 @@ from symmb.bounds._chebyshev import LowerSet
 
 LANES = 8
 """Coefficients are padded to multiples of it, with at least one zero: that of all products that there are not."""
-_FEW = 64
+FEW = 64
 """Coefficients that change basis fastest by one full matrix."""
 
 
@@ -40,17 +40,17 @@ class Terms:
 
     def coefficients(self, legendre: Array) -> Array:
         """Padded Chebyshev coefficients (m, n_padded) of polynomials with Legendre coefficients (n_b, m)."""
-        if len(legendre) <= _FEW:
-            return legendre.T @ self._change
+        if len(legendre) <= FEW:
+            return legendre.T @ self.change
         C = np.zeros((legendre.shape[1], self.padded))
         C[:, : len(self.products.alpha)] = self.products.from_legendre(legendre).T
         return C
 
     @cached_property
-    def _change(self) -> Array:
+    def change(self) -> Array:
         """(n_b, n_padded) from Legendre to padded Chebyshev coefficients."""
         change = self.products.from_legendre(np.eye(len(self.products.given)))
-        return np.pad(change.T, ((0, 0), (0, self.padded - len(change))))
+        return np.ascontiguousarray(np.pad(change.T, ((0, 0), (0, self.padded - len(change)))))
 
 
 @lru_cache(maxsize=64)

@@ -367,13 +367,21 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
   found[1] = -two[1].bound;
 }
 
-/* C (m, padded) -> bounds (2, m), points (2, m, d) and gaps (2, m); threads count those dealt in one place. */
-void ranges(const Search *s, long *dealt, long m, double *C, double *found, double *points, double *gaps) {
+/* Coefficients C (m, padded), or with a change of basis (n_given, padded) others (n_given, m), -> bounds (2, m), points
+   (2, m, d) and gaps (2, m); threads count those dealt in one place. Without the change C is lost. */
+void ranges(const Search *s, long *dealt, long m, double *C, const double *change, long n_given, double *found,
+            double *points, double *gaps) {
   const Basis *b = s->basis;
+  double changed[b->padded];
   for (long i; (i = __atomic_fetch_add(dealt, PART, __ATOMIC_RELAXED)) < m;)
     for (const long end = i + PART < m ? i + PART : m; i < end; ++i) {
       double y[2], gap[2], *at[] = {points + i * b->d, points + (m + i) * b->d};
-      range(s, C + i * b->padded, y, at, gap);
+      for (long k = 0; change && k < b->padded; k += W) {
+        V sum = {0};
+        for (long j = 0; j < n_given; ++j) sum += C[j * m + i] * *(const V *)(change + j * b->padded + k);
+        *(V *)(changed + k) = sum;
+      }
+      range(s, change ? changed : C + i * b->padded, y, at, gap);
       for (int side = 0; side < 2; ++side) found[side * m + i] = y[side], gaps[side * m + i] = gap[side];
     }
 }
