@@ -17,8 +17,8 @@ def spread(places: Array, weights: Array, number: int) -> Array:
     """So many of the places (2, n_t, n_y, d), where most of the weight (2, n_t, n_y) is, not close to each other."""
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     first = max(len(weights) - 20 * _CANDIDATES, 0)
-    heaviest = np.argpartition(weights, first)[first:]
-    heaviest = heaviest[np.argsort(weights[heaviest])]
+    heaviest = np.flatnonzero(weights >= np.partition(weights, first)[first])
+    heaviest = heaviest[np.argsort(weights[heaviest], kind="stable")]  # the same order on every processor
     chosen = heaviest[:: max(1, len(heaviest) // _CANDIDATES)]
     points, weights = points[chosen], weights[chosen]
     near = np.exp(-np.square(points[:, None] - points[None]).sum(axis=2) * 2 / points.shape[1])
