@@ -155,8 +155,9 @@ class FiniteElements:
         Raises
         ------
         DeclarationError
-            If no number of modes is given, the mesh has fewer, a node is unknown, the interfaces or the clamped node
-            do not hold the body, or stiffening is asked for what is not a clamped body of beams.
+            If no number of modes is given, the mesh has fewer, none lies below the cutoff, a node is unknown, the
+            interfaces or the clamped node do not hold the body, or stiffening is asked for what is not a clamped body
+            of beams.
 
         References
         ----------
@@ -178,6 +179,8 @@ class FiniteElements:
         stiffness, inner = reduced(K, M, rigid, axes, np.flatnonzero(np.isin(free, self._dofs(kept))), count, below)
         if count is not None and cutoff is None and len(stiffness) < count:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
+        if count != 0 and not kept and not len(stiffness):
+            raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)
         origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]

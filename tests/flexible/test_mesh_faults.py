@@ -57,6 +57,7 @@ FAULTS = {
     "no number of modes": (lambda: frame().modes(), "say how many modes: count=10, or cutoff"),
     "count": (lambda: frame().modes(count=-1), "count must be a whole number from 0 on, got -1"),
     "cutoff": (lambda: frame().modes(cutoff=0.0), "cutoff must be above 0, got 0"),
+    "no mode below": (lambda: frame().modes(cutoff=1e-3), "no mode lies below cutoff=0.001 Hz. Raise it"),
     "more modes than there are": (lambda: cantilever(1).modes(count=7), "count=7, but the mesh has 6 modes. Refine it"),
     "damping of other modes": (
         lambda: frame().modes(count=3, damping=[0.1, 0.1]),
