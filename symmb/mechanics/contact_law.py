@@ -63,8 +63,8 @@ class _Hertzian(ContactLaw):
         """Damping over stiffness [s/m]."""
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
-        loss = 1 + self.chi * rate
         touching = penetration > _TOUCH
+        loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # its sign is a kink in touch only
         d = ca.if_else(touching, penetration, 1)
         pushing = touching if is_zero(ca.SX(self.chi)) else ca.logic_and(touching, loss > 0)
         return ca.if_else(pushing, self.stiffness * _power(d, self.exponent) * loss, 0)
@@ -197,4 +197,5 @@ class Tabulated(ContactLaw):
 
 
 def _pushing(penetration: ca.SX, force: ca.SX) -> ca.SX:
-    return ca.if_else(ca.logic_and(penetration > 0, force > 0), force, 0)
+    force = ca.if_else(penetration > 0, force, 0)  # its sign is a kink in touch only
+    return ca.if_else(force > 0, force, 0)
