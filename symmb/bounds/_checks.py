@@ -21,7 +21,7 @@ def spread(places: Array, weights: Array, number: int) -> Array:
     heaviest = heaviest[np.argsort(weights[heaviest], kind="stable")]  # the same order on every processor
     chosen = heaviest[:: max(1, len(heaviest) // _CANDIDATES)]
     points, weights = points[chosen], weights[chosen]
-    near = np.exp(-np.square(points[:, None] - points[None]).sum(axis=2) * 2 / points.shape[1])
+    near = np.exp(-sum(np.square(np.subtract.outer(x, x)) for x in points.T) * 2 / points.shape[1])
     picked: list[int] = []
     while len(picked) < number and weights.any():
         picked.append(int(np.argmax((near @ weights) * (weights > 0))))

@@ -9,7 +9,7 @@ has one node for each of its polynomials, with the same numbers.
 import itertools
 import math
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -49,6 +49,7 @@ class Grid:
         """More indices, in the order of their degree."""
         for index in sorted(indices, key=lambda a: (sum(a), a)):
             self.row[index] = len(self.row)
+        self.__dict__.pop("_fit", None)
 
     def ahead(self) -> set[Index]:
         """Indices that may be added, since all smaller ones are there."""
@@ -71,10 +72,14 @@ class Grid:
             rows = np.arange(len(Y))
         if len(rows) > _FEW:
             return self._interpolants(Y[rows])
-        fit = self._interpolants(np.eye(len(rows)))
         if len(rows) == len(Y):  # values are many, and not copied to be put in order
-            return fit[:, np.argsort(rows)] @ Y
-        return fit @ Y[rows]
+            return self._fit[:, np.argsort(rows)] @ Y
+        return self._fit @ Y[rows]
+
+    @cached_property
+    def _fit(self) -> Array:
+        """(N, N) matrix from values at the nodes to coefficients."""
+        return self._interpolants(np.eye(len(self.row)))
 
     def _interpolants(self, Y: Array) -> Array:
         total = np.zeros_like(Y)
@@ -84,7 +89,7 @@ class Grid:
             block = Y[rows]
             for axis, n in enumerate(shape):
                 if n > 1:
-                    block = _fit(n) @ block.reshape(math.prod(shape[:axis]), n, -1)
+                    block = _line_fit(n) @ block.reshape(math.prod(shape[:axis]), n, -1)
             block = block.reshape(len(rows), -1)
             total[rows] += block if sign == 1 else sign * block
         return total
@@ -124,6 +129,6 @@ def line(n: int) -> Array:
 
 
 @cache
-def _fit(n: int) -> Array:
+def _line_fit(n: int) -> Array:
     """(n, n) matrix from values at the first n nodes to Legendre coefficients."""
     return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(line(n), n - 1)), dtype=float)

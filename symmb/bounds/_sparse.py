@@ -42,7 +42,7 @@ def sparse_bounds(runs: Runs, tolerance: float) -> Found:
         likely = likely_ahead(grid, (rms(coefficients.swapaxes(0, 1)) / unit).max(axis=1))
         step = _largest(likely, min(max(d, int(_GROWTH * len(grid.row))), runs.left - checks))
         last = not step
-        estimate = Tails.of(grid.alpha, coefficients).least()
+        estimate = Tails.of(grid.alpha, coefficients).least
         if not last and share(estimate, unit) > tolerance / TRUST:  # checks may show that much less
             continue
         fitted, estimate = _corrected(runs, grid, expansion, likely, _RANGE * tolerance, estimate, unit, checks)

@@ -1,6 +1,7 @@
 """What an expansion leaves out, estimated from how its last coefficients fall off."""
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import cast
 
 import numpy as np
@@ -55,25 +56,25 @@ class Tails:
 
         directions, falls = np.zeros((2, d, *coefficients.shape[1:]))
         mixed = np.zeros(coefficients.shape[1:])
-        for i in range(d):
-            fronts, absent = _fronts(alpha, i, 1 if tensor else 0)
+        for i, (fronts, absent, products) in enumerate(_groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)):
             each = sizes(*fronts)
             ratios = _ratio(each[:-1], each[1:])
             falls[i] = np.max(ratios, axis=0) if tensor else ratios[0]
             power = np.maximum(1 - falls[i] / _FAST, _DECAY) if tensor else _DECAY
             directions[i] = each[0] * falls[i] ** power
             if absent.size:
-                part, whole, left = sizes(*_products(alpha, i), absent)
+                part, whole, left = sizes(*products, absent)
                 mixed += np.square(left * _ratio(part, whole))
         return cls(directions, falls, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
         """Expected error (n_t, n_y) at points x (n_t, n_y, d), or (d,) for all times and outputs."""
         if self.degrees is None:
-            return self.least()
+            return self.least
         shares = (_between_nodes(x[..., i], n) for i, n in enumerate(self.degrees.tolist()))
-        return sum((e * share for e, share in zip(self.directions, shares, strict=True)), self.least())
+        return sum((e * share for e, share in zip(self.directions, shares, strict=True)), self.least)
 
+    @cached_property
     def least(self) -> Array:
         """Expected error (n_t, n_y) wherever the extremes are."""
         if self.degrees is None:
@@ -109,6 +110,16 @@ def smooth(powers: Array) -> Array:
 def _ratio(a: Array, b: Array) -> Array:
     """a / b, at most 1."""
     return np.divide(a, b, out=np.ones_like(a), where=a < b)
+
+
+_Groups = list[tuple[list[Indices], Indices, tuple[Indices, Indices]]]
+
+
+@lru_cache(maxsize=32)
+def _groups(indices: tuple[tuple[int, ...], ...], least: int) -> _Groups:
+    """`_fronts` and `_products` of each direction."""
+    alpha = np.array(indices)
+    return [(*_fronts(alpha, i, least), _products(alpha, i)) for i in range(alpha.shape[1])]
 
 
 def _fronts(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indices], Indices]:

@@ -50,7 +50,7 @@ def tensor_bounds(runs: Runs, tolerance: float) -> Found:
         if len(pieces) == 1:
             (whole,) = pieces
             wanted = whole.next()
-            if _affordable(wanted, runs) and share(whole.tails.least(), unit) > enough:
+            if _affordable(wanted, runs) and share(whole.tails.least, unit) > enough:
                 pieces = whole.replaced(wanted, runs)  # too large wherever the extremes are
                 continue
         union = _Union.of(pieces)
@@ -199,7 +199,7 @@ class _Piece:
     @property
     def told(self) -> Array:
         """What runs at the places of the range may see of its errors (2, n_t, n_y)."""
-        told = self.errors - self.tails.least()
+        told = self.errors - self.tails.least
         told[told < _ROUNDING * self.errors] = 0.0
         return told if self.jumps is None else np.where(self.jumps, 0.0, told)
 

@@ -76,7 +76,7 @@ def test_expected_errors_are_of_the_size_of_true_ones_and_small_at_nodes():
     errors = np.abs(f(points) - np.tensordot(basis_values(grid.alpha, points), coefficients, axes=1)).max(axis=0)
     largest = tails.at(np.array([0.26, 0.26]))
     assert (largest > 0.5 * errors).all() and (largest < 20 * errors).all()
-    assert (tails.at(np.array([1.0, 1.0])) < 0.2 * largest).all() and (tails.least() <= largest).all()
+    assert (tails.at(np.array([1.0, 1.0])) < 0.2 * largest).all() and (tails.least <= largest).all()
 
 
 def test_a_grid_continues_most_likely_through_other_points():
