@@ -34,6 +34,8 @@ from symmb.units import unit_of
 S = TypeVar("S")
 
 IRREGULAR = REASONS[1]
+_NEIGHBOURS, _NEXT = 7, 1e-3
+"""Runs of a pilot next to the nominal one, and how far their parameters are off as a share."""
 COMPILED_BLOCK = 1024
 """Samples a block for the engine: enough for its lanes on many cores. Small models whose trajectories nobody looks at
 take up to 8 times as many, so that the blocks last much longer than threads take to start."""
@@ -127,14 +129,20 @@ class DAESimulator:
             self.integration()
 
     def _pilot(self, made: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
-        """A run at the nominal parameters."""
+        """A run at the nominal parameters, and some next to them: by luck one passes through a singular position."""
         made[solver] = copy = self.solved_by(solver)
         P = self.dae.p_nominal[None]
         begin = time.perf_counter()
         ensemble = copy.run(P)
         message = ensemble.messages[0] if ensemble.messages else ""
         steps = copy.engine().counts.steps if copy.compiled else copy.integration().statistics().get("steps", 0)
-        return Pilot(message, steps, time.perf_counter() - begin, steps > MANY)
+        seconds = time.perf_counter() - begin
+        if copy.compiled and not message:
+            shares = np.random.default_rng(0).uniform(-_NEXT, _NEXT, (_NEIGHBOURS, P.shape[1]))
+            ensemble = copy.run(P * (1 + shares))
+            late = ensemble.t_failed[~ensemble.ok] > self.times[0]  # others cannot be assembled by any solver
+            message = next((told for told, k in zip(ensemble.messages, late, strict=True) if k), "")
+        return Pilot(message, steps, seconds, steps > MANY)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, made when first asked for."""
