@@ -16,7 +16,6 @@ from symmb.simulate._subject import require_scene, require_solver
 from symmb.simulate._trajectory import Trajectory
 from symmb.solve._integration import Run
 from symmb.solve._laws import kinks
-from symmb.solve._rank import singularity
 from symmb.solve.solvers import CVODES, Solver
 from symmb.solve.stiffness import stiffness
 
@@ -139,8 +138,7 @@ def simulate(
     run, trajectory = made[solver]
     corners = kinks(simulator.dae) if reason or run.message else None
     if run.message:
-        known = np.isfinite(run.X).all(axis=1)
-        near = singularity(simulator.dae, run.X[known], p, simulator.times[known])
+        near = trajectory.singularity
         texts = [f"{scene.name}: the run breaks down at t = {run.t_failed:g} s ({told}): {run.message}"]
         texts += [f"The position may be singular: {near}"] if near else []
         texts += [f"The equations have {corners}, at which no motion can stay: {_SMOOTH}"] if corners else []

@@ -164,8 +164,30 @@ class Trajectory:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The time of an output closest to a singular position, if one is close."""
-        return singularity(self.simulator.dae, self.x, self._p, self.t)
+        """The time closest to a singular position, if one is close: of outputs, or between if a run fails or drifts."""
+        near, failed = self._closest(self.x, self.t), bool(np.isnan(self.x[-1]).any())
+        if near or not (failed or self._drifts(_USUAL)):
+            return near
+        dae, X, times = self.simulator.dae, self.x, self.t
+        for _ in range(_CLOSER if failed else 1):
+            lost = int(np.argmax(np.isnan(X).any(axis=1)))  # 0 if it does not fail
+            number = int(min(_TIMES, _WORK / dae.n_v**3))
+            times = np.unique(np.append(self.t[0], np.linspace(times[max(lost - 1, 0)], times[lost or -1], number)))
+            X = self.simulator.solver.integration(dae, times).run(self.x[:1], self._p[None])[0].X
+            near = near or self._closest(X, times)
+        return near
+
+    def _closest(self, X: Array, times: Array) -> Singularity | None:
+        known = np.isfinite(X).all(axis=1)
+        return singularity(self.simulator.dae, X[known], self._p, times[known])
+
+    @property
+    def _rtol(self) -> float | None:
+        return getattr(self.simulator.solver, "rtol", None)
+
+    def _drifts(self, usual: float) -> bool:
+        """Whether energy drifts by more than the tolerance explains."""
+        return self._rtol is not None and self.energy_drift > max(_LEAST, usual * self._rtol)
 
     @cached_property
     def energy(self) -> Energy:
@@ -216,7 +238,7 @@ class Trajectory:
         if not math.isfinite(longest):
             return []
         passes = "at most {:.2g} s, so that none passes over one"
-        if getattr(self.simulator.solver, "rtol", None) is None:  # a fixed step is the user's
+        if self._rtol is None:  # a fixed step is the user's
             passes = "more than {:.2g} s may pass over one"
         return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
 
@@ -237,10 +259,9 @@ class Trajectory:
 
     def _doubt_line(self) -> list[str]:
         """Energy that drifts by more than a tolerance explains: branches of a motion meet in singular positions."""
-        rtol = getattr(self.simulator.solver, "rtol", None)
-        if rtol is None or not self.energy_drift > max(_LEAST, (_NEAR if self.singularity else _USUAL) * rtol):
+        if not self._drifts(_NEAR if self.singularity else _USUAL):
             return []
-        told = f"energy drifts by more than rtol = {rtol:g} explains"
+        told = f"energy drifts by more than rtol = {self._rtol:g} explains"
         if self.singularity:
             return [f"  doubtful    {told}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
         return [f"  doubtful    {told}: try a smaller one"]
@@ -288,6 +309,9 @@ def _finite(value: float) -> float | None:
 _LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
 """Drift of energy that raises a doubt: least, and in relative tolerances, of which regular motion of multistep methods
 takes up to 1,000; near singular positions, where wrong branches were taken at 300 and more."""
+_TIMES, _WORK, _CLOSER = 2000, 2e9, 2
+"""Times at which a run is looked at again that drifts, and these times the cube of velocities; how often one that fails
+is looked at again, each time so much closer to where it does."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 

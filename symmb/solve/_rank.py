@@ -72,11 +72,13 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
     G = batch(dae.G, *np.split(X, cuts, axis=1), p, times[:, None])[0].reshape(len(X), -1, dae.n_v) * dae.displacements
     scale = np.linalg.norm(G, axis=2, keepdims=True)
-    U, sigma, _ = np.linalg.svd(G / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    G /= np.where(scale > 0, scale, 1.0)
+    sigma = np.linalg.svd(G, compute_uv=False)
     ratios = sigma[:, -1] / sigma[:, 0]
     k = int(np.argmin(ratios))
     if not ratios[k] < NEARLY:
         return None
-    shares = {name: float(np.abs(U[k, where, -1]).max()) for name, where in dae.rows.items()}
+    least = np.linalg.svd(G[k], full_matrices=False)[0][:, -1]
+    shares = {name: float(np.abs(least[where]).max()) for name, where in dae.rows.items()}
     names = tuple(name for name, share in shares.items() if share > 0.1)
     return Singularity(float(times[k]), float(ratios[k]), names)
