@@ -27,6 +27,8 @@ from symmb.symbolic.linear import saddle_solver, symmetric_solver
 
 _SMALL = 100
 """States up to which starts are compiled: beyond, runs take much longer than starts, and compilers too."""
+_ROUNDING = 1e-9
+"""Share of the lever arms of rows below which coordinates are what Newton's method leaves of zero."""
 _CONTRADICTION = 1e-7
 """Violation of rows at the start that counts, as a share of the largest coordinate or velocity, or of 1."""
 
@@ -106,11 +108,16 @@ class Start:
 
     def scales(self, dae: DAE) -> Scales:
         """Of the motion of the DAE that this is the start of, as the nominal start shows them; powers of 2."""
-        lengths = [abs(q) for name, q in zip(dae.q_names, self.q_nominal, strict=True) if is_linear(name)]
-        length = _power(max(lengths, default=0.0))
-        scaled = replace(dae, scales=Scales(length)).displacements
         at = self.nominal()
         x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
+        lengths = [abs(q) for name, q in zip(dae.q_names, self.q_nominal, strict=True) if is_linear(name)]
+        length, arm = max(lengths, default=0.0), 0.0
+        if dae.G is not None:
+            linear, G = np.array([is_linear(name) for name in dae.v_names]), np.abs(dae.G(*x).full())
+            along, around = G[:, linear].max(axis=1, initial=0.0), G[:, ~linear].max(axis=1, initial=0.0)
+            arm = float((around[along > 0] / along[along > 0]).max(initial=0.0))
+        length = _power(length if length > _ROUNDING * arm else arm)
+        scaled = replace(dae, scales=Scales(length)).displacements
         energy = _power(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
         rows = np.abs(dae.G(*x).full() * scaled).max(axis=1, initial=0.0) if dae.G is not None else np.empty(0)
         return Scales(length, energy, np.array([_power(float(row)) for row in rows]))

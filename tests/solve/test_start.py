@@ -327,3 +327,16 @@ def test_a_planar_four_bar_is_not_redundant_off_its_singular_position():
     assert_allclose(x["right.theta"], -0.3, atol=1e-12)
     assert_allclose(x["coupler.theta"], 0, atol=1e-12)
     assert len(start.solved) == 8
+
+
+@pytest.mark.parametrize("solver", [None, mb.CVODES(stiff=True), mb.IDAS(), mb.Rosenbrock()], ids=repr)
+def test_a_bar_whose_frame_is_its_hinge_is_as_large_as_its_lever_arm(solver):
+    """Its coordinates start at what Newton's method leaves of zero, which is no length to measure errors by."""
+    bar = mb.Body("bar", 1.0, 0.1, mb.Planar())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), bar.point(0, 0))
+    pull = mb.Motion("pull", bar.point(1, 0).x, 0.5 + mb.t / 10)
+    times = np.linspace(0, 2, 9)
+    scene = mb.Scene(mb.System(bar, hinge, pull), {}, times, {"angle": bar.theta}, guess={"bar.theta": 1.0})
+    run = mb.simulate(scene, solver)
+    assert run.simulator.dae.scales.length == 1
+    assert_allclose(run["angle"], np.arccos(0.5 + 0.1 * times), rtol=1e-8)
