@@ -185,12 +185,14 @@ static double lower_bound(const Basis *b, double *box, double *z, long *widest, 
     const double ni = near[i];
     double gi = 0.0, hi = 0.0;
     for (long j = 0; j < i; ++j) {
-      const double m = c[*pair++], tilt = m * ni * near[j] > 0.0 ? m : 0.0, bend = 0.5 * fabs(m - tilt);
-      gi += tilt * near[j];
-      g[j] += tilt * ni;
+      const double m = c[*pair++], corner = ni * near[j], push = m * corner;
+      const double plane = 0.5 * (push + fabs(push)); /* compilers make no branch of it, which would be foreseen wrongly */
+      const double bend = 0.5 * fabs(m - plane * corner);
+      gi += plane * ni;
+      g[j] += plane * near[j];
       hi += bend;
       h[j] -= bend;
-      bound -= tilt * ni * near[j];
+      bound -= plane;
     }
     g[i] += gi;
     h[i] -= hi;
