@@ -12,6 +12,7 @@ from symmb.mechanics.constraint import AxisJoint, Constraint
 from symmb.mechanics.pose import Planar, Spatial
 from symmb.scene import Scene
 from symmb.solve._rank import independent, redundant_names
+from symmb.solve._size import at_rest, in_units
 from symmb.symbolic.geometry import product
 
 _TOLERANCE = 1e-9
@@ -23,12 +24,6 @@ to get back onto the constraints there."""
 def rest(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
     """The arguments (q, v[, s]) of the DAE's Functions with nothing moving."""
     return (q, ca.SX(dae.n_v, 1), *((ca.SX(dae.n_s, 1),) if dae.n_s else ()))
-
-
-def at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
-    """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
-    s = (np.zeros(dae.n_s),) if dae.n_s else ()
-    return np.asarray(f(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full())
 
 
 def coordinate_of(dae: DAE, displacement: int) -> str:
@@ -61,13 +56,15 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
     Phi, G = dae.Phi, dae.G
     if Phi is None or G is None:
         return q
-    r = at_rest(Phi, dae, q, t0).ravel()
-    scale = max(float(np.abs(q).max(initial=0.0)), float(np.abs(r).max()), 1e-300)
+    dae = in_units(dae, q, t0)
+    units, of_rows = dae.displacements[free], dae.of_rows[: dae.n_c]
+    r = at_rest(Phi, dae, q, t0).ravel() / of_rows
+    scale = max(float(np.abs(q / dae.coordinates).max(initial=0.0)), float(np.abs(r).max()), 1e-300)
     for _ in range(100):
         if np.abs(r).max() <= 1e-15 * scale or not free.size:
             break
         # G holds the position rows first; the least-norm step moves the coordinates least.
-        J = at_rest(G, dae, q, t0)[: dae.n_c, free]
+        J = at_rest(G, dae, q, t0)[: dae.n_c, free] * units / of_rows[:, None]
         irregular = ~(np.isfinite(J).all(axis=1) & np.isfinite(r))
         if irregular.any():
             raise AssemblyError(
@@ -77,9 +74,9 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
         step = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
         for damping in 0.5 ** np.arange(12):
             delta = np.zeros(dae.n_v)
-            delta[free] = damping * step
+            delta[free] = damping * step * units
             q_new = np.asarray(dae.retract(q, delta)).ravel()
-            r_new = at_rest(Phi, dae, q_new, t0).ravel()
+            r_new = at_rest(Phi, dae, q_new, t0).ravel() / of_rows
             if np.linalg.norm(r_new) < np.linalg.norm(r):
                 break
         else:
@@ -87,7 +84,7 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
         q, r = q_new, r_new
     worst = float(np.abs(r).max())
     if not worst <= _TOLERANCE * scale:
-        name = owner(dae, int(np.abs(r).argmax()))
+        name, worst = owner(dae, int(np.abs(r).argmax())), float(np.abs(r * of_rows).max())
         raise AssemblyError(
             f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}. {_remedy(scene, dae, name, free)}"
         )
@@ -172,18 +169,20 @@ def owner(dae: DAE, row: int) -> str:
 def kept_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     """Numbers of independent rows of the velocity Jacobian where others are redundant; None where all are independent.
 
+    In units of the DAE's scales.
+
     Raises
     ------
     AssemblyError        if rows depend on each other at q (n_q,) but not close to it: a singular position
     """
     if dae.G is None:
         return None
-    G = at_rest(dae.G, dae, q, t0)
+    G = at_rest(dae.G, dae, q, t0) * dae.displacements
     rows, _ = independent(G)
     if len(rows) == dae.n_r:
         return None
     for position in _nearby(dae, dae.G, q, t0):
-        rank = len(independent(at_rest(dae.G, dae, position, t0))[0])
+        rank = len(independent(at_rest(dae.G, dae, position, t0) * dae.displacements)[0])
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G, dae.rows)))
             raise AssemblyError(

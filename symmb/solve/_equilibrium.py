@@ -18,14 +18,14 @@ _STRIDE, _THINNER = 0.02, 0.7
 
 
 def balance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
-    """Forces on the free displacements that are left over, and position rows, for the multipliers lam of those rows."""
+    """Forces on the free displacements that are left over, and position rows over their scales, for multipliers lam."""
     _, *at = rest(dae, q)
     if dae.s_start is not None:
         at[-1] = dae.s_start(q, p)
     Q = dae.Q(q, *at, p, t0)
     if dae.G is None or dae.Phi is None:
         return Q[free.tolist()]
-    G, Phi = dae.G(q, *at, p, t0)[rows.tolist(), :], dae.Phi(q, *at, p, t0)
+    G, Phi = dae.G(q, *at, p, t0)[rows.tolist(), :], dae.Phi(q, *at, p, t0) / dae.of_rows[: dae.n_c]
     return ca.densify(ca.vertcat((Q - G.T @ lam)[free.tolist()], Phi[rows.tolist()]))
 
 
@@ -45,7 +45,7 @@ def settle(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple
     z = ca.vertcat(delta, lam)
     at_zero = [ca.substitute(e, delta, ca.SX.zeros(n, 1)) for e in (left, ca.jacobian(left, z))]
     f = ca.Function("balance", [at, lam], at_zero)
-    size = float(np.abs(q).max(initial=0.0)) or 1.0
+    size = float(np.abs(q / dae.coordinates).max(initial=0.0)) or 1.0
     names = [coordinate_of(dae, int(i)) for i in free]
     for thick in (False, True):
         found = _sink(dae, f, q, t0, free, m, size, thick)

@@ -15,20 +15,19 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Mask
-from symmb.dae import DAE, Scales, is_linear
+from symmb.dae import DAE, Scales
 from symmb.scene import Scene
-from symmb.solve._assembly import assemble, at_rest, check_upright, coordinate_of, kept_rows, owner, placed, rest
+from symmb.solve._assembly import assemble, check_upright, coordinate_of, kept_rows, owner, placed, rest
 from symmb.solve._equilibrium import balance, settle
 from symmb.solve._implicit import ImplicitMap
 from symmb.solve._rank import independent, redundant_names
+from symmb.solve._size import at_rest, in_units, length_of
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jet_function
 from symmb.symbolic.linear import saddle_solver, symmetric_solver
 
 _SMALL = 100
 """States up to which starts are compiled: beyond, runs take much longer than starts, and compilers too."""
-_ROUNDING = 1e-9
-"""Share of the lever arms of rows below which coordinates are what Newton's method leaves of zero."""
 _CONTRADICTION = 1e-7
 """Violation of rows at the start that counts, as a share of the largest coordinate or velocity, or of 1."""
 
@@ -110,27 +109,28 @@ class Start:
         """Of the motion of the DAE that this is the start of, as the nominal start shows them; powers of 2."""
         at = self.nominal()
         x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
-        lengths = [abs(q) for name, q in zip(dae.q_names, self.q_nominal, strict=True) if is_linear(name)]
-        length, arm = max(lengths, default=0.0), 0.0
-        if dae.G is not None:
-            linear, G = np.array([is_linear(name) for name in dae.v_names]), np.abs(dae.G(*x).full())
-            along, around = G[:, linear].max(axis=1, initial=0.0), G[:, ~linear].max(axis=1, initial=0.0)
-            arm = float((around[along > 0] / along[along > 0]).max(initial=0.0))
-        length = _power(length if length > _ROUNDING * arm else arm)
+        G = dae.G(*x).full() if dae.G is not None else np.zeros((0, dae.n_v))
+        length = _power(length_of(dae, at["q"], G))
         scaled = replace(dae, scales=Scales(length)).displacements
         energy = _power(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
-        rows = np.abs(dae.G(*x).full() * scaled).max(axis=1, initial=0.0) if dae.G is not None else np.empty(0)
+        rows = np.abs(G * scaled).max(axis=1, initial=0.0)
         return Scales(length, energy, np.array([_power(float(row)) for row in rows]))
+
+    @property
+    def units(self) -> Array:
+        """What states are measured by, (n_x,)."""
+        return np.concatenate([self.dae.coordinates, self.dae.displacements, np.ones(self.dae.n_s)])
 
     def _contradiction(self, x: Array, P: Array) -> Mask:
         """Whether samples violate rows that were not needed to solve for the start, (N,)."""
         bad: Mask = np.zeros(len(P), dtype=bool)
         n = self.dae.n_q
         arguments = (x[:, :n], x[:, n : n + self.dae.n_v], *((x[:, n + self.dae.n_v :],) if self.dae.n_s else ()))
+        limit = _CONTRADICTION * np.abs(x / self.units).max(axis=1, initial=1.0)
         for f in (self.dae.Phi, self.dae.Phi_dot):
             if f is not None:
-                r = np.abs(batch(f, *arguments, P, np.array([self.t0]))[0]).max(axis=1)
-                bad = bad | ~(r <= _CONTRADICTION * np.abs(x).max(axis=1, initial=1.0))
+                r = batch(f, *arguments, P, np.array([self.t0]))[0]
+                bad = bad | ~(np.abs(r / self.dae.of_rows[: r.shape[1]]).max(axis=1) <= limit)
         return bad
 
     def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -162,7 +162,8 @@ class Start:
         state = ca.densify(ca.vertcat(q, v, *s))
         arguments = self.dae.arguments(state, p, ca.SX(self.t0))
         rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
-        limit = _CONTRADICTION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state)), ca.SX(1))
+        rows = [row / self.dae.of_rows[: row.numel()] for row in rows]
+        limit = _CONTRADICTION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.units)), ca.SX(1))
         tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
         good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
         return newton, state + ca.if_else(good, 0, math.nan)
@@ -221,7 +222,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     modes = [i for i in free if dae.v_names[i].endswith("_dot") and not scene.guess] if scene.equilibrium else []
     q0 = assemble(scene, dae, reference, guess, np.setdiff1d(free, modes), t0)
     check_upright(scene, dae, q0)
-    G0 = at_rest(dae.G, dae, q0, t0) if dae.G is not None else np.zeros((0, dae.n_v))
+    dae = in_units(dae, q0, t0)
+    G0 = at_rest(dae.G, dae, q0, t0) * dae.displacements if dae.G is not None else np.zeros((0, dae.n_v))
     kept = kept_rows(dae, q0, t0)
     rows, columns = independent(G0[: dae.n_c, free])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
@@ -229,7 +231,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         solved = free
         q0, lam0, stiffness = settle(dae, q0, t0, free, rows)
     u = ca.SX.sym("u", len(solved))
-    delta = ca.SX(ca.DM(ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved)))), 1)) @ u
+    places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
+    delta = ca.SX(ca.DM(places, dae.displacements[solved])) @ u
     q = dae.retract(reference(p, ca.DM(q0)), delta)
     place = ca.Function("place", [u, p], [q], {"cse": True})
     position = None
@@ -239,7 +242,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         position = ImplicitMap.of(balance(dae, place(u, p), lam, p, t0, free, rows), z, p)
         place = ca.Function("place", [z, p], [q], {"cse": True})
     elif len(solved) and dae.Phi is not None:
-        residual = dae.Phi(*rest(dae, place(u, p)), p, t0)[rows.tolist()]
+        residual = (dae.Phi(*rest(dae, place(u, p)), p, t0) / dae.of_rows[: dae.n_c])[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)
     velocity, spread = _velocities(dae, listed_v, p, [i for i in range(dae.n_v) if i not in held.v], q0, t0)
     start = Start(
@@ -262,7 +265,7 @@ def _velocities(
     """Velocities v = listed + E G' mu with G v + Phi_t = 0; mu for independent rows only."""
     if dae.G is None or dae.Phi_dot is None:
         return None, None
-    A = at_rest(dae.G, dae, q0, t0)[:, free]
+    A = (at_rest(dae.G, dae, q0, t0) * dae.displacements)[:, free]
     rows, _ = independent(A)
     if not rows.size:
         return None, None
@@ -270,11 +273,11 @@ def _velocities(
     mu = ca.SX.sym("mu", len(rows))
     s = (ca.SX(dae.n_s, 1),) if dae.n_s else ()
     keep = np.zeros(dae.n_v)
-    keep[free] = 1.0
-    G = dae.G(q, ca.SX(dae.n_v, 1), *s, p, t0)
+    keep[free] = dae.displacements[free] ** 2
+    G = dae.G(q, ca.SX(dae.n_v, 1), *s, p, t0) / dae.of_rows
     v = listed + keep * (G[rows.tolist(), :].T @ mu)
     w = ca.vertcat(q, p)
-    residual = dae.Phi_dot(q, v, *s, p, t0)[rows.tolist()]
+    residual = (dae.Phi_dot(q, v, *s, p, t0) / dae.of_rows)[rows.tolist()]
     return ImplicitMap.of(residual, mu, w), ca.Function("spread", [mu, w], [ca.densify(v)], {"cse": True})
 
 

@@ -329,14 +329,30 @@ def test_a_planar_four_bar_is_not_redundant_off_its_singular_position():
     assert len(start.solved) == 8
 
 
-@pytest.mark.parametrize("solver", [None, mb.CVODES(stiff=True), mb.IDAS(), mb.Rosenbrock()], ids=repr)
-def test_a_bar_whose_frame_is_its_hinge_is_as_large_as_its_lever_arm(solver):
+@pytest.mark.parametrize("length", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("solver", [None, mb.CVODES(stiff=True), mb.IDAS(), mb.DormandPrince()], ids=repr)
+def test_a_bar_whose_frame_is_its_hinge_is_as_large_as_its_lever_arm(solver, length):
     """Its coordinates start at what Newton's method leaves of zero, which is no length to measure errors by."""
-    bar = mb.Body("bar", 1.0, 0.1, mb.Planar())
+    bar = mb.Body("bar", 1.0, 0.1 * length**2, mb.Planar())
     hinge = mb.Revolute("hinge", GROUND.point(0, 0), bar.point(0, 0))
-    pull = mb.Motion("pull", bar.point(1, 0).x, 0.5 + mb.t / 10)
+    pull = mb.Motion("pull", bar.point(length, 0).x, length * (0.5 + mb.t / 10))
     times = np.linspace(0, 2, 9)
     scene = mb.Scene(mb.System(bar, hinge, pull), {}, times, {"angle": bar.theta}, guess={"bar.theta": 1.0})
     run = mb.simulate(scene, solver)
-    assert run.simulator.dae.scales.length == 1
+    assert run.simulator.dae.scales.length == pytest.approx(length, rel=0.1)
     assert_allclose(run["angle"], np.arccos(0.5 + 0.1 * times), rtol=1e-8)
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e9])
+def test_assemblies_of_any_size_are_checked(length):
+    """A rod of that length reaches a wall at 0.8 of it, from a guess as far off as its size, and none at 1.5."""
+    p = mb.Parameters(share=0.8)
+    rod = mb.Body("rod", 1.0, 0.1 * length**2, mb.Planar())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(-length / 2, 0))
+    wall = mb.Motion("wall", rod.point(length / 2, 0).x, p.share * length + 0 * mb.t)
+    scene = mb.Scene(mb.System(rod, hinge, wall, parameters=p), {}, [0.0, 1.0], guess={"rod.theta": 1.0})
+    start, at = started(scene)
+    assert not start.redundant
+    assert_allclose([at["rod.theta"][0], at["rod.x"][0] / length], [np.arccos(0.8), 0.4])
+    x, reasons = start.states(np.array([[0.5], [1.5]]))
+    assert reasons == ("", "the start could not be solved for") and np.isnan(x[1]).all()
