@@ -24,6 +24,8 @@ _WHOLE, _HALVES = 16, 8
 """... from the first degree on, or the second in halves of a rough piece, of which one is expected to be rough."""
 _SMALL, _SMALLEST = 0.05, 1e-6
 """Half widths of a rough piece on which a smooth response is as good as linear, and that is not halved any more."""
+_INHERITED = 0.25
+"""Share of the error that is left after a rough piece has been halved along every parameter."""
 _FARTHEST = 10.0
 """Errors of check runs are scaled from what is expected there to what is elsewhere by so much at most."""
 _ROUNDING = 1e-6
@@ -237,13 +239,15 @@ class _Piece:
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
     def replaced(self, parts: list[_Part], runs: Runs) -> list["_Piece"]:
-        """Pieces for the parts; halves of a rough one inherit a quarter of its error, or what it did not see."""
+        """Pieces for the parts; halves of a rough one inherit a share of its error, or what it did not see."""
         pieces = [_Piece.of(runs, part, self) for part in parts]
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
             unseen = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
             for piece in pieces:
-                piece.inherited = np.maximum(seen(np.maximum(unseen, 0.0)[None]), self.errors.max(axis=0) / 4)
+                piece.inherited = np.maximum(
+                    seen(np.maximum(unseen, 0.0)[None]), _INHERITED ** (1 / len(self.half)) * self.errors.max(axis=0)
+                )
         return pieces
 
 
