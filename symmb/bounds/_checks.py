@@ -29,6 +29,17 @@ def spread(places: Array, weights: Array, number: int) -> Array:
     return points[picked]
 
 
+def generic(number: int, d: int) -> Array:
+    """So many points (number, d) of the box that no symmetry singles out, nearer to corners than to the middle."""
+    ratio = 2.0
+    for _ in range(60):
+        ratio = (1 + ratio) ** (
+            1 / (d + 1)
+        )  # the root of x^(d + 1) = x + 1, whose powers have no relations (Roberts 2018)
+    x = 2 * np.modf(0.5 + np.outer(np.arange(1, number + 1), ratio ** -np.arange(1.0, d + 1)))[0] - 1
+    return np.asarray(np.sign(x) * np.sqrt(0.25 + 0.7 * np.abs(x)))
+
+
 def seen(errors: Array) -> Array:
     """Errors (n_t, n_y) to be expected elsewhere from those at check runs (C, n_t, n_y)."""
     return _SAFETY * np.sqrt(smooth(np.square(errors).max(axis=0)))

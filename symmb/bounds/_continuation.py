@@ -65,7 +65,8 @@ class Continuation:
 
     def _products(self, free: Array) -> Array:
         """(C, C) expected products of the errors at points."""
-        return free @ free.T + _NOISE * np.square(self.sizes).sum() * np.eye(len(free))
+        noise = _NOISE * np.square(self.sizes).sum() or 1.0  # any, if none is expected
+        return free @ free.T + noise * np.eye(len(free))
 
 
 def likely_ahead(grid: Grid, sizes: Array) -> dict[Index, float]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds._checks import TRUST, seen, spread
+from symmb.bounds._checks import TRUST, generic, seen, spread
 from symmb.bounds._continuation import Continuation, likely_ahead
 from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
@@ -15,6 +15,9 @@ from symmb.bounds._tails import Tails
 
 _GROWTH = 0.25
 """The grid grows by about this share at a time."""
+_PROBES, _SURPRISE = 2, 3.0
+"""Runs at points that nothing singles out, which see products that runs along the axes do not; and how many times as
+large as expected an error is there that they alone have seen: it may come from any index ahead of the grid."""
 _REACHED = 0.2
 """Share of the expected error that remains even at places of check runs: the continuation is no interpolant of all."""
 _RANGE = 0.02
@@ -31,6 +34,7 @@ def sparse_bounds(runs: Runs, tolerance: float) -> Found:
     """
     d = len(runs.box)
     grid, expansion, checks = Grid(d), None, 2 * d
+    probes = generic(_PROBES, d)
     step = grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)])
     while True:
         known = len(grid.row)
@@ -38,11 +42,18 @@ def sparse_bounds(runs: Runs, tolerance: float) -> Found:
         runs.at(grid.nodes[known:], expansion and expansion.values)
         coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1)).reshape(runs.nodes.shape)
         expansion = Expansion(grid.alpha, coefficients, runs.box.names)
+        if not known:
+            runs.check(probes[: runs.left])
         unit = runs.unit()
         likely = likely_ahead(grid, (rms(coefficients.swapaxes(0, 1)) / unit).max(axis=1))
+        estimate = Tails.of(grid.alpha, coefficients).least
+        probed = np.abs(runs.checks[:_PROBES] - expansion.values(runs.points[:_PROBES])).max(axis=0, initial=0.0)
+        if share(probed, unit) > _SURPRISE * share(estimate, unit):
+            estimate = np.maximum(estimate, seen(probed[None]))
+            least = share(probed, unit) / len(likely) ** 0.5
+            likely = {index: max(size, least) for index, size in likely.items()}
         step = _largest(likely, min(max(d, int(_GROWTH * len(grid.row))), runs.left - checks))
         last = not step
-        estimate = Tails.of(grid.alpha, coefficients).least
         if not last and share(estimate, unit) > tolerance / TRUST:  # checks may show that much less
             continue
         fitted, estimate = _corrected(runs, grid, expansion, likely, _RANGE * tolerance, estimate, unit, checks)
@@ -52,7 +63,7 @@ def sparse_bounds(runs: Runs, tolerance: float) -> Found:
 
 
 def _largest(likely: dict[Index, float], number: int) -> set[Index]:
-    return set(sorted(likely, key=lambda a: (-likely[a], a))[: max(number, 0)])
+    return set(sorted(likely, key=lambda a: (-likely[a], sum(a), a))[: max(number, 0)])
 
 
 @dataclass(frozen=True, eq=False)

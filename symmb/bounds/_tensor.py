@@ -6,7 +6,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bounds._checks import TRUST, seen, spread
+from symmb.bounds._checks import TRUST, generic, seen, spread
 from symmb.bounds._dense import HIGHEST_DEGREE, dense_extremes
 from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid
@@ -16,6 +16,8 @@ from symmb.bounds._tails import Tails
 from symmb.codegen.build import has_compiler
 from symmb.simulate import Mask
 
+_PROBES = 1
+"""Runs at points that nothing singles out: what nodes on halves, ends and middles see may be the same by symmetry."""
 _REFINED = 0.25
 """Directions whose errors are at least this share of the largest are refined together."""
 _SMOOTH = 0.6
@@ -57,14 +59,17 @@ def tensor_bounds(runs: Runs, tolerance: float) -> Found:
                 continue
         union = _Union.of(pieces)
         worst = pieces[int(np.argmax([share(error, unit) for error in union.errors]))]
-        last = not _affordable(worst.next(), runs)
+        wanted = worst.next()
+        last = not _affordable(wanted, runs)
         estimate = union.errors.max(axis=0)
         if last or share(union.trust * estimate, unit) <= tolerance:
-            estimate, worst = _checked(runs, union, worst, unit, min(checks, runs.left))
-            wanted = worst.next()
+            foreseen = _FARTHEST * share(estimate, unit)
+            estimate, worst = _checked(runs, union, worst, unit, checks)
+            unit = runs.unit()
+            wanted = worst.next(surprised=share(estimate, unit) > foreseen)
             if share(estimate, unit) <= tolerance or not _affordable(wanted, runs):
                 return Found(union.lower, union.upper, estimate + _RANGE * (union.upper - union.lower), whole.expansion)
-        pieces = [piece for piece in pieces if piece is not worst] + worst.replaced(worst.next(), runs)
+        pieces = [piece for piece in pieces if piece is not worst] + worst.replaced(wanted, runs)
 
 
 def _affordable(wanted: list[_Part], runs: Runs) -> bool:
@@ -224,11 +229,14 @@ class _Piece:
         error = y - self.values(point[None])[0]
         return error if self.crossed is None else np.where(np.isnan(self.crossed[0]), error, 0.0)
 
-    def next(self) -> list[_Part]:
-        """The piece with twice the degree where errors are large, or its halves; nothing where that goes too far."""
+    def next(self, surprised: bool = False) -> list[_Part]:
+        """The piece with twice the degree where errors are large, or its halves; nothing where that goes too far.
+
+        What comes as a surprise may come from any direction.
+        """
         degrees = self.expansion.alpha.max(axis=0)
         if self.rough is None:
-            large = self._shares >= _REFINED * self._shares.max()
+            large = surprised | (self._shares >= _REFINED * self._shares.max())
             higher = np.where(large & (2 * degrees <= HIGHEST_DEGREE), 2, 1) * degrees
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
         if self.half[self.rough] < _SMALLEST:
@@ -315,12 +323,16 @@ def _checked(runs: Runs, union: _Union, worst: _Piece, unit: Array, number: int)
     Also the piece to refine next: that where they see the largest error, or else the worst.
     """
     estimate = union.errors.max(axis=0)
-    points, Y = runs.check(spread(union.places, union.told / unit, number))
-    if not len(points):
+    known, probes = len(runs.points), generic(_PROBES, len(runs.box))
+    runs.check(np.concatenate([probes, spread(union.places, union.told / unit, number)])[: runs.left])
+    rows = [k for k in range(len(runs.points)) if k < _PROBES or k >= known]
+    points, Y = runs.points[rows], runs.checks[rows]
+    if not rows:
         return estimate, worst
     pieces = [union.piece(x) for x in points]
     errors = np.stack([piece.error(x, y) for x, y, piece in zip(points, Y, pieces, strict=True)])
     expected = np.stack([piece.expected(x) for x, piece in zip(points, pieces, strict=True)])
     ratios = np.divide(estimate, expected, out=np.ones_like(errors), where=expected > estimate / _FARTHEST)
+    ratios = np.where(np.abs(errors) > _FARTHEST * expected, np.maximum(ratios, 1.0), ratios)  # not foreseen at all
     largest = pieces[int(np.argmax([share(error, unit) for error in errors]))]
     return np.maximum(seen(errors * ratios), union.trust * estimate), largest

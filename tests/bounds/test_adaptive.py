@@ -229,6 +229,23 @@ def test_pieces_are_refined_where_and_when_they_hold_extremes():
     assert errors[t <= 0.5].max() < 1e-2
 
 
+@pytest.mark.parametrize(
+    ("f", "d", "lowest", "highest"),
+    [
+        (lambda p: 1 + np.cos(np.pi * (p[0] - p[1])), 2, 0, 2),  # the same at all of the first nodes
+        (lambda p: np.sin(np.pi * p[0]), 3, -1, 1),
+        (lambda p: p[0] * p[1], 4, -1, 1),  # nothing along the axes
+        (lambda p: p[0] + 5 * p[1] * p[2] * p[3], 6, -6, 6),
+    ],
+)
+def test_what_first_nodes_cannot_see_is_found(f, d, lowest, highest):
+    names = [f"p{i}" for i in range(d)]
+    simulator = mb.FunctionSimulator(lambda **p: [[f(list(p.values()))]], dict.fromkeys(names, 0.0), [0.0], ["f"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    errors = np.abs([bounds.lower[0, 0] - lowest, bounds.upper[0, 0] - highest])
+    assert errors.max() <= bounds.estimate[0, 0] <= 0.011 * (highest - lowest)
+
+
 # -- Many parameters ---------------------------------------------------------------------------------------
 
 
