@@ -1,6 +1,7 @@
 """Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
 
 import io
+import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, redirect_stderr
 from dataclasses import dataclass
@@ -145,6 +146,11 @@ class Integration:
         return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
 
 
+_RATES = {"ode", "alg", "quad"}
+_CLOSE = 1e-6
+"""Time between outputs [s] below which it becomes the unit of time."""
+
+
 def multistep_integration(
     problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array, longest: float = np.inf
 ) -> Integration:
@@ -166,15 +172,29 @@ def multistep_integration(
         def limited(length: float, unit: float) -> dict[str, Any]:
             return options(length) | limit | ({"max_step_size": longest / unit} if np.isfinite(longest) else {})
 
+        tau = ca.SX.sym("tau")
+
+        def rescaled(begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
+            """In terms of tau, t = begin + span tau."""
+            parts = {name: ca.substitute(dae[name], problem.t, begin + span * tau) for name in _RATES & dae.keys()}
+            return dae | {"t": tau} | {name: e if name == "alg" else span * e for name, e in parts.items()}
+
         if project is None:
-            whole = ca.integrator("whole", plugin, dae, times[0], times, limited(float(times[-1] - times[0]), 1.0))
-        # t = begin + span tau with tau in [0, 1], so that one integrator serves every interval.
-        begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
-        for name in {"ode", "alg", "quad"} & dae.keys():
-            dae[name] = ca.substitute(dae[name], problem.t, begin + span * tau) * (1 if name == "alg" else span)
-        dae |= {"p": ca.vertcat(problem.p, begin, span), "t": tau}
+            unit = _time_unit(times)
+            part = dae if unit == 1 else rescaled(ca.SX(0), ca.SX(unit))
+            length = float(times[-1] - times[0]) / unit
+            whole = ca.integrator("whole", plugin, part, times[0] / unit, times / unit, limited(length, unit))
+        # With tau in [0, 1] one integrator serves every interval.
+        begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
+        dae = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         between = ca.integrator("between", plugin, dae, 0, 1, limited(1.0, float(np.diff(times).max())))
     return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
+
+
+def _time_unit(times: Array) -> float:
+    """1, but close times apart: CasADi's interface takes those less than 1e-9 s apart for the same."""
+    least = float(np.diff(times).min())
+    return 1.0 if least > _CLOSE else 2.0 ** math.floor(math.log2(least))
 
 
 def projection(problem: Problem) -> ca.Function | None:

@@ -185,3 +185,15 @@ def test_the_augmented_method_goes_on_through_singular_positions():
 def test_stabilised_index_2_keeps_positions_and_velocities():
     run = mb.simulate(double_pendulum(np.linspace(0, 10, 101)), mb.StabilizedIndex2(rtol=1e-7))
     assert run.position_drift < 1e-8 and run.velocity_drift < 1e-6
+
+
+@pytest.mark.parametrize("solver", [None, mb.CVODES(stiff=True), mb.Rosenbrock()], ids=repr)
+def test_output_times_may_be_close_together(solver):
+    """A particle under a force that grows with time, over 10 ns, and with two outputs less than 1 ns apart."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    for times in (np.linspace(0, 1e-8, 21), np.array([0, 0.5, 0.5 + 9e-10, 1, 2])):
+        end = times[-1]
+        push = mb.Force("push", ball.point(0, 0), (6 / end**3 * mb.t, 0))
+        run = mb.simulate(mb.Scene(mb.System(ball, push), {}, times, {"x": ball.x, "v": ball.vx}), solver)
+        assert_allclose(run["x"], (times / end) ** 3, atol=1e-9)
+        assert_allclose(np.diff(run["x"]), np.diff((times / end) ** 3), rtol=1e-3)
