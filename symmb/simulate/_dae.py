@@ -20,7 +20,7 @@ from symmb.scene import Scene
 from symmb.simulate._choice import MANY, Pilot, choose, for_studies
 from symmb.simulate._ensemble import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.solve._integration import Integration, Run
-from symmb.solve._laws import Kinks, kinks
+from symmb.solve._laws import Kinks, broken, kinks
 from symmb.solve._rank import singularity
 from symmb.solve.compiled import AnyEngine, CompiledSolver
 from symmb.solve.event_driven import EventDriven, impacts_text
@@ -75,6 +75,7 @@ class DAESimulator:
         kept = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
         self.dae: DAE = replace(kept, scales=self.start.scales(kept))
         self.y = output_function(self.dae, scene, scene.y)
+        self._broken = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self.reason = ""
         if solver is None and self.dae.impacts is not None:
@@ -119,6 +120,11 @@ class DAESimulator:
             raise DeclarationError(
                 f"{solver!r} does not locate the events of {impacts_text(self.dae.impacts)}. "
                 "Use EventDriven(), which is the default there."
+            )
+        if self._broken and (hasattr(solver, "stabilization") or isinstance(solver, EventDriven)):
+            raise DeclarationError(
+                f"{self._broken}. {solver!r} integrates accelerations, which know nothing of that: give a law with a "
+                "continuous rate, or take a solver that keeps positions itself, such as NSTIFFSI2(step=...)."
             )
         self.solver = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}

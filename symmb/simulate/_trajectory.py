@@ -182,6 +182,10 @@ class Trajectory:
         return singularity(self.simulator.dae, X[known], self._p, times[known])
 
     @property
+    def _length(self) -> float:
+        return self.simulator.dae.scales.length
+
+    @property
     def _rtol(self) -> float | None:
         return getattr(self.simulator.solver, "rtol", None)
 
@@ -258,7 +262,9 @@ class Trajectory:
         return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
 
     def _doubt_line(self) -> list[str]:
-        """Energy that drifts by more than a tolerance explains: branches of a motion meet in singular positions."""
+        """Drift by more than a tolerance explains; of energy: branches of a motion meet in singular positions."""
+        if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * self._length:
+            return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
         if not self._drifts(_NEAR if self.singularity else _USUAL):
             return []
         told = f"energy drifts by more than rtol = {self._rtol:g} explains"

@@ -1,6 +1,7 @@
 """Laws of time, and kinks or jumps, in equations of motion: what steps may pass over, and what they cannot."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,8 @@ from symmb.symbolic.switching import On, laws, switching
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are looked at, beside those of the outputs."""
+_SUSPECTS, _HALVINGS = 20, 30
+"""Places where a law of time turns most, and how often each is halved to see whether it jumps there."""
 _HIGH, _LOW = 0.5, 0.25
 """Shares of a law's largest distance from its median that make a pulse, and within which one ends."""
 
@@ -97,6 +100,59 @@ def _shortest_pulse(t: Array, law: Array) -> float:
         ),
         default=np.inf,
     )
+
+
+class Break(NamedTuple):
+    """Where positions, or velocities, of a constraint would have to jump."""
+
+    name: str
+    time: float
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.name!r} asks for {self.what} that jump at t = {self.time:.6g} s"
+
+
+def broken(dae: DAE, q: Array, times: Array) -> Break | None:
+    """The first constraint whose law of time breaks, at coordinates q (n_q,) and the nominal parameters.
+
+    Rows are integrated as accelerations, of which a corner of a law leaves no trace.
+    """
+    if dae.Phi_dot is None or len(times) < 2:
+        return None
+    p, t = ca.DM(dae.p_nominal), ca.SX.sym("t")
+    at = (q, ca.DM.zeros(dae.n_v), *((ca.DM.zeros(dae.n_s),) if dae.n_s else ()), p, t)
+    found: list[Break] = []
+    for f, what in ((dae.Phi, "positions"), (dae.Phi_dot, "velocities")):
+        rows = ca.densify(f(*at)) if f is not None else ca.SX(0, 1)
+        driven = np.flatnonzero(ca.which_depends(rows, t, 1, True)) if rows.numel() else np.empty(0, dtype=np.intp)
+        for row in driven.tolist():
+            time = _jump(ca.Function("law", [t], [rows[row]]), times)
+            if time is not None:
+                name = next(name for name, where in dae.rows.items() if where.start <= row < where.stop)
+                found.append(Break(name, time, what))
+    return min(found, key=lambda b: b.time, default=None)
+
+
+def _jump(law: ca.Function, times: Array) -> float | None:
+    """When a law jumps first, if it does: where one bends sharply the closer it is looked at, and not at the end."""
+
+    def values(t: Array) -> Array:
+        return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)
+
+    t = np.linspace(times[0], times[-1], _LOOKS + 1)
+    y = values(t)
+    bends = np.abs(np.diff(y, 2))
+    sharpest = np.argsort(-bends, kind="stable")[:_SUSPECTS]
+    a, b, which = t[sharpest], t[sharpest + 2], np.arange(len(sharpest))
+    enough, closer = np.maximum(0.1 * bends[sharpest], 1e-9 * np.abs(y).max()), bends[sharpest, None]
+    for _ in range(_HALVINGS):
+        parts = np.linspace(a, b, 5, axis=1)
+        closer = np.abs(np.diff(values(parts), 2))
+        k = closer.argmax(axis=1)
+        a, b = parts[which, k], parts[which, k + 2]
+    jumps = (closer.max(axis=1) > enough) & (b < times[-1])
+    return float(a[jumps].min()) if jumps.any() else None
 
 
 def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:

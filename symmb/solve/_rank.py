@@ -38,13 +38,16 @@ def _pivots(B: Array, rank: int) -> Indices:
     return np.sort(np.array(chosen, dtype=np.intp))
 
 
+def left_out(G: Array) -> Array:
+    """Combinations (n_r, k) of rows that vanish, orthonormal."""
+    U, sigma, _ = np.linalg.svd(G)
+    return U[:, int((sigma > _RANK_TOLERANCE * max(G.shape)).sum()) :]
+
+
 def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[str, ...]:
     """The constraints whose rows of G depend on each other."""
     scale = np.linalg.norm(G, axis=1)
-    scaled = G / np.where(scale > 0, scale, 1.0)[:, None]
-    U, sigma, _ = np.linalg.svd(scaled)
-    rank = int((sigma > _RANK_TOLERANCE * max(G.shape)).sum())
-    involved = np.abs(U[:, rank:]).max(axis=1, initial=0.0) > 1e-6
+    involved = np.abs(left_out(G / np.where(scale > 0, scale, 1.0)[:, None])).max(axis=1, initial=0.0) > 1e-6
     return tuple(name for name, where in rows.items() if involved[where].any())
 
 

@@ -20,7 +20,7 @@ from symmb.scene import Scene
 from symmb.solve._assembly import assemble, check_upright, coordinate_of, kept_rows, owner, placed, rest
 from symmb.solve._equilibrium import balance, settle
 from symmb.solve._implicit import ImplicitMap
-from symmb.solve._rank import independent, redundant_names
+from symmb.solve._rank import independent, left_out, redundant_names
 from symmb.solve._size import at_rest, in_units, length_of
 from symmb.symbolic.batch import batch
 from symmb.symbolic.jets import jet_function
@@ -256,6 +256,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         balanced=scene.equilibrium,
     )  # fmt: skip
     _check_velocities(start, p0)
+    if kept is not None:
+        _check_accelerations(start, G0)
     return start
 
 
@@ -301,3 +303,16 @@ def _check_velocities(start: Start, p0: Array) -> None:
         f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {owner(dae, int(r.argmax()))!r}. "
         f"Leave one of {', '.join(start.listed_velocities)} free."
     )
+
+
+def _check_accelerations(start: Start, G: Array) -> None:
+    """Raise AssemblyError if redundant rows agree on positions and velocities, but not on accelerations."""
+    dae, at = start.dae, start.nominal()
+    if dae.gamma is None:
+        return
+    x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], start.t0)
+    gamma = dae.gamma(*x).full().ravel() / dae.of_rows
+    off = np.abs(left_out(G / dae.of_rows[:, None]).T @ gamma)
+    if off.max(initial=0.0) > _CONTRADICTION * max(np.abs(gamma).max(initial=0.0), 1.0):
+        names = ", ".join(map(repr, start.redundant))
+        raise AssemblyError(f"The accelerations that {names} ask for at the start contradict each other.")

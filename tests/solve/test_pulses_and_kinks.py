@@ -139,3 +139,46 @@ def test_a_motion_that_sticks_to_a_jump_ends_with_advice():
     run = mb.simulate(scene(ca.tanh(bead.vx / 1e-4)))
     # Each half swing is shorter by 2 F/k at both ends: 0.5, -0.4, 0.3, -0.2, 0.1, and 0 after five.
     assert abs(run["x"][-1]) < 1e-3 and abs(run["x"][np.argmin(abs(run.t - np.pi / 10))] + 0.4) < 0.01
+
+
+# -- Drives ------------------------------------------------------------------------------------------------
+
+
+def led_by(*laws):
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    drives = [mb.Motion(f"drive{i}", ball.x, law) for i, law in enumerate(laws)]
+    return mb.Scene(mb.System(ball, *drives), times=np.linspace(0, 2, 9), outputs={"x": ball.x}, name="driven")
+
+
+@pytest.mark.parametrize(
+    ("law", "text"),
+    [
+        (ca.fmax(mb.t - 1, 0), "velocities that jump at t = 1 s"),
+        (100 * ca.sin(20 * mb.t) + 0.01 * ca.fabs(mb.t - 0.7), "velocities that jump at t = 0.7 s"),
+        (ca.if_else(mb.t > 1.3, 0.1, 0.0), "positions that jump at t = 1.3 s"),
+    ],
+)
+def test_drives_that_break_are_told_by_all_who_integrate_accelerations(law, text):
+    scene = led_by(law)
+    for run in (mb.simulate, mb.DAESimulator, lambda scene: mb.simulate(scene, mb.IDAS())):
+        with pytest.raises(mb.DeclarationError, match=f"'drive0' asks for {text}.*such as NSTIFFSI2"):
+            run(scene)
+    keeps = mb.simulate(scene, mb.NSTIFFSI2(step=0.01))
+    np.testing.assert_allclose(keeps["x"], keeps(law), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "law", [ca.if_else(mb.t > 1, (mb.t - 1) ** 2, 0), ca.sin(1e3 * mb.t), ca.tanh((mb.t - 1) / 1e-6), 0.5 * mb.t**2]
+)
+def test_drives_that_turn_sharply_are_no_breaks(law):
+    run = mb.simulate(led_by(law))
+    np.testing.assert_allclose(run["x"], run(law), atol=1e-6)
+
+
+def test_drives_that_contradict_each_other_are_told():
+    with pytest.raises(mb.AssemblyError, match=r"accelerations that 'drive0', 'drive1' ask for .* contradict"):
+        mb.simulate(led_by(mb.t + mb.t**2, mb.t + 3 * mb.t**2))
+    agree = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2))
+    assert agree.position_drift < 1e-9 and "doubtful" not in str(agree)
+    later = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2 + mb.t**3))
+    assert "doubtful    constraints are left" in str(later)
