@@ -29,7 +29,8 @@ def adaptive_bounds(
 ) -> Bounds:
     """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
 
-    The error is the root mean square over time, over that of the width, of the output where it is largest.
+    The error is the root mean square over time, over that of the width, of the output where it is largest. Where it is
+    more than the width that runs attained, what they attained tells more than the interpolant does.
     """
     d, tensor = len(box), len(box) <= TENSOR_PARAMETERS
     first = max(5, 3**d) if tensor else 2 * d + 1
@@ -38,12 +39,14 @@ def adaptive_bounds(
     if first > most:
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress)
-    found = (tensor_bounds if tensor else sparse_bounds)(runs, tolerance)
+    found = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
+    lowest, highest = runs.extremes
+    lost = found.estimate > highest - lowest
     return Bounds(
         t=simulator.times,
         names=simulator.outputs,
-        lower=np.minimum(found.lower, runs.extremes[0]),
-        upper=np.maximum(found.upper, runs.extremes[1]),
+        lower=np.where(lost, lowest, np.minimum(found.lower, lowest)),
+        upper=np.where(lost, highest, np.maximum(found.upper, highest)),
         kind="estimate",
         method=text,
         evaluations=len(runs),

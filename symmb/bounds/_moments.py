@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds._legendre import MultiIndices, basis_values, mean_squares
 
@@ -31,7 +32,7 @@ class Expansion:
         return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Moments:
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
@@ -55,6 +56,21 @@ class Moments:
     variance: Array
     first: Array
     total: Array
+
+    def __repr__(self) -> str:
+        return f"Moments({len(self.names)} outputs x {len(self.t)} times, {len(self.parameters)} parameters)"
+
+    def __str__(self) -> str:
+        varies = ~np.isnan(self.first).all(axis=(0, 1))
+        whole = self.variance.sum(axis=0)
+        parts = [np.nansum(each * self.variance, axis=1) for each in (self.first, self.total)]
+        alone, along = (np.divide(part, whole, out=np.full_like(part, np.nan), where=varies).T for part in parts)
+        rows = [
+            [name, *(f"{a:.3f} / {b:.3f}" for a, b in zip(*shares, strict=True))]
+            for name, *shares in zip(self.names, alone, along, strict=True)
+        ]
+        told = "shares of the variance, alone / with others, over all times"
+        return "\n".join([told, *aligned([["", *self.parameters], *rows])])
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:

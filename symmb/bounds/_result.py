@@ -120,7 +120,8 @@ class Bounds:
         """
         if self.expansion is None:
             raise PropagationError(
-                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4)."
+                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4); "
+                "at kinks or jumps, where PolynomialChaos() cuts the box into pieces, samples of your own."
             )
         return moments(self.expansion, self.t, self.names)
 

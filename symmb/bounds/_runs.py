@@ -23,12 +23,12 @@ _DIGITS = 12
 
 
 class Found(NamedTuple):
-    """Range of an interpolant (n_t, n_y), its estimated error, and an expansion over the whole box."""
+    """Range of an interpolant (n_t, n_y), its estimated error, and an expansion over the box if that was not cut."""
 
     lower: Array
     upper: Array
     estimate: Array
-    expansion: Expansion
+    expansion: Expansion | None
 
 
 @dataclass

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._box import Box
+from symmb._errors import PropagationError
 from symmb._types import Array, Executor
 from symmb.bounds._method import Method, constructor_text, parameter_samples, require_whole
 from symmb.bounds._reductions import extremes, failure_records, failures, require_some, together
@@ -14,6 +15,8 @@ from symmb.bounds._samplers import Random, Sampler, grid
 from symmb.simulate import Progress, Simulator
 
 _RANDOM = Random()
+_MOST_POINTS = 10**8
+"""Of a grid: they have to be held."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ class Scanning(Method):
         require_whole("Scanning", "points", self.points, 2)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _sampled(self, grid(np.linspace(-1.0, 1.0, self.points), len(box)), simulator, box, executor, progress)
+        points = _grid(self, np.linspace(-1.0, 1.0, self.points), len(box))
+        return _sampled(self, points, simulator, box, executor, progress)
 
     def __repr__(self) -> str:
         return constructor_text(self, str(self.points))
@@ -96,7 +100,16 @@ class Vertex(Method):
     kind: ClassVar[Kind] = "sampled"
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _sampled(self, grid(np.array([-1.0, 1.0]), len(box)), simulator, box, executor, progress)
+        return _sampled(self, _grid(self, np.array([-1.0, 1.0]), len(box)), simulator, box, executor, progress)
+
+
+def _grid(method: Method, line: Array, d: int) -> Array:
+    if len(line) ** d > _MOST_POINTS:
+        raise PropagationError(
+            f"{method!r}: a grid of {len(line)}^{d} points takes {float(len(line)) ** d:.1e} runs. "
+            "Use PolynomialChaos() or MonteCarlo(...)."
+        )
+    return grid(line, d)
 
 
 def _sampled(

@@ -11,6 +11,7 @@ from symmb.bounds._exact import Exact
 from symmb.bounds._grid import Grid, Index
 from symmb.bounds._moments import Expansion
 from symmb.bounds._runs import Found, Runs, rms, share
+from symmb.bounds._samplers import grid as corners
 from symmb.bounds._tails import Tails
 
 _GROWTH = 0.25
@@ -18,6 +19,8 @@ _GROWTH = 0.25
 _PROBES, _SURPRISE = 2, 3.0
 """Runs at points that nothing singles out, which see products that runs along the axes do not; and how many times as
 large as expected an error is there that they alone have seen: it may come from any index ahead of the grid."""
+_PATIENCE, _HELPS = 30, 0.7
+"""Nodes for each parameter before growth is given up, and what it has to leave of the error when the grid doubles."""
 _REACHED = 0.2
 """Share of the expected error that remains even at places of check runs: the continuation is no interpolant of all."""
 _RANGE = 0.02
@@ -26,15 +29,15 @@ _WORK, _FEWEST_BOXES = 200_000, 20
 """Coefficients in all boxes that a range may take, where many parameters leave it unproved anyway; boxes at least."""
 
 
-def sparse_bounds(runs: Runs, tolerance: float) -> Found:
+def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> Found:
     """Range of an interpolant on a grid that grows by the indices whose coefficients are likely to be the largest.
 
     Its error is estimated from its last coefficients. Runs at some of its extremes then check the estimate and correct
-    the expansion.
+    the expansion. Unless patient it does not go on where growth does not help, as with kinks.
     """
     d = len(runs.box)
     grid, expansion, checks = Grid(d), None, 2 * d
-    probes = generic(_PROBES, d)
+    probes, errors = generic(_PROBES, d), dict[int, float]()
     step = grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)])
     while True:
         known = len(grid.row)
@@ -53,13 +56,24 @@ def sparse_bounds(runs: Runs, tolerance: float) -> Found:
             least = share(probed, unit) / len(likely) ** 0.5
             likely = {index: max(size, least) for index, size in likely.items()}
         step = _largest(likely, min(max(d, int(_GROWTH * len(grid.row))), runs.left - checks))
-        last = not step
+        errors[len(grid.row)] = share(estimate, unit)
+        hopeless = not patient and _hopeless(errors, d)
+        if hopeless and 2**d <= min(len(runs), runs.left - checks):
+            runs.check(corners(np.array([-1.0, 1.0]), d))
+        last = not step or hopeless
         if not last and share(estimate, unit) > tolerance / TRUST:  # checks may show that much less
             continue
         fitted, estimate = _corrected(runs, grid, expansion, likely, _RANGE * tolerance, estimate, unit, checks)
         if last or share(estimate, unit) <= tolerance:
             width = fitted.upper - fitted.lower
             return Found(fitted.lower, fitted.upper, estimate + _RANGE * tolerance * width, fitted.expansion)
+
+
+def _hopeless(errors: dict[int, float], d: int) -> bool:
+    """Whether errors, by the numbers of nodes, are as large as the response and do not fall."""
+    nodes, error = list(errors.items())[-1]
+    before = min((e for n, e in errors.items() if n <= nodes / 2), default=np.inf)
+    return nodes >= _PATIENCE * d and error > 1 and error > _HELPS * before
 
 
 def _largest(likely: dict[Index, float], number: int) -> set[Index]:

@@ -68,7 +68,8 @@ def tensor_bounds(runs: Runs, tolerance: float) -> Found:
             unit = runs.unit()
             wanted = worst.next(surprised=share(estimate, unit) > foreseen)
             if share(estimate, unit) <= tolerance or not _affordable(wanted, runs):
-                return Found(union.lower, union.upper, estimate + _RANGE * (union.upper - union.lower), whole.expansion)
+                found = estimate + _RANGE * (union.upper - union.lower)
+                return Found(union.lower, union.upper, found, whole.expansion if len(pieces) == 1 else None)
         pieces = [piece for piece in pieces if piece is not worst] + worst.replaced(wanted, runs)
 
 

@@ -299,10 +299,10 @@ def _check_velocities(start: Start, p0: Array) -> None:
         v = batch(start.spread, start.velocity.solve(w)[0], w)[0][0]
     s = (np.zeros(dae.n_s),) if dae.n_s else ()
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
-    raise AssemblyError(
-        f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {owner(dae, int(r.argmax()))!r}. "
-        f"Leave one of {', '.join(start.listed_velocities)} free."
-    )
+    listed = ", ".join(start.listed_velocities)
+    remedy = f"Leave one of {listed} free." if listed else "None is listed in start: constraints contradict each other."
+    name = owner(dae, int(r.argmax()))
+    raise AssemblyError(f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {name!r}. {remedy}")
 
 
 def _check_accelerations(start: Start, G: Array) -> None:

@@ -91,8 +91,7 @@ def compare_simulator(
         methods = default_methods(simulator, box)
     exact = simulator if tighter is None else tighter
     found = find_reference(exact, box, reference, executor=executor, progress=_labelled(progress, "reference"))
-    yardstick = found.yardstick
-    rows: list[Row] = []
+    ran: list[tuple[Bounds, float]] = []
     not_run: list[NotRun] = []
     for method in methods:
         label = _labelled(progress, repr(method))
@@ -101,10 +100,13 @@ def compare_simulator(
         except (PropagationError, SimulationError) as error:
             not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
         else:
-            rows.append(_row(bounds, yardstick, setup_seconds, seconds))
-    if not rows:
+            ran.append((bounds, seconds))
+    if not ran:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
+    if reference is None:
+        found = found.joined([bounds.inner for bounds, _ in ran if bounds.inner is not None])
+    yardstick = found.yardstick
     return Comparison(
         scene=scene,
         times=np.asarray(simulator.times, dtype=float),
@@ -112,7 +114,7 @@ def compare_simulator(
         box=box,
         solver=solver,
         reference=found,
-        rows=tuple(rows),
+        rows=tuple(_row(bounds, yardstick, setup_seconds, seconds) for bounds, seconds in ran),
         not_run=tuple(not_run),
         setup_seconds=setup_seconds,
         solver_error=None if tighter is None else _solver_error(simulator, tighter, box, yardstick),

@@ -160,8 +160,9 @@ class Comparison:
         lines = [
             f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
             f"box: {names}",
-            f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}" + self._setup(),
         ]
+        if self.solver:
+            lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}" + self._setup())
         if self.solver_error is not None:
             own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)
             lines.append(f"solver's own error: {own}")

@@ -1,8 +1,8 @@
 """The reference of a comparison: the best bounds at hand, how uncertain they are, and what they cost."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,8 @@ Progress = Callable[[int, int], None]
 class Reference:
     """Reference bounds, and what `Yardstick` needs to measure others with them.
 
+    In a comparison the default ones are joined by what the runs of all methods attained.
+
     Attributes
     ----------
     method : str                the constructor's text
@@ -48,6 +50,13 @@ class Reference:
     def yardstick(self) -> Yardstick:
         """The measure that scores other bounds."""
         return Yardstick(self.lower, self.upper, self.uncertainty)
+
+    def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
+        """With what runs attained elsewhere: it is at least as uncertain as they exceed it by."""
+        lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
+        upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
+        missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
+        return replace(self, lower=lower, upper=upper, uncertainty=np.maximum(self.uncertainty, missed))
 
 
 def find_reference(

@@ -249,6 +249,26 @@ def test_what_first_nodes_cannot_see_is_found(f, d, lowest, highest):
 # -- Many parameters ---------------------------------------------------------------------------------------
 
 
+def test_kinks_of_many_parameters_are_given_up_and_bounded_by_what_runs_attained():
+    names, t = [f"p{i}" for i in range(6)], np.linspace(0, 2, 41)
+    simulator = mb.FunctionSimulator(
+        lambda **p: abs(np.sin(3 * t) - 0.4 * (np.array(list(p.values())) @ np.arange(1, 7)))[:, None],
+        dict.fromkeys(names, 0.0), t, ["y"],
+    )  # fmt: skip
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    assert bounds.evaluations < 500 and bounds.doubtful() == {"y": 0.0}
+    highest = 8.4 + np.abs(np.sin(3 * t))
+    assert (bounds.lower >= 0).all() and (np.abs(bounds.upper[:, 0] - highest) < 0.1 * highest).all()
+
+
+@pytest.mark.parametrize("method", [mb.Scanning(21), mb.Vertex()], ids=repr)
+def test_grids_of_too_many_points_are_an_error(method):
+    names = [f"p{i}" for i in range(40)]
+    simulator = mb.FunctionSimulator(lambda **p: [[0.0]], dict.fromkeys(names, 0.0), [0.0], ["y"])
+    with pytest.raises(mb.PropagationError, match=r"a grid of \d+\^40 points takes .* Use PolynomialChaos"):
+        mb.propagate(simulator, method, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+
+
 def test_ten_parameters_take_fewer_than_a_thousand_runs():
     """Five rods whose lengths and masses are known to 5 %: the 1,024 corners are where most extremes lie."""
     n = 5

@@ -108,3 +108,24 @@ def test_no_variance_no_indices():
 def test_bounds_without_an_expansion_have_no_moments(method):
     with pytest.raises(PropagationError, match=r"hold no expansion .* Use PolynomialChaos\(order=4\)"):
         propagate(Wave(), method, BOX).moments()
+
+
+def test_moments_print_as_a_table_of_shares():
+    """2 + 3 a + 4 a b over [-1, 1]: a alone explains 3, the product 16 / 9 of the variance; nothing of a constant."""
+    simulator = FunctionSimulator(
+        lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, {"a": 0.0, "b": 0.0}, [0.0, 1.0], ["f", "one"]
+    )
+    found = propagate(simulator, PolynomialChaos(order=2), Box(a=(-1.0, 1.0), b=(-1.0, 1.0))).moments()
+    assert repr(found) == "Moments(2 outputs x 2 times, 2 parameters)"
+    assert str(found).split("\n")[1:] == [
+        "                 a              b",
+        "f    0.628 / 1.000  0.000 / 0.372",
+        "one      nan / nan      nan / nan",
+    ]
+
+
+def test_boxes_cut_into_pieces_leave_no_moments():
+    simulator = FunctionSimulator(lambda x: [[float(x > 0.123)]], {"x": 0.0}, [0.0], ["f"])
+    bounds = propagate(simulator, PolynomialChaos(), Box(x=(-1.0, 1.0)))
+    with pytest.raises(PropagationError, match="kinks or jumps"):
+        bounds.moments()
