@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 from symmb.solve.stiffness import STIFF, Stiffness
-from symmb.study.trials import Trial
+from symmb.study.trials import LEFT_OUT, Trial
 
 GOOD, STABLE = 1e-3, 0.1
 """Errors below which a run serves most purposes, and below which it is not nonsense."""
@@ -20,7 +20,11 @@ def advice(
     fastest: Stiffness,
     span: float,
 ) -> str:
-    """Which solver to take, what step the others bear, and what breaks the scene; errors by the key of a trial."""
+    """Which solver to take, what step the others bear, and what breaks the scene; errors by the key of a trial.
+
+    What was left out for want of time says nothing.
+    """
+    trials, stress = ([t for t in some if t.reason != LEFT_OUT] for some in (trials, stress))
     good = sorted((t for t in trials if errors.get(t.key, 1.0) <= GOOD), key=lambda t: t.seconds)
     sentences = [
         _choice(good),
@@ -69,10 +73,10 @@ def _drift(good: Sequence[Trial]) -> list[str]:
     worst = max(good, key=lambda t: t.position.max(initial=0.0), default=None)
     if worst is None or not worst.position.max(initial=0.0) > _FAR:
         return []
-    return [
-        f"{worst.solver} leaves its position constraints by {worst.position.max():.1g}: give it "
-        "stabilization=Projection(), or take one that keeps them, such as NSTIFFSI2 or StabilizedIndex2."
-    ]
+    remedy = "stabilization=Projection(), or take one that keeps them, such as NSTIFFSI2 or StabilizedIndex2"
+    if worst.family in ("NSTIFFSI2", "StabilizedIndex2"):
+        remedy = "a smaller tolerance"
+    return [f"{worst.solver} leaves its position constraints by {worst.position.max():.1g}: give it {remedy}."]
 
 
 def _stress(stress: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:

@@ -15,8 +15,9 @@ from symmb.scene import Scene
 from symmb.simulate._simulate import simulate
 from symmb.solve.solvers import Solver
 
+LEFT_OUT = "left out for want of time"
 _TICK = 0.2
-_SETUP = 3.0
+_SETUP = 8.0
 """Seconds that the first trial of a job may take longer: what is compiled for it is kept only if it ends."""
 
 
@@ -111,7 +112,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
-            yield from job.run() if time.monotonic() < deadline else _left(job, 0, "left out for want of time")
+            yield from job.run() if time.monotonic() < deadline else _left(job, 0, LEFT_OUT)
         return
     pending, running = list(jobs), []
     while pending or running:
@@ -120,7 +121,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
             if time.monotonic() < deadline:
                 running.append(_begin(job))
             else:
-                yield from _left(job, 0, "left out for want of time")
+                yield from _left(job, 0, LEFT_OUT)
         ready = wait([r.pipe for r in running], _TICK)
         for r in list(running):
             if r.pipe in ready:
