@@ -133,12 +133,12 @@ class Scene:
 
     @cached_property
     def y(self) -> ca.SX:
-        """The outputs as expressions of q, v, s, lam, p and t, (n_y,)."""
+        """The outputs as expressions of q, v, v', s, lam, p and t, (n_y,)."""
         return ca.vertcat(*self._bound_outputs.values()) if self._bound_outputs else ca.SX(0, 1)
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
-        """Any expression of the scene as SX of q, v, s, lam, p and t; untouched coordinates move uniformly."""
-        bound = self.system.bind(expression, what, also=self.system.multiplier_hashes)
+        """Any expression of the scene as SX of q, v, v', s, lam, p and t; untouched coordinates move uniformly."""
+        bound = self.system.bind(expression, what, also=self.system.solved_hashes)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.drifting:
             v0 = self.held.drift.get(v_name, ca.SX(0))

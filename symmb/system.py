@@ -20,6 +20,7 @@ import numpy as np
 from symmb._box import Box
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._types import Expr
 from symmb.binding import Binding
 from symmb.collect import Collected, collect
 from symmb.describe import describe
@@ -87,7 +88,7 @@ class System:
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected = self.collected.with_states(states)
-        copy.lam = self.lam  # the outputs may hold these very symbols
+        copy.lam, copy.vdot = self.lam, self.vdot  # the outputs may hold these very symbols
         return copy
 
     def keeping(self, rows: Sequence[int]) -> "System":
@@ -142,9 +143,35 @@ class System:
         return lam
 
     @cached_property
-    def multiplier_hashes(self) -> frozenset[int]:
-        """Hashes of the multipliers, by which outputs that contain some are known."""
-        return frozenset(s.element_hash() for s in ca.vertsplit(ca.SX(self.lam)))
+    def vdot(self) -> ca.SX:
+        """Accelerations as symbols for outputs, (n_v,) [m/s^2, rad/s^2]."""
+        return ca.vertcat(*[ca.SX.sym(f"{name}.rate") for name in self.collected.v_names])
+
+    @cached_property
+    def solved_hashes(self) -> frozenset[int]:
+        """Hashes of multipliers and accelerations, by which outputs that contain some are known."""
+        return frozenset(s.element_hash() for s in ca.vertsplit(ca.vertcat(ca.SX(self.lam), self.vdot)))
+
+    def ddt(self, expression: Expr) -> ca.SX:
+        """Rate of an expression of coordinates, velocities, first-order states and `t`, for outputs: d/dt f(q, v, t).
+
+        Unlike `symmb.ddt` it takes velocities, whose rates are accelerations: `system.ddt(ram.vx)`.
+
+        Raises
+        ------
+        DeclarationError       if a symbol is unknown, or a multiplier
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
+        >>> mb.System(rod).ddt(rod.omega**2)
+        SX(((2.*rod.omega)*rod.omega.rate))
+        """
+        bound = self.bind(expression, "ddt")
+        states = self.bind.states(bound)
+        symbols = ca.vertcat(self.q, self.v, *(state.sx for state in states), t)
+        return ca.jtimes(bound, symbols, ca.vertcat(self.qdot, self.vdot, *(state.rate for state in states), 1))
 
     @property
     def M(self) -> ca.SX:

@@ -6,10 +6,12 @@ from symmb.symbolic.symbols import lookup, symbols_in
 
 _UNITS = {"x": "m", "y": "m", "z": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "vz": "m/s", "omega": "rad/s"}
 _UNITS |= {f"omega_{c}": "rad/s" for c in "xyz"}
+_RATE = ".rate"
+"""End of the names of accelerations, which are symbols that only outputs know."""
 
 
 def unit_of(expression: ca.SX) -> str:
-    """Unit of an expression that contains a coordinate or a velocity with the factor 1 or -1, else ''.
+    """Unit of an expression with a coordinate, a velocity or an acceleration that has the factor 1 or -1, else ''.
 
     Lengths come before angles: in x + l sin(theta) it is x that tells.
 
@@ -22,8 +24,11 @@ def unit_of(expression: ca.SX) -> str:
     """
     found = set()
     for symbol in symbols_in(expression):
-        record = lookup(symbol)
+        record, name = lookup(symbol), symbol.name()
         factor = ca.simplify(ca.jacobian(expression, symbol))
-        if record is not None and factor.is_constant() and abs(float(factor)) == 1:
-            found.add(_UNITS.get(record.name.rpartition(".")[2], ""))
-    return next((unit for unit in ("m", "m/s", "rad", "rad/s") if unit in found), "")
+        if factor.is_constant() and abs(float(factor)) == 1:
+            if record is not None:
+                found.add(_UNITS.get(record.name.rpartition(".")[2], ""))
+            elif name.endswith(_RATE):
+                found.add(_UNITS.get(name.removesuffix(_RATE).rpartition(".")[2], "") + "^2")
+    return next((unit for unit in ("m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2") if unit in found), "")

@@ -266,20 +266,21 @@ class DAESimulator:
 
 
 def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
-    """(x, p, t) -> y; multipliers are computed only if y contains some."""
+    """(x, p, t) -> y; multipliers and accelerations are computed only if y contains some."""
     system = scene.system
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
     states = [system.q, system.v, *([system.s] if dae.n_s else []), system.p, time_symbol]
-    lam = ca.SX(system.lam)
-    plain = ca.Function("plain", [*states, lam], [ca.densify(y)])
-    needs = dae.gamma is not None and ca.which_depends(y, lam, 1, True)
-    multipliers = ca.SX(lam.numel(), 1)
-    if dae.gamma is not None and any(needs or []):
+    lam, vdot = ca.SX(system.lam), system.vdot
+    plain = ca.Function("plain", [*states, lam, vdot], [ca.densify(y)])
+    multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
+    if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
         multipliers = dae.forward(*at, dae.gamma(*at))[1]
         if dae.shared is not None:
             multipliers = dae.shared(*at, multipliers)
-    return ca.Function("y", [x, p, t], [plain(*at, multipliers)], {"cse": True})
+    if any(ca.which_depends(y, vdot, 1, True) or []):
+        accelerations = dae.rhs(*at)[1]
+    return ca.Function("y", [x, p, t], [plain(*at, multipliers, accelerations)], {"cse": True})
 
 
 def _jet_outputs(y: ca.Function, n_x: int, n_p: int, order: int) -> ca.Function:

@@ -145,7 +145,7 @@ def ddt(expression: ca.SX) -> ca.SX:
         if record.rate.is_empty():
             raise DeclarationError(
                 f"ddt takes expressions of positions, but {record.name!r} is a {record.kind.value}; "
-                "its rate follows from the equations of motion only."
+                "its rate follows from the equations of motion only: outputs take system.ddt(...)."
             )
         moving.append(record.sx)
         rates.append(record.rate)
