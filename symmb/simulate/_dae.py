@@ -73,7 +73,7 @@ class DAESimulator:
         whole = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, whole)
         kept = whole if self.start.kept is None else compile_dae(scene.system, self.start.kept)
-        self.dae: DAE = replace(kept, scales=self.start.scales(kept))
+        self.dae: DAE = replace(kept, scales=self.start.scales(kept, float(np.ptp(self.times))))
         self.y = output_function(self.dae, scene, scene.y)
         self._broken = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()

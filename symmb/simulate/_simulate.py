@@ -144,8 +144,9 @@ def simulate(
         texts += [f"The equations have {corners}, at which no motion can stay: {_SMOOTH}"] if corners else []
         texts += [f"No other solver gets through: {reason}"] if len(made) > 1 else []
         raise SimulationError(". ".join(texts) + ".")
-    if corners:
-        reason += f"; {corners} met {corners.met(run.X, p, simulator.times)} times or more"
+    met = corners.met(run.X, p, simulator.times) if corners else 0
+    if met:
+        reason += f"; {corners} met {met} times or more"
     return replace(trajectory, reason=reason)
 
 

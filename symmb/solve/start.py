@@ -15,7 +15,7 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Mask
-from symmb.dae import DAE, Scales
+from symmb.dae import DAE, Scales, is_linear
 from symmb.scene import Scene
 from symmb.solve._assembly import assemble, check_upright, coordinate_of, kept_rows, owner, placed, rest
 from symmb.solve._equilibrium import balance, settle
@@ -105,12 +105,19 @@ class Start:
         q, v, s = np.split(x, [self.dae.n_q, self.dae.n_q + self.dae.n_v])
         return {"q": q, "v": v, "s": s, "p": self.dae.p_nominal}
 
-    def scales(self, dae: DAE) -> Scales:
-        """Of the motion of the DAE that this is the start of, as the nominal start shows them; powers of 2."""
+    def scales(self, dae: DAE, span: float) -> Scales:
+        """Of the motion over a span [s] of the DAE that this is the start of, at the nominal parameters; powers of 2.
+
+        Where it starts at the origin, the length is the way that speeds and accelerations lead from there.
+        """
         at = self.nominal()
         x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
         G = dae.G(*x).full() if dae.G is not None else np.zeros((0, dae.n_v))
-        length = _power(length_of(dae, at["q"], G))
+        length = length_of(dae, at["q"], G)
+        if not length:
+            way = np.abs(at["v"]) * span + np.abs(dae.rhs(*x)[1].full().ravel()) * span**2 / 2
+            length = max((s for name, s in zip(dae.v_names, way.tolist(), strict=True) if is_linear(name)), default=0.0)
+        length = _power(length)
         scaled = replace(dae, scales=Scales(length)).displacements
         energy = _power(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)

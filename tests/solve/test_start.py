@@ -356,3 +356,13 @@ def test_assemblies_of_any_size_are_checked(length):
     assert_allclose([at["rod.theta"][0], at["rod.x"][0] / length], [np.arccos(0.8), 0.4])
     x, reasons = start.states(np.array([[0.5], [1.5]]))
     assert reasons == ("", "the start could not be solved for") and np.isnan(x[1]).all()
+
+
+@pytest.mark.parametrize("speed", [1e-15, 1e-6, 1.0])
+def test_motions_from_the_origin_are_as_large_as_their_first_way(speed):
+    """An oscillator of 1 rad/s, of which nothing but the speed tells an amplitude."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Spring("spring", GROUND.point(0, 0), ball.point(0, 0), 1.0))
+    scene = mb.Scene(system, {"ball.vx": speed}, np.linspace(0, 10, 11), {"x": ball.x})
+    for values in (mb.simulate(scene)["x"], mb.DAESimulator(scene).run(np.zeros((1, 0))).Y[0, :, 0]):
+        assert_allclose(values / speed, np.sin(scene.times), atol=1e-7)
