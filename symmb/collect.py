@@ -93,12 +93,16 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     bodies = tuple(e for e in elements if isinstance(e, Body))
     bind = Binding(parameters, bodies)
 
-    def attempt(fn: Callable[[], T], otherwise: T) -> T:
+    def attempt(fn: Callable[[], T], otherwise: T, what: str = "A law") -> T:
         try:
             return fn()
         except DeclarationError as error:
             faults.extend(str(error).split("\n"))
-            return otherwise
+        except RuntimeError as error:
+            if "truth value" not in str(error):
+                raise
+            faults.append(f"{what}: Python's if, max and min know no expressions: write casadi.if_else, fmax or fmin.")
+        return otherwise
 
     nothing = ca.SX(0, 1)
     inertial = [(b, attempt(lambda b=b: mass_and_inertia(b, bind, parameters), (ca.SX(), ca.SX()))) for b in bodies]
@@ -108,7 +112,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
     impacts = [e for e in elements if isinstance(e, Impact)]
-    actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), ()) for f in forces}
+    actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
     written = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
     positions = {c.name: attempt(lambda c=c: position_rows(c, written[c.name], bind), []) for c in constraints}
     velocities = {c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints}
