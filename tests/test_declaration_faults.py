@@ -191,6 +191,10 @@ FAULTS = {
         lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), 30.0)],
         r"NonlinearSpring 'n': pull 30\.0 is no law\. Give a function of length and rate",
     ),
+    "a nonlinear spring that decides by if": (
+        lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: d if d > 1 else 0)],
+        r"NonlinearSpring 'n': Python's if, max and min know no expressions: write casadi\.if_else",
+    ),
     "a nonlinear spring of an unknown symbol": (
         lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: STRANGER.x * d)],
         r"NonlinearSpring 'n': pull: symbol 'stranger\.x' belongs to no parameter",
