@@ -100,34 +100,55 @@ static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
   return here.y;
 }
 
-/* The best samples of each piece of the last parameter: values and numbers of minima, then of maxima. */
-static void scan(const Grid *g, const V *c, V *plane, V *row, V best[2][PIECES], V sample[2][PIECES]) {
-  const long n12 = g->n[1] * g->n[2];
-  V number = zero();
-  for (long s = 0; s < g->pieces; ++s) best[0][s] = each(INFINITY), best[1][s] = each(-INFINITY);
-  for (long p = 0; p < g->K[0]; ++p) {
+/* The best values and numbers of samples, of minima and maxima. */
+typedef struct {
+  V low, high, lowest, highest;
+} Best;
+
+static inline void meet(Best *b, V y, V number) {
+  b->lowest = blend((M)(y < b->low), number, b->lowest);
+  b->highest = blend((M)(y > b->high), number, b->highest);
+  b->low = v_smaller(y, b->low);
+  b->high = v_larger(y, b->high);
+}
+
+/* The best samples of each piece of the last parameter. Samples are symmetric about 0, and so are the polynomials: those
+   at x and -x are the sum and the difference of what even and odd degrees give. */
+static void scan(const Grid *g, const V *c, V *plane, V *row, Best best[PIECES]) {
+  const long n12 = g->n[1] * g->n[2], n = g->n[2], half = g->K[2] / 2, parts = (g->pieces + 1) / 2;
+  for (long s = 0; s < g->pieces; ++s) best[s] = (Best){each(INFINITY), each(-INFINITY), zero(), zero()};
+  for (long p = 0, first = 0; p < g->K[0]; ++p) {
     for (long j = 0; j < n12; ++j) {
       plane[j] = zero();
       for (long a = 0; a < g->n[0]; ++a) plane[j] += g->values[0][p * g->n[0] + a] * c[a * n12 + j];
     }
-    for (long q = 0; q < g->K[1]; ++q) {
-      for (long j = 0; j < g->n[2]; ++j) {
+    for (long q = 0; q < g->K[1]; ++q, first += g->K[2]) {
+      for (long j = 0; j < n; ++j) {
         row[j] = zero();
-        for (long b = 0; b < g->n[1]; ++b) row[j] += g->values[1][q * g->n[1] + b] * plane[b * g->n[2] + j];
+        for (long b = 0; b < g->n[1]; ++b) row[j] += g->values[1][q * g->n[1] + b] * plane[b * n + j];
       }
-      for (long s = 0, r = 0; s < g->pieces; ++s) {
-        V low = best[0][s], high = best[1][s], lowest = sample[0][s], highest = sample[1][s];
-        for (; r < g->K[2] * (s + 1) / g->pieces; ++r) {
-          V y = zero();
-          for (long e = 0; e < g->n[2]; ++e) y += g->values[2][r * g->n[2] + e] * row[e];
-          lowest = blend((M)(y < low), number, lowest);
-          highest = blend((M)(y > high), number, highest);
-          low = v_smaller(y, low);
-          high = v_larger(y, high);
-          number += 1.0;
+      V up = each((double)first), down = each((double)(first + g->K[2] - 1)), even, odd;
+      for (long s = 0, r = 0; s < parts; ++s) {
+        Best near = best[s], far = best[g->pieces - 1 - s];
+        for (; r < half * (s + 1) / parts; ++r, up += 1.0, down -= 1.0) {
+          const double *v = g->values[2] + r * n;
+          even = v[0] * row[0], odd = zero();
+          for (long e = 1; e < n; e += 2) odd += v[e] * row[e];
+          for (long e = 2; e < n; e += 2) even += v[e] * row[e];
+          meet(&near, even + odd, up);
+          meet(&far, even - odd, down);
         }
-        best[0][s] = low, best[1][s] = high, sample[0][s] = lowest, sample[1][s] = highest;
+        if (g->pieces > 1) {
+          best[s] = near, best[g->pieces - 1 - s] = far;
+        } else {
+          meet(&near, far.low, far.lowest);
+          meet(&near, far.high, far.highest);
+          best[0] = near;
+        }
       }
+      even = zero();
+      for (long e = 0; e < n; e += 2) even += g->values[2][half * n + e] * row[e];
+      meet(&best[parts - 1], even, up);
     }
   }
 }
@@ -136,19 +157,20 @@ static void scan(const Grid *g, const V *c, V *plane, V *row, V best[2][PIECES],
    0 if there is not enough memory. */
 int dense(const Grid *g, long *dealt, long m, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
-  V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V)), best[2][PIECES], sample[2][PIECES] = {{{0}}};
+  V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V));
+  Best best[PIECES];
   for (long i; c && (i = __atomic_fetch_add(dealt, W, __ATOMIC_RELAXED)) < m;) {
     const size_t some = (m - i < W ? m - i : W) * sizeof *C;
     for (long j = 0; j < n; ++j) c[j] = zero(), memcpy(c + j, C + g->rows[j] * m + i, some);
-    scan(g, c, c + n, c + n + n12, best, sample);
-    V low = best[0][0], high = best[1][0];
-    for (long s = 1; s < g->pieces; ++s) low = v_smaller(low, best[0][s]), high = v_larger(high, best[1][s]);
+    scan(g, c, c + n, c + n + n12, best);
+    V low = best[0].low, high = best[0].high;
+    for (long s = 1; s < g->pieces; ++s) low = v_smaller(low, best[s].low), high = v_larger(high, best[s].high);
     for (int side = 0; side < 2; ++side) {
       const double sign = side ? -1.0 : 1.0;
       V least = each(INFINITY), at[DIRECTIONS], x[DIRECTIONS];
       for (long s = 0; s < g->pieces; ++s) {
         for (int l = 0; l < W; ++l) {
-          long number = (long)sample[side][s][l];
+          long number = (long)(side ? best[s].highest : best[s].lowest)[l];
           for (int k = DIRECTIONS - 1; k >= 0; number /= g->K[k--]) x[k][l] = g->x[k][number % g->K[k]];
         }
         const V y = polish(g, c, x, ENOUGH * (high - low), sign);
