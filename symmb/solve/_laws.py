@@ -64,8 +64,8 @@ def longest_step(dae: DAE, times: Array) -> float:
     """A step [s] that no pulse of a law of time fits into, at the nominal parameters; infinite without pulses.
 
     Step control sees what a step evaluates: a pulse that lies between leaves no trace. A pulse is a stretch where a
-    law is far from its median, and shorter than the horizon. Those of less than 1/20,000 of the horizon are seen only
-    where output times stand in them.
+    law is far from its median, and shorter than the horizon, or one between two jumps. Those of less than 1/20,000 of
+    the horizon are seen only where output times stand in them.
     """
     f, at = _equations(dae)
     x, p, time = (symbol for symbol, _ in at)
@@ -75,7 +75,10 @@ def longest_step(dae: DAE, times: Array) -> float:
     signals = ca.Function("signals", [p, time], [found], {"cse": True})
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
     (values,) = batch(signals, dae.p_nominal, t[:, None])
-    return min((_shortest_pulse(t, law) for law in values.T), default=np.inf) / 2
+    pulses = [_shortest_pulse(t, law) for law in values.T]
+    for row in ca.vertsplit(signals(dae.p_nominal, time)):
+        pulses += np.diff(_jumps(ca.Function("law", [time], [row]), times)).tolist()
+    return min(pulses, default=np.inf) / 2
 
 
 def _shortest_pulse(t: Array, law: Array) -> float:
@@ -127,15 +130,14 @@ def broken(dae: DAE, q: Array, times: Array) -> Break | None:
         rows = ca.densify(f(*at)) if f is not None else ca.SX(0, 1)
         driven = np.flatnonzero(ca.which_depends(rows, t, 1, True)) if rows.numel() else np.empty(0, dtype=np.intp)
         for row in driven.tolist():
-            time = _jump(ca.Function("law", [t], [rows[row]]), times)
-            if time is not None:
-                name = next(name for name, where in dae.rows.items() if where.start <= row < where.stop)
-                found.append(Break(name, time, what))
+            name = next(name for name, where in dae.rows.items() if where.start <= row < where.stop)
+            jumps = _jumps(ca.Function("law", [t], [rows[row]]), times)
+            found += [Break(name, time, what) for time in jumps[:1].tolist()]
     return min(found, key=lambda b: b.time, default=None)
 
 
-def _jump(law: ca.Function, times: Array) -> float | None:
-    """When a law jumps first, if it does: where one bends sharply the closer it is looked at, and not at the end."""
+def _jumps(law: ca.Function, times: Array) -> Array:
+    """When a law jumps, in order: where it bends as sharply the closer it is looked at, and not at the end."""
 
     def values(t: Array) -> Array:
         return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)
@@ -151,8 +153,8 @@ def _jump(law: ca.Function, times: Array) -> float | None:
         closer = np.abs(np.diff(values(parts), 2))
         k = closer.argmax(axis=1)
         a, b = parts[which, k], parts[which, k + 2]
-    jumps = (closer.max(axis=1) > enough) & (b < times[-1])
-    return float(a[jumps].min()) if jumps.any() else None
+    jumps = np.sort(a[(closer.max(axis=1) > enough) & (b < times[-1])])
+    return jumps[np.diff(jumps, prepend=-np.inf) > (t[1] - t[0]) / 100]
 
 
 def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:

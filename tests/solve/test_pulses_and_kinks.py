@@ -141,6 +141,18 @@ def test_a_motion_that_sticks_to_a_jump_ends_with_advice():
     assert abs(run["x"][-1]) < 1e-3 and abs(run["x"][np.argmin(abs(run.t - np.pi / 10))] + 0.4) < 0.01
 
 
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.CVODES(rtol=1e-8, stiff=True)], ids=repr)
+def test_pulses_beside_larger_motions_of_a_law_are_not_stepped_over(solver):
+    """10 ms of a force beside a sine of its size, and beside a longer pulse ten times as high."""
+    short = ca.if_else(mb.t > 7.5, ca.if_else(mb.t < 7.51, 1.0, 0.0), 0.0)
+    long = ca.if_else(mb.t > 1, ca.if_else(mb.t < 3, 1.0, 0.0), 0.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    for force, gained in ((10 * ca.sin(2 * np.pi * mb.t / 10) + 10 * short, 0.1), (100 * long + 10 * short, 200.1)):
+        push = mb.Force("push", ball.point(0, 0), (force, 0))
+        run = mb.simulate(mb.Scene(mb.System(ball, push), {}, np.linspace(0, 10, 11), {"v": ball.vx}), solver)
+        assert run["v"][-1] == pytest.approx(gained, abs=1e-5 * max(gained, 1))
+
+
 # -- Drives ------------------------------------------------------------------------------------------------
 
 
