@@ -31,7 +31,7 @@ from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Spatial
 from symmb.symbolic.geometry import is_zero
 from symmb.symbolic.linear import saddle_solver
-from symmb.symbolic.symbols import Symbol, t
+from symmb.symbolic.symbols import Symbol, rate, t
 from symmb.symbolic.sympy_border import latex, to_sympy
 
 
@@ -168,10 +168,12 @@ class System:
         >>> mb.System(rod).ddt(rod.omega**2)
         SX(((2.*rod.omega)*rod.omega.rate))
         """
-        bound = self.bind(expression, "ddt")
-        states = self.bind.states(bound)
-        symbols = ca.vertcat(self.q, self.v, *(state.sx for state in states), t)
-        return ca.jtimes(bound, symbols, ca.vertcat(self.qdot, self.vdot, *(state.rate for state in states), 1))
+        c = self.collected
+        accelerations = dict(
+            zip((v.element_hash() for v in ca.vertsplit(self.v)), ca.vertsplit(self.vdot), strict=True)
+        )
+        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.drifting}  # untouched: it moves uniformly
+        return rate(self.bind(expression, "ddt"), accelerations)
 
     @property
     def M(self) -> ca.SX:

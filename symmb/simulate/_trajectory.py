@@ -165,13 +165,13 @@ class Trajectory:
     @cached_property
     def singularity(self) -> Singularity | None:
         """The time closest to a singular position, if one is close: of outputs, or between if a run fails or drifts."""
-        near, failed = self._closest(self.x, self.t), bool(np.isnan(self.x[-1]).any())
-        if near or not (failed or self._drifts(_USUAL)):
-            return near
         dae, X, times = self.simulator.dae, self.x, self.t
+        near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
+        if near or dae.G is None or not (failed or self._drifts(_USUAL)):
+            return near
+        number = int(np.clip(_WORK / dae.n_v**3, 2, _TIMES))
         for _ in range(_CLOSER if failed else 1):
             lost = int(np.argmax(np.isnan(X).any(axis=1)))  # 0 if it does not fail
-            number = int(min(_TIMES, _WORK / dae.n_v**3))
             times = np.unique(np.append(self.t[0], np.linspace(times[max(lost - 1, 0)], times[lost or -1], number)))
             X = self.simulator.solver.integration(dae, times).run(self.x[:1], self._p[None])[0].X
             near = near or self._closest(X, times)
@@ -180,10 +180,6 @@ class Trajectory:
     def _closest(self, X: Array, times: Array) -> Singularity | None:
         known = np.isfinite(X).all(axis=1)
         return singularity(self.simulator.dae, X[known], self._p, times[known])
-
-    @property
-    def _length(self) -> float:
-        return self.simulator.dae.scales.length
 
     @property
     def _rtol(self) -> float | None:
@@ -263,7 +259,8 @@ class Trajectory:
 
     def _doubt_line(self) -> list[str]:
         """Drift by more than a tolerance explains; of energy: branches of a motion meet in singular positions."""
-        if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * self._length:
+        length = self.simulator.dae.scales.length
+        if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * length:
             return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
         if not self._drifts(_NEAR if self.singularity else _USUAL):
             return []

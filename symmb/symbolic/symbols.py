@@ -4,7 +4,7 @@ A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters)
 what it is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from weakref import WeakKeyDictionary, WeakValueDictionary
@@ -136,17 +136,23 @@ def ddt(expression: ca.SX) -> ca.SX:
     >>> mb.ddt(rod.x ** 2)
     SX(((2.*rod.x)*rod.vx))
     """
+    return rate(expression, {})
+
+
+def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
+    """What `ddt` gives, also of velocities whose rates are known by their hashes."""
     expression = ca.SX(expression)
     moving, rates = [t], [ca.SX(1)]
     for symbol in symbols_in(expression):
         record = lookup(symbol)
         if record is None or record.kind is Kind.PARAMETER:
             continue
-        if record.rate.is_empty():
+        known = accelerations.get(symbol.element_hash(), record.rate)
+        if known.is_empty():
             raise DeclarationError(
                 f"ddt takes expressions of positions, but {record.name!r} is a {record.kind.value}; "
                 "its rate follows from the equations of motion only: outputs take system.ddt(...)."
             )
         moving.append(record.sx)
-        rates.append(record.rate)
+        rates.append(known)
     return ca.jtimes(expression, ca.vertcat(*moving), ca.vertcat(*rates))
