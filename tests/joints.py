@@ -7,8 +7,9 @@ import casadi as ca
 import numpy as np
 
 import symmb as mb
-from symmb.dae import DAE, compile_dae
+from symmb import compile_dae
 from symmb.mechanics.constraint import Joint
+from symmb.model.dae import DAE
 
 ORIENTED = {"Planar", "Spatial", "Ground"}
 ANY = ORIENTED | {"Particle"}

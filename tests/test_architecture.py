@@ -1,6 +1,7 @@
 """The floors: who may import whom, how long a file may be, and what `import symmb` must not load."""
 
 import ast
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,30 +16,25 @@ FLOORS = {
     "_errors": 0,
     "_types": 0,
     "_names": 0,
+    "_options": 0,
     "_table": 0,
-    "_box": 0,
-    "plot": 0,
-    "flexible": 1,
+    "plot": 1,
+    "structures": 1,
     "symbolic": 1,
     "mechanics": 2,
-    "binding": 3,
-    "collect": 3,
-    "describe": 3,
-    "system": 3,
-    "units": 3,
-    "validate": 3,
-    "scene": 3,
-    "impacts": 4,
-    "dae": 4,
+    "model": 3,
     "schemes": 4,
-    "export": 4,
     "codegen": 5,
-    "solve": 6,
-    "simulate": 7,
-    "bounds": 8,
-    "study": 9,
-    "": 10,  # symmb/__init__.py, the public names
-    "cli": 11,  # a client of the public names
+    "start": 6,
+    "events": 7,
+    "integrate": 8,
+    "simulation": 9,
+    "polynomials": 10,
+    "nodes": 11,
+    "bounds": 12,
+    "study": 13,
+    "": 14,  # symmb/__init__.py, the public names
+    "cli": 15,  # a client of the public names
 }
 HEAVY = ("sympy", "matplotlib", "scipy.sparse", "scipy.stats", "scipy.optimize", "symmb.cli")
 LONGEST = 400
@@ -147,7 +143,52 @@ def test_files_are_short(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
 
 
-def test_import_is_lean():
+@pytest.mark.parametrize("eager", ["", "1"])
+def test_import_is_lean(eager):
+    """Neither `import symmb` nor the first use of all its public names loads a heavy package."""
     code = f"import sys, symmb; print([name for name in {HEAVY} if name in sys.modules])"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    environment = os.environ | {"EAGER_IMPORT": eager}
+    loaded = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert loaded.stdout == "[]\n"
+
+
+def room(module: str) -> str:
+    """The folder that holds a module, as a dotted name: "symmb.bounds.adaptive" for its modules and for itself."""
+    return module if (ROOT.parent / module.replace(".", "/")).is_dir() else module.rpartition(".")[0]
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_rooms_are_entered_by_their_door(path):
+    """Other rooms import from a room's `__init__`, not from its modules; a room inside another sees the outer one."""
+    own = room(module_name(path))
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    past_the_door = [
+        f"line {node.lineno}: {node.module}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "symmb"
+        if (target := room(node.module)) not in ("symmb", own) and not f"{own}.".startswith(f"{target}.")
+        if node.module != target
+    ]
+    assert not past_the_door
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_private_names_stay_in_their_room(path):
+    own = room(module_name(path))
+    private = [
+        f"line {node.lineno}: {node.module}.{alias.name}"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module and room(node.module) not in ("symmb", own)
+        for alias in node.names
+        if alias.name.startswith("_")
+    ]
+    assert not private
+
+
+def test_no_circles_between_modules():
+    graph: dict[str, set[str]] = {}
+    for path in FILES:
+        names = {name for _, name in imports(path)}
+        graph[module_name(path)] = names - {module_name(path)}
+    doors = {name for name in graph if (ROOT.parent / name.replace(".", "/")).is_dir()}
+    assert not circle({name: others & (graph.keys() - doors) for name, others in graph.items() if name not in doors})

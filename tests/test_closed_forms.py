@@ -8,7 +8,7 @@ from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 from models import cubic, half_car, heavy_top, rolling_disc, spherical_pendulum
-from symmb.bounds import IntervalArithmetic, PolynomialChaos, propagate
+from symmb import IntervalArithmetic, PolynomialChaos, propagate
 
 G = 9.81
 

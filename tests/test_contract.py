@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import symmb as mb
-from symmb.cli import main
+from symmb.cli.main import main
 from symmb.cli.specs import method, solver
 
 SCENE = '''

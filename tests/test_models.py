@@ -5,7 +5,7 @@ import pytest
 from conftest import ALL_MODELS
 
 import symmb as mb
-from symmb.bounds import Scanning, propagate
+from symmb import Scanning, propagate
 
 MOVING = [model for model in ALL_MODELS if model.scene().system.bodies]
 

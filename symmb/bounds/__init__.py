@@ -1,38 +1,14 @@
-"""Bounds of responses over boxes of parameters: methods, and what they return."""
+"""Methods that bound responses over a box of parameters, and what they return.
 
-from symmb._box import Box as Box
-from symmb.bounds._basis import Basis as Basis
-from symmb.bounds._basis import HyperbolicCross as HyperbolicCross
-from symmb.bounds._basis import TensorDegree as TensorDegree
-from symmb.bounds._basis import TotalDegree as TotalDegree
-from symmb.bounds._bernstein import Bernstein as Bernstein
-from symmb.bounds._chaos import PolynomialChaos as PolynomialChaos
-from symmb.bounds._exact import Exact as Exact
-from symmb.bounds._exact import Extremes as Extremes
-from symmb.bounds._inclusion import ChebyshevInclusion as ChebyshevInclusion
-from symmb.bounds._inclusion import LegendreInclusion as LegendreInclusion
-from symmb.bounds._inclusion import Range as Range
-from symmb.bounds._method import Method as Method
-from symmb.bounds._moments import Expansion as Expansion
-from symmb.bounds._moments import Moments as Moments
-from symmb.bounds._natural import IntervalArithmetic as IntervalArithmetic
-from symmb.bounds._nodes import ChebyshevGauss as ChebyshevGauss
-from symmb.bounds._nodes import ClenshawCurtis as ClenshawCurtis
-from symmb.bounds._nodes import Gauss as Gauss
-from symmb.bounds._nodes import Leja as Leja
-from symmb.bounds._nodes import Nodes as Nodes
-from symmb.bounds._nodes import Rule as Rule
-from symmb.bounds._nodes import SparseGrid as SparseGrid
-from symmb.bounds._optimization import Optimization as Optimization
-from symmb.bounds._propagate import propagate as propagate
-from symmb.bounds._result import Bounds as Bounds
-from symmb.bounds._result import Failure as Failure
-from symmb.bounds._samplers import LatinHypercube as LatinHypercube
-from symmb.bounds._samplers import Random as Random
-from symmb.bounds._samplers import Sampler as Sampler
-from symmb.bounds._samplers import Sobol as Sobol
-from symmb.bounds._sampling import MonteCarlo as MonteCarlo
-from symmb.bounds._sampling import Scanning as Scanning
-from symmb.bounds._sampling import Vertex as Vertex
-from symmb.bounds._swarm import Swarm as Swarm
-from symmb.bounds._taylor import Taylor as Taylor
+The method that chooses its own runs is in `bounds.adaptive`.
+"""
+
+from symmb.bounds.interval_arithmetic import IntervalArithmetic
+from symmb.bounds.method import Method, require_method
+from symmb.bounds.optimization import Optimization
+from symmb.bounds.polynomial_chaos import PolynomialChaos
+from symmb.bounds.propagation import propagate
+from symmb.bounds.result import Bounds
+from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
+from symmb.bounds.swarm import Swarm
+from symmb.bounds.taylor import Taylor

@@ -1,3 +1,3 @@
 """The command line: compare methods on a scene, simulate it, show its equations, export it as C."""
 
-from symmb.cli.main import main as main
+from symmb.cli.main import main

@@ -19,8 +19,7 @@ from symmb.cli import specs
 from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
-from symmb.codegen import cache
-from symmb.codegen.build import has_compiler
+from symmb.codegen import cache, has_compiler
 
 _PICTURES = (".png", ".pdf", ".svg")
 _SLOW = "No C compiler found: runs take about 30 times as long. Install gcc or clang, or set CC."

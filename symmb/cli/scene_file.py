@@ -9,7 +9,7 @@ from pathlib import Path
 
 from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean
-from symmb.scene import Scene
+from symmb.model import Scene
 
 _PACKAGE = Path(__file__).parents[1]
 _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"

@@ -18,11 +18,22 @@ from symmb.bounds import (
     Taylor,
     Vertex,
 )
-from symmb.solve.compiled import DormandPrince, RungeKutta
-from symmb.solve.event_driven import EventDriven
-from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
-from symmb.solve.solvers import CVODES, IDAS, Collocation, StabilizedIndex2
-from symmb.solve.state_space import StateSpace
+from symmb.integrate import (
+    BDFI3,
+    CVODES,
+    HHT,
+    IDAS,
+    NSTIFFSI2,
+    Collocation,
+    DormandPrince,
+    EventDriven,
+    GeneralizedAlpha,
+    Newmark,
+    Rosenbrock,
+    RungeKutta,
+    StabilizedIndex2,
+    StateSpace,
+)
 
 _WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES"}
 """The numbers of the forms that are whole; any other is a real one."""

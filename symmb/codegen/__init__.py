@@ -1,1 +1,21 @@
-"""C from CasADi instruction lists: emitted, built, cached and loaded; step loops that run many samples side by side."""
+"""C from CasADi expressions: written, built, cached, loaded, and run for many samples side by side.
+
+The fixed parts of the C are in the folder c; `fallback` does the same work with NumPy.
+"""
+
+from symmb.codegen import cache
+from symmb.codegen.build import has_compiler, load
+from symmb.codegen.c_source import c_source
+from symmb.codegen.engine import (
+    MOST_STEPS,
+    REASONS,
+    Engine,
+    FixedStep,
+    Losses,
+    Scheme,
+    Tolerances,
+    model_function,
+    scheme_function,
+)
+from symmb.codegen.fallback import ArrayEngine
+from symmb.codegen.threads import cores, side_by_side

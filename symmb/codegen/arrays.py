@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.codegen.graph import CONSTANT, INPUT, Graph
-from symmb.symbolic.instructions import operation_name
+from symmb.symbolic import operation_name
 
 
 def _same(a: Array) -> Array:

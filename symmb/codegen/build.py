@@ -15,6 +15,7 @@ from pathlib import Path
 
 from symmb._errors import SymmbError
 from symmb.codegen import cache
+from symmb.codegen.c_source import C_FOLDER, c_source
 
 _FLAGS = (
     "-O2",
@@ -128,7 +129,7 @@ def _compiler() -> _Compiler:
 
 def _builds(compiler: str, version: str, flags: tuple[str, ...]) -> bool:
     """Whether a library that uses the lanes can be built, with nothing left undefined; a yes is noted in the cache."""
-    lanes = (Path(__file__).parent / "lanes.h").read_text(encoding="utf-8")
+    lanes = c_source("lanes")
     key = _key(_PROBE, lanes, compiler, version, *flags)
     if cache.is_noted(key):
         return True
@@ -136,7 +137,7 @@ def _builds(compiler: str, version: str, flags: tuple[str, ...]) -> bool:
         with tempfile.TemporaryDirectory(prefix="symmb-") as folder:
             text = Path(folder) / "probe.c"
             text.write_text(_PROBE, encoding="utf-8")
-            command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{Path(__file__).parent}"]
+            command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{C_FOLDER}"]
             if subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode:
                 return False
     except OSError:  # no room for files, or no program after all

@@ -7,7 +7,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb.codegen.graph import CONSTANT, INPUT, Graph
-from symmb.symbolic.instructions import operation_name
+from symmb.symbolic import operation_name
 
 _CHUNK = 400
 """Statements in one C function: compilers take more than linear time for long ones."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from symmb._types import Array
 from symmb.codegen import cache, tableau
 from symmb.codegen.build import load
+from symmb.codegen.c_source import c_source
 from symmb.codegen.emit import Emitter
 from symmb.codegen.graph import INPUT, Graph, graph_of
 from symmb.codegen.threads import side_by_side
@@ -275,7 +276,7 @@ def _kept(f: ca.Function, options: object, write: Callable[[], str]) -> str:
 @functools.cache
 def _generator() -> str:
     """What the generator's own files say."""
-    files = sorted(path for path in Path(__file__).parent.iterdir() if path.suffix in (".py", ".h"))
+    files = sorted(path for path in Path(__file__).parent.rglob("*") if path.suffix in (".py", ".h"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
@@ -289,7 +290,7 @@ def _source(f: ca.Function, fixed: bool) -> str:
         nodes[name] = [nodes[name][i] for i in order]
     stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
     sizes = {"N_OWN": n_own, "N_K": stages * n_own}
-    steps = [tableau.classical(), header("fixed")] if fixed else [tableau.pair(), header("pair")]
+    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("pair")]
     return _study(graph, nodes, place, f.numel_in(1), sizes, steps)
 
 
@@ -307,7 +308,7 @@ def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
         "ORDER": scheme.order,
         "GROWTH": scheme.growth,
     }
-    return _study(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, [header("step")])
+    return _study(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, [c_source("implicit_step")])
 
 
 def _study(
@@ -341,10 +342,10 @@ def _study(
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
-            header("lanes"),
+            c_source("lanes"),
             *(f"static const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             model,
-            header("study"),
+            c_source("ensemble"),
             *steps,
         ]
     )
@@ -365,8 +366,3 @@ def _order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
     integral = {v: x for v, x in integral.items() if v not in integral.values()}
     own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
     return [*own, *integral.values()], len(own)
-
-
-def header(name: str) -> str:
-    """The text of a C header of this folder."""
-    return (Path(__file__).parent / f"{name}.h").read_text(encoding="utf-8")

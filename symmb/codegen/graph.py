@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from symmb.symbolic.instructions import interpret
+from symmb.symbolic import interpret
 
 CONSTANT = -1
 INPUT = -2

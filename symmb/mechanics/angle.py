@@ -4,13 +4,14 @@ import math
 
 import casadi as ca
 
-from symmb.mechanics.body import _Framed
+from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.pose import turns_about_z
-from symmb.symbolic.geometry import triad, turn
-from symmb.symbolic.symbols import Kind, Symbol, declare
+from symmb.symbolic import Kind, Symbol, declare, triad, turn
 
 
-def relative_angle(name: str, a: _Framed, axis_a: ca.SX, b: _Framed, axis_b: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
+def relative_angle(
+    name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, axis_b: ca.SX
+) -> tuple[ca.SX, tuple[Symbol, ...]]:
     """Angle of body b against body a about an axis fixed in both [rad], and the records its state needs.
 
     For bodies that turn about z alone it is a difference of coordinates. Quaternions know an angle only up to whole

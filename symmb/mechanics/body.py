@@ -9,11 +9,10 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Expr
 from symmb.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
-from symmb.symbolic.geometry import is_zero, vector
-from symmb.symbolic.symbols import ddt
+from symmb.symbolic import ddt, is_zero, vector
 
 
-class _Framed:
+class AbstractBody:
     """What bodies and the ground share: a name, a pose, a frame and points."""
 
     name: str
@@ -22,7 +21,7 @@ class _Framed:
     com: tuple[Expr, ...]
 
     @property
-    def owner(self) -> "_Framed":
+    def owner(self) -> "AbstractBody":
         """The body whose coordinates carry the frame."""
         return self
 
@@ -81,7 +80,7 @@ class _Framed:
 
 
 @dataclass(frozen=True, eq=False)
-class Body(_Framed):
+class Body(AbstractBody):
     """A rigid body; its coordinates are those of its centre of mass.
 
     Parameters
@@ -116,7 +115,7 @@ class Body(_Framed):
         object.__setattr__(self, "frame", self.pose.frame(self.name))
 
     @property
-    def center(self) -> _Framed:
+    def center(self) -> AbstractBody:
         """What carries the centre of mass: gravity acts there."""
         return self
 
@@ -157,7 +156,7 @@ class Inertial:
     flows: bool = True
 
 
-class Ground(_Framed):
+class Ground(AbstractBody):
     """The world frame, which does not move."""
 
     def __init__(self) -> None:
@@ -174,7 +173,7 @@ class Ground(_Framed):
 class Point:
     """A point fixed to a body, or to a node of a flexible one, `s` (3,) from its frame in its axes [m]."""
 
-    body: "_Framed"
+    body: "AbstractBody"
     s: ca.SX
 
     @property

@@ -14,11 +14,10 @@ import casadi as ca
 
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
-from symmb.mechanics.body import Ground, Point, _Framed
+from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.element import Bind, Element, point_faults, pose_faults
 from symmb.mechanics.pose import Particle, Planar, Pose, Spatial
-from symmb.symbolic.geometry import is_zero, triad, turn, unit, vector
-from symmb.symbolic.symbols import Symbol
+from symmb.symbolic import Symbol, is_zero, triad, turn, unit, vector
 
 Axis = tuple[Expr, ...]
 _Z: Axis = (0, 0, 1)
@@ -57,7 +56,7 @@ class Joint(Constraint):
     point_a: Point
     point_b: Point
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.point_a.body, self.point_b.body)
 
     def faults(self) -> Iterator[str]:
@@ -243,7 +242,7 @@ class PointOnLine(AxisJoint):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         body = getattr(self.point_a, "body", None)
-        if isinstance(body, _Framed) and isinstance(body.pose, Planar) and not is_zero(vector(self.axis)[2]):
+        if isinstance(body, AbstractBody) and isinstance(body.pose, Planar) and not is_zero(vector(self.axis)[2]):
             yield (
                 f"{self.title}: axis {self.axis} leaves the plane of planar body {body.name!r}. "
                 "Use an axis with z = 0 or pose=Spatial()."
@@ -323,7 +322,7 @@ class Motion(Constraint):
     expression: Expr
     law: Expr
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return ()
 
     def faults(self) -> Iterator[str]:
@@ -340,7 +339,7 @@ class VelocityConstraint(Constraint):
     name: str
     expressions: tuple[Expr, ...]
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return ()
 
     def faults(self) -> Iterator[str]:

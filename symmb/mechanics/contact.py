@@ -8,14 +8,13 @@ import casadi as ca
 
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
-from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, turning_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, Load, PairForce, fixed_at, is_constant, moment_on, push
 from symmb.mechanics.friction import FrictionLaw, friction_faults
 from symmb.mechanics.pose import Planar
-from symmb.symbolic.geometry import Z, triad, unit, vector
-from symmb.symbolic.symbols import Symbol, ddt
+from symmb.symbolic import Symbol, Z, ddt, triad, unit, vector
 
 
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
@@ -59,7 +58,7 @@ class Contact(ForceElement):
     radius: Expr = 0.0
     friction: FrictionLaw | None = None
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.point.body, self.plane_point.body)
 
     def faults(self) -> Iterator[str]:
@@ -91,7 +90,7 @@ class Contact(ForceElement):
         yield Action(push(fixed_at(b, foot), a, tangents @ force), states=states)
 
 
-def _velocity(body: _Framed, r: ca.SX) -> ca.SX:
+def _velocity(body: AbstractBody, r: ca.SX) -> ca.SX:
     """World velocity (3,) [m/s] of the point of a body that is at the world position r at this moment."""
     frame = body.frame
     return frame.velocity + ca.cross(frame.R @ frame.omega, r - frame.r)
@@ -187,14 +186,14 @@ class TorsionContact(ForceElement):
     """
 
     name: str
-    body_a: _Framed
-    body_b: _Framed
+    body_a: AbstractBody
+    body_b: AbstractBody
     backlash: Expr
     law: ContactLaw
     angle: Expr = 0.0
     axis: tuple[Expr, ...] = (0, 0, 1)
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.body_a, self.body_b)
 
     def faults(self) -> Iterator[str]:

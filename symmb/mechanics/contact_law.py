@@ -12,7 +12,7 @@ import casadi as ca
 from symmb._types import Expr
 from symmb.mechanics.element import require_number
 from symmb.mechanics.table import Table
-from symmb.symbolic.geometry import is_zero
+from symmb.symbolic import is_zero
 
 _TOUCH = 1e-12
 """Penetration from which there is a force [m, rad]: shorter ones have third derivatives beyond double precision."""

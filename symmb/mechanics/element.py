@@ -9,9 +9,9 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb.mechanics.body import Ground, Point, _Framed
+from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
-from symmb.symbolic.geometry import is_zero, vector
+from symmb.symbolic import is_zero, vector
 
 Bind = Callable[[Any, str], ca.SX]
 """Turns a law as declared (number, SX or SymPy) into SX; the text says whose law it is, for error messages."""
@@ -28,7 +28,7 @@ class Element(ABC):
         return f"{type(self).__name__} {self.name!r}"
 
     @abstractmethod
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         """The bodies and grounds the element is attached to."""
 
     @abstractmethod
@@ -51,11 +51,13 @@ def point_faults(title: str, *points: object) -> Iterator[str]:
 def body_faults(title: str, *bodies: object) -> Iterator[str]:
     """Faults of the bodies an element is attached to."""
     for body in bodies:
-        if not isinstance(body, _Framed):
+        if not isinstance(body, AbstractBody):
             yield f"{title}: expected a body, got {type(body).__name__}."
 
 
-def pose_faults(title: str, bodies: tuple[_Framed, ...], allowed: tuple[tuple[type[Pose], ...], ...]) -> Iterator[str]:
+def pose_faults(
+    title: str, bodies: tuple[AbstractBody, ...], allowed: tuple[tuple[type[Pose], ...], ...]
+) -> Iterator[str]:
     """Faults of a joint whose bodies have poses it makes no sense with."""
     for body, poses in zip(bodies, allowed, strict=True):
         if not isinstance(body.pose, (*poses, Fixed)):
@@ -76,7 +78,7 @@ def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Ite
     yield from faults
     if faults:
         return
-    bodies = cast(tuple[_Framed, ...], (body_a, body_b))
+    bodies = cast(tuple[AbstractBody, ...], (body_a, body_b))
     yield from pose_faults(title, bodies, ((Planar, Spatial), (Planar, Spatial)))
     a = vector(axis, f"axis of {title}")
     if is_zero(a):
@@ -85,7 +87,7 @@ def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Ite
         yield f"{title}: axis {axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
 
 
-def pair_faults(title: str, bodies: tuple[_Framed, ...]) -> Iterator[str]:
+def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
     """Fault of an element whose two points cannot move against each other."""
     if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
         yield f"{title}: both points are on the ground, nothing is left to act on."

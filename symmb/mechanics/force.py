@@ -10,11 +10,10 @@ import casadi as ca
 from symmb._errors import DeclarationError
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
-from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults, turning_faults
 from symmb.mechanics.pose import Planar, Spatial
-from symmb.symbolic.geometry import is_zero, unit, vector
-from symmb.symbolic.symbols import Kind, Symbol, ddt, is_time, lookup, symbols_in
+from symmb.symbolic import Kind, Symbol, ddt, is_time, is_zero, lookup, symbols_in, unit, vector
 
 MEETING = 1e-12
 """Distance below which two points meet [m]: no direction leads from one to the other."""
@@ -24,7 +23,7 @@ MEETING = 1e-12
 class Load:
     """A wrench on a body about its centre of mass: force in world axes [N], torque in body axes [N m], (3,) each."""
 
-    body: _Framed
+    body: AbstractBody
     force: ca.SX
     torque: ca.SX
 
@@ -46,17 +45,17 @@ def force_at(point: Point, force: ca.SX) -> Load:
     return Load(point.body, force, ca.cross(point.s, point.body.frame.R.T @ force))
 
 
-def moment_on(body: _Framed, torque: ca.SX) -> Load:
+def moment_on(body: AbstractBody, torque: ca.SX) -> Load:
     """Load of a world torque on a body."""
     return Load(body, ca.SX(3, 1), body.frame.R.T @ torque)
 
 
-def fixed_at(body: _Framed, r: ca.SX) -> Point:
+def fixed_at(body: AbstractBody, r: ca.SX) -> Point:
     """The point of a body that is at the world position r (3,) [m] at this moment."""
     return Point(body, body.frame.R.T @ (r - body.frame.r))
 
 
-def push(point: Point, body: _Framed, force: ca.SX) -> tuple[Load, Load]:
+def push(point: Point, body: AbstractBody, force: ca.SX) -> tuple[Load, Load]:
     """A world force at a point, and the opposite one on another body.
 
     The reaction acts where the point is: only then do the loads balance and conserve energy.
@@ -95,7 +94,7 @@ class PairForce(ForceElement):
     point_a: Point
     point_b: Point
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.point_a.body, self.point_b.body)
 
     def faults(self) -> Iterator[str]:
@@ -112,7 +111,7 @@ class Gravity(ForceElement):
     gz: Expr = 0.0
     name: str = "gravity"
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return ()
 
     def faults(self) -> Iterator[str]:
@@ -193,14 +192,14 @@ class TorsionSpring(ForceElement):
     """
 
     name: str
-    body_a: _Framed
-    body_b: _Framed
+    body_a: AbstractBody
+    body_b: AbstractBody
     stiffness: Expr
     damping: Expr = 0.0
     angle: Expr = 0.0
     axis: tuple[Expr, ...] = (0, 0, 1)
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.body_a, self.body_b)
 
     def faults(self) -> Iterator[str]:
@@ -290,7 +289,7 @@ class Force(ForceElement):
     point: Point
     force: tuple[Expr, ...]
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.point.body,)
 
     def faults(self) -> Iterator[str]:
@@ -307,10 +306,10 @@ class Torque(ForceElement):
     """A torque tz or (tx, ty, tz) [N m] in world axes on a body."""
 
     name: str
-    body: _Framed
+    body: AbstractBody
     torque: Expr
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.body,)
 
     def faults(self) -> Iterator[str]:

@@ -10,8 +10,7 @@ from symmb._types import Expr
 from symmb.mechanics.body import Body
 from symmb.mechanics.element import Bind, bound, direction_faults, require_number
 from symmb.mechanics.force import Action, PairForce, push
-from symmb.symbolic.geometry import unit, vector
-from symmb.symbolic.symbols import Kind, Symbol, ddt, declare
+from symmb.symbolic import Kind, Symbol, ddt, declare, unit, vector
 
 
 class FrictionLaw(ABC):

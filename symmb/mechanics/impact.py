@@ -7,9 +7,9 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.mechanics.body import _Framed
+from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element
-from symmb.symbolic.symbols import Kind, Symbol, declare
+from symmb.symbolic import Kind, Symbol, declare
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Impact(Element):
     gap: Expr
     restitution: Expr
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return ()
 
     def faults(self) -> Iterator[str]:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.mechanics.body import Body, Point, _Framed
+from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import law_faults, press
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, diagonal, force_at, mount, push
-from symmb.symbolic.geometry import unit, vector
-from symmb.symbolic.symbols import ddt
+from symmb.symbolic import ddt, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +131,7 @@ class Soil(ForceElement):
     rotational_stiffness: Expr = 0.0
     rotational_damping: Expr = 0.0
 
-    def bodies(self) -> tuple[_Framed, ...]:
+    def bodies(self) -> tuple[AbstractBody, ...]:
         return (self.ground_point.body, self.point.body)
 
     def faults(self) -> Iterator[str]:

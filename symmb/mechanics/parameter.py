@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._types import Array
-from symmb.symbolic.symbols import Kind, declare
+from symmb.symbolic import Kind, declare
 
 
 class Parameters(Mapping[str, float]):

@@ -12,8 +12,17 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from symmb.symbolic.geometry import product, quaternion_rate, rotation_by, rotation_matrix, rotation_z, vector
-from symmb.symbolic.symbols import Kind, Symbol, declare
+from symmb.symbolic import (
+    Kind,
+    Symbol,
+    declare,
+    product,
+    quaternion_rate,
+    rotation_by,
+    rotation_matrix,
+    rotation_z,
+    vector,
+)
 
 
 @dataclass(frozen=True, eq=False)

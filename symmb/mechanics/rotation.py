@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.symbolic.geometry import product, unit, vector
+from symmb.symbolic import product, unit, vector
 
 
 @dataclass(frozen=True, eq=False)

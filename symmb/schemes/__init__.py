@@ -1,1 +1,10 @@
-"""Implicit step formulas as symbolic residuals: data for one driver, which lets CasADi derive their Newton matrix."""
+"""Time steps as data: tableaus and symbolic residuals, one file for each method.
+
+The drivers that take the steps are in `codegen` and `integrate`.
+"""
+
+from symmb.schemes import dop853, rosenbrock, runge_kutta
+from symmb.schemes.generalized_alpha import generalized_alpha
+from symmb.schemes.nstiff_si2 import nstiff_si2
+from symmb.schemes.pair_step import error_norm, interpolated, pair_step
+from symmb.schemes.step import Step

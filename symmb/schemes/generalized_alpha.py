@@ -2,8 +2,8 @@
 
 import casadi as ca
 
-from symmb.dae import DAE
-from symmb.schemes._step import At, Step, sizes
+from symmb.model import DAE
+from symmb.schemes.step import At, Step, sizes
 
 
 def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamma: float | None = None) -> Step:

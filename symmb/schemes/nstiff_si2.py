@@ -2,8 +2,8 @@
 
 import casadi as ca
 
-from symmb.dae import DAE
-from symmb.schemes._step import At, Step, sizes
+from symmb.model import DAE
+from symmb.schemes.step import At, Step, sizes
 
 
 def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:

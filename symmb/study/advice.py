@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Mapping, Sequence
 
-from symmb.solve.stiffness import STIFF, Stiffness
+from symmb.integrate import STIFF, Stiffness
 from symmb.study.trials import LEFT_OUT, Trial
 
 GOOD, STABLE = 1e-3, 0.1

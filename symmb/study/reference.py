@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._box import Box
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor
-from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Sobol, Vertex, propagate
-from symmb.simulate import Simulator
+from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Vertex, propagate
+from symmb.model import Box
+from symmb.nodes import Sobol
+from symmb.simulation import Simulator
 from symmb.study.metrics import Yardstick
 
 _RUNS = 2000

@@ -11,16 +11,26 @@ from typing import Any
 import numpy as np
 
 from symmb import plot
-from symmb._box import Box
 from symmb._errors import SimulationError
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.scene import Scene
-from symmb.simulate._dae import DAESimulator
-from symmb.solve.compiled import DormandPrince, RungeKutta
-from symmb.solve.implicit_solvers import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
-from symmb.solve.solvers import CVODES, IDAS, Solver, StabilizedIndex2
-from symmb.solve.stiffness import stiffness
+from symmb.integrate import (
+    BDFI3,
+    CVODES,
+    HHT,
+    IDAS,
+    NSTIFFSI2,
+    DormandPrince,
+    GeneralizedAlpha,
+    Newmark,
+    Rosenbrock,
+    RungeKutta,
+    Solver,
+    StabilizedIndex2,
+    stiffness,
+)
+from symmb.model import Box, Scene
+from symmb.simulation import DAESimulator
 from symmb.study.advice import advice
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs

@@ -8,12 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from symmb.mechanics.body import Point
-from symmb.mechanics.force import Gravity
-from symmb.scene import Scene
-from symmb.symbolic.symbols import t
-from symmb.symbolic.sympy_border import from_sympy, is_sympy
-from symmb.system import System
+from symmb.mechanics import Gravity, Point
+from symmb.model import Scene, System
+from symmb.symbolic import from_sympy, is_sympy, t
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from symmb._errors import SymmbError
 from symmb._types import Array
-from symmb.scene import Scene
-from symmb.simulate._simulate import simulate
-from symmb.solve.solvers import Solver
+from symmb.integrate import Solver
+from symmb.model import Scene
+from symmb.simulation import simulate
 
 LEFT_OUT = "left out for want of time"
 _TICK = 0.2

@@ -1,0 +1,27 @@
+"""Algebra on CasADi SX: symbols, vectors, derivatives, linear systems, and the border to SymPy.
+
+The files sympy_in, sympy_out and latex are the only ones that know SymPy.
+"""
+
+from symmb.symbolic.batch import batch
+from symmb.symbolic.geometry import (
+    Z,
+    is_zero,
+    product,
+    quaternion_rate,
+    rotation_by,
+    rotation_matrix,
+    rotation_z,
+    triad,
+    turn,
+    unit,
+    vector,
+)
+from symmb.symbolic.instructions import interpret, operation_name
+from symmb.symbolic.jets import jet_function, jets
+from symmb.symbolic.latex import latex
+from symmb.symbolic.linear import general_solver, saddle_solver, symmetric_solver
+from symmb.symbolic.switching import On, laws, switching
+from symmb.symbolic.symbols import Kind, Symbol, ddt, declare, initial, is_time, lookup, rate, symbols_in, t
+from symmb.symbolic.sympy_in import from_sympy, is_sympy
+from symmb.symbolic.sympy_out import to_sympy

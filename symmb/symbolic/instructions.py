@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import casadi as ca
 
-from .._errors import DeclarationError
+from symmb._errors import DeclarationError
 
 T = TypeVar("T")
 

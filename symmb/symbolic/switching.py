@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import casadi as ca
 
-from .instructions import interpret
+from symmb.symbolic.instructions import interpret
 
 _GUARD = 1e-20
 """A bound as small as this keeps a denominator from vanishing and is never met."""

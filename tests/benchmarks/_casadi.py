@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from _timing import spent
 
-from symmb.dae import DAE
-from symmb.solve._problem import build_problem
+from symmb.integrate.problem import build_problem
+from symmb.model.dae import DAE
 
 Run = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

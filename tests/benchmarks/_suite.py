@@ -22,8 +22,8 @@ from models import (
     slider_crank_spatial,
     spherical_pendulum,
 )
-from symmb.bounds import Method
-from symmb.simulate._dae import DAESimulator
+from symmb import DAESimulator
+from symmb.bounds.method import Method
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import symmb as mb
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from models.chain import scene
-from symmb.solve.start import prepare_start
+from symmb.start.start import prepare_start
 
 print("    n  derive [s]  compile [s]  start [s]  instructions a link")
 for n in (5, 10, 20, 50, 100, 200):

@@ -19,7 +19,7 @@ from _casadi import idas, minimal, redundant, runge_kutta
 from models.double_pendulum import scene
 
 import symmb as mb
-from symmb.simulate._dae import DAESimulator
+from symmb import DAESimulator
 
 try:
     from _exudyn import tree

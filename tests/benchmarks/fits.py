@@ -11,8 +11,8 @@ pin()
 import chaospy
 import numpy as np
 
-from symmb.bounds import Gauss, TotalDegree
-from symmb.bounds._fit import Fit
+from symmb import Gauss, TotalDegree
+from symmb.nodes.fit import Fit
 
 OUTPUTS, TIMES = 64, 1001
 t = np.linspace(0.0, 10.0, TIMES)[:, None]

@@ -12,7 +12,7 @@ from _suite import boxed, chain
 
 import symmb as mb
 from models import double_pendulum
-from symmb.simulate._dae import DAESimulator
+from symmb import DAESimulator
 
 
 def rms(a: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from models.double_pendulum import scene
 
 import symmb as mb
-from symmb.simulate._dae import DAESimulator
+from symmb import DAESimulator
 
 SAMPLES = 1_000_000
 FEW = 2_000

@@ -15,9 +15,9 @@ from models import double_pendulum
 
 import symmb as mb
 from symmb._types import Array
-from symmb.bounds._exact import has_compiler
-from symmb.bounds._fit import Fit
-from symmb.bounds._legendre import MultiIndices, basis_values, tensor_degree, total_degree
+from symmb.codegen.build import has_compiler
+from symmb.nodes.fit import Fit
+from symmb.polynomials.legendre import MultiIndices, basis_values, tensor_degree, total_degree
 
 TOLERANCE = 1e-3
 SAMPLES = 10_000

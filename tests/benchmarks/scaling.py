@@ -25,7 +25,7 @@ from models import chain, n_four_bar
 
 import symmb as mb
 from symmb.codegen.build import has_compiler
-from symmb.simulate._dae import DAESimulator
+from symmb import DAESimulator
 
 COLUMNS = (
     "statements a link",

@@ -9,14 +9,13 @@ from numpy.testing import assert_allclose
 
 import symmb as mb
 from models import double_pendulum
-from symmb.bounds._continuation import Continuation, likely_ahead
-from symmb.bounds._dense import dense_extremes
-from symmb.bounds._exact import Exact
-from symmb.bounds._grid import Grid, line
-from symmb.bounds._legendre import basis_values, tensor_degree
-from symmb.bounds._nodes import ClenshawCurtis
-from symmb.bounds._tails import Tails
+from symmb import ClenshawCurtis, Exact
+from symmb.bounds.adaptive.continuation import Continuation, likely_ahead
+from symmb.bounds.adaptive.truncation_error import Tails
 from symmb.codegen.build import has_compiler
+from symmb.nodes.grid import Grid, line
+from symmb.polynomials.legendre import basis_values, tensor_degree
+from symmb.polynomials.ranges.dense import dense_extremes
 from symmb.study.metrics import Yardstick
 
 RNG = np.random.default_rng(7)

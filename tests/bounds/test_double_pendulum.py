@@ -9,7 +9,7 @@ import pytest
 
 import symmb as mb
 from models.double_pendulum import scene
-from symmb.simulate import run_blocks
+from symmb.simulation.simulator import run_blocks
 from symmb.study.metrics import Yardstick
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
@@ -103,7 +103,7 @@ def test_coefficients_are_those_of_chaospy(simulator):
 
 def surrogate(nodes, basis, order, Y, points):
     """Values (n, m) at points (n, d) of the unit box of the polynomial fitted to Y (N, m) at the nodes."""
-    from symmb.bounds._fit import Fit
+    from symmb.nodes.fit import Fit
 
     fit = Fit.of(nodes, basis, points.shape[1], order)
     coefficients = fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))

@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symmb._errors import PropagationError
-from symmb.bounds import Box, IntervalArithmetic, propagate
-from symmb.bounds._interval import EXTENSIONS, Interval, operate
+from symmb import Box, IntervalArithmetic, PropagationError, propagate
+from symmb.bounds.interval import EXTENSIONS, Interval, operate
 
 
 @dataclass(frozen=True)

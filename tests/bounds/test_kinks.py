@@ -5,7 +5,7 @@ import pytest
 
 import symmb as mb
 from models import bouncing_ball
-from symmb.simulate import run_blocks
+from symmb.simulation.simulator import run_blocks
 
 G = 9.81
 TIMES = np.linspace(0.0, 3.0, 151)

@@ -10,9 +10,9 @@ from oscillators import BOX, TIMES, Wave, wave_bounds
 
 import symmb as mb
 from models.double_pendulum import scene
-from symmb.bounds import Box, Optimization, propagate
-from symmb.bounds._quadratic import _box_minima, quadratics
-from symmb.simulate import Ensemble, stream
+from symmb import Box, Optimization, propagate
+from symmb.bounds.quadratic_models import _box_minima, quadratics
+from symmb.simulation.simulator import Ensemble, stream
 
 
 def _quadratic(rng, d, m):

@@ -4,21 +4,22 @@ import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave
 
-from symmb._errors import DeclarationError, PropagationError
-from symmb.bounds import (
+from symmb import (
     Bounds,
     Box,
-    Failure,
+    DeclarationError,
+    FunctionSimulator,
     LatinHypercube,
     MonteCarlo,
     PolynomialChaos,
+    PropagationError,
     Random,
     Scanning,
     Sobol,
     Vertex,
     propagate,
 )
-from symmb.simulate import FunctionSimulator
+from symmb.bounds.failure import Failure
 
 
 def _fails_above(amplitude, w):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
-from symmb._errors import PropagationError
-from symmb.bounds import Box, MonteCarlo, Swarm, propagate
-from symmb.simulate import FunctionSimulator
+from symmb import Box, FunctionSimulator, MonteCarlo, PropagationError, Swarm, propagate
 
 FEW = np.array([0.0, 3.0, 6.0])
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from symmb._errors import PropagationError
-from symmb.bounds import Box, Taylor, propagate
-from symmb.bounds._legendre import homogeneous
-from symmb.bounds._taylor import _mixed
+from symmb import Box, PropagationError, Taylor, propagate
+from symmb.bounds.taylor import _mixed
+from symmb.polynomials.legendre import homogeneous
 
 TIMES = np.array([0.0, 0.5, 2.0])
 

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import symmb as mb
 from models import cubic, double_pendulum
 from symmb.codegen.engine import Engine, Tolerances, model_function
-from symmb.simulate import Reduction
+from symmb.simulation.simulator import Reduction
 
 TIMES = np.linspace(0, 5, 41)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")

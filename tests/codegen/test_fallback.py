@@ -17,11 +17,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from models import cubic, double_pendulum
-from symmb.cli import main
+from symmb.cli.main import main
 from symmb.codegen import build
 from symmb.codegen.engine import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
-from symmb.simulate import Reduction
+from symmb.simulation.simulator import Reduction
 
 ROOT = Path(mb.__file__).parents[1]
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
@@ -54,7 +54,7 @@ def both(simulator, P):
     model, x0 = (simulator.dae, simulator.times, simulator.y), simulator.start.states(P)[0]
     compiled = simulator.solver.engine(*model)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("symmb.solve.compiled.has_compiler", lambda: False)
+        patch.setattr("symmb.integrate.explicit.has_compiler", lambda: False)
         arrays = simulator.solver.engine(*model)
     assert isinstance(compiled, Engine) and isinstance(arrays, ArrayEngine)
     return x0, compiled, arrays

@@ -8,10 +8,19 @@ import pytest
 from mechanisms import explosion
 
 import symmb as mb
-from symmb import DeclarationError, PropagationError
-from symmb.bounds import Box, MonteCarlo, PolynomialChaos, Scanning, Taylor, Vertex
-from symmb.simulate import FunctionSimulator
-from symmb.study import compare, compare_simulator, default_methods
+from symmb import (
+    Box,
+    DeclarationError,
+    FunctionSimulator,
+    MonteCarlo,
+    PolynomialChaos,
+    PropagationError,
+    Scanning,
+    Taylor,
+    Vertex,
+)
+from symmb.study import measurement as compare
+from symmb.study.measurement import compare_simulator, default_methods
 
 T = np.linspace(0.0, 1.0, 11)
 BOX = Box(k=(0.5, 1.5))

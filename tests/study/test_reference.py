@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from symmb import PropagationError
-from symmb.bounds import Bounds, Box, Scanning, Vertex
-from symmb.simulate import FunctionSimulator
+from symmb import Bounds, Box, FunctionSimulator, PropagationError, Scanning, Vertex
 from symmb.study.reference import _resolutions, find_reference
 
 T = np.linspace(0.0, 1.0, 11)

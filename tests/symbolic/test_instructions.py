@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symmb._errors import DeclarationError
+from symmb import DeclarationError
 from symmb.symbolic.instructions import interpret, operation_name
 
 FLOATS = {

@@ -3,8 +3,7 @@
 import casadi as ca
 import pytest
 
-from symmb.symbolic._latex import typeset
-from symmb.symbolic.sympy_border import latex
+from symmb.symbolic.latex import latex, typeset
 
 
 @pytest.mark.parametrize(

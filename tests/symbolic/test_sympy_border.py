@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from symmb._errors import DeclarationError
-from symmb.symbolic.sympy_border import from_sympy, is_sympy, to_sympy
+from symmb import DeclarationError
+from symmb.symbolic.sympy_in import from_sympy, is_sympy
+from symmb.symbolic.sympy_out import to_sympy
 
 X, Y = ca.SX.sym("x"), ca.SX.sym("y")
 NAMES = ["rod1.theta", "l1"]
@@ -166,10 +167,7 @@ def test_is_sympy_recognises_expressions_and_matrices():
 
 
 def test_border_loads_without_sympy():
-    code = (
-        "import sys; from symmb.symbolic.sympy_border import is_sympy; "
-        "raise SystemExit(is_sympy(1.0) or 'sympy' in sys.modules)"
-    )
+    code = "import sys; from symmb.symbolic import is_sympy; raise SystemExit(is_sympy(1.0) or 'sympy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

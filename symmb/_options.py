@@ -1,0 +1,27 @@
+"""Options of frozen objects such as methods, rules and solvers: how they print, and checks of their values."""
+
+from dataclasses import MISSING, fields
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+
+
+def constructor_text(instance: Any, *leading: str, name: str | None = None) -> str:
+    """The call that makes an options object; fields at their defaults are left out.
+
+    ``leading`` are texts for the first fields, shown as they are ("" shows nothing).
+    """
+    options = [
+        f"{option.name}={getattr(instance, option.name)!r}"
+        for option in fields(instance)[len(leading) :]
+        if option.default is MISSING or getattr(instance, option.name) != option.default
+    ]
+    return f"{name or type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
+
+
+def require_whole(owner: str, name: str, value: object, least: int) -> None:
+    """DeclarationError unless value is an integer of at least ``least``."""
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
+        raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}, got {value!r}.")

@@ -1,0 +1,28 @@
+"""Failed runs and their text."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failed run: parameter values by name, time of the failure [s], what was said."""
+
+    parameters: dict[str, float]
+    time: float
+    message: str
+
+    def __str__(self) -> str:
+        if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):
+            return self.message  # it tells them itself, as those of scenes and functions do
+        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
+        return f"{values}: t = {self.time:.6g}: {self.message}"
+
+
+def failure_text(failed: Sequence[Failure], most: int = 5, indent: str = "  ") -> str:
+    """The first failed runs, a line each."""
+    lines = [f"{indent}{run}" for run in failed[:most]]
+    if len(failed) > most:
+        lines.append(f"{indent}and {len(failed) - most} more")
+    return "\n".join(lines)

@@ -1,0 +1,85 @@
+"""What a bounding method is: a frozen object that turns a simulator and a box into Bounds."""
+
+import time
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array, Executor
+from symmb.bounds.result import Bounds, Kind
+from symmb.model import Box
+from symmb.simulation import Progress, Simulator
+
+
+class Method(ABC):
+    """A way to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
+
+    kind: ClassVar[Kind]
+
+    def bounds(
+        self,
+        simulator: Simulator,
+        box: Box,
+        *,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> Bounds:
+        """Bound all outputs of a simulator at all its times over a box.
+
+        Parameters
+        ----------
+        simulator : where the trajectories come from
+        box : intervals of some or all parameters; the others keep their nominal values
+        executor : anything with an ordered ``map``; None runs in this thread
+        progress : called with runs done and runs in all
+
+        Returns
+        -------
+        Bounds
+            ``lower`` and ``upper`` (n_t, n_y).
+
+        Raises
+        ------
+        DeclarationError
+            If the box names a parameter that the simulator does not have.
+        PropagationError
+            If the simulator lacks what the method needs, or too many runs fail.
+        """
+        for name in box.names:
+            if name not in simulator.parameters:
+                raise DeclarationError(
+                    f"Box: {simulator!r} has no parameter '{name}'.{did_you_mean(name, simulator.parameters)}"
+                )
+        start = time.perf_counter()
+        result = self._bounds(simulator, box, executor, progress)
+        return replace(result, seconds=time.perf_counter() - start)
+
+    @abstractmethod
+    def _bounds(
+        self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+    ) -> Bounds: ...
+
+
+def require_method(owner: str, method: object) -> None:
+    """DeclarationError unless it is a Method."""
+    if isinstance(method, type):
+        raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
+    if not isinstance(method, Method):
+        raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {method!r}.")
+
+
+def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
+    """Points (N, len(box)) of the unit box as samples (N, d) of all parameters, in the simulator's order."""
+    P = np.tile(np.array(list(simulator.parameters.values()), dtype=float), (len(unit), 1))
+    P[:, parameter_columns(simulator, box)] = box.from_unit(unit)
+    return P
+
+
+def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
+    """Where the box's parameters stand among the simulator's."""
+    order = list(simulator.parameters)
+    return [order.index(name) for name in box.names]

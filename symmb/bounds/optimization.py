@@ -1,0 +1,141 @@
+"""Bounds by optimising the responses themselves, every output and time at once, with derivatives of the runs."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor
+from symmb.bounds.derivatives import unit_jets
+from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.quadratic_models import Quadratics, quadratics
+from symmb.bounds.reductions import extremes, failure_records, failures, together
+from symmb.bounds.result import Bounds, Kind
+from symmb.model import Box
+from symmb.nodes import grid
+from symmb.simulation import Progress, Simulator
+
+_SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
+"""Of what is minimised: a response, and its negative."""
+_BATCH = 8
+"""Runs with derivatives between two fits: fewer runs serve more, but every fit takes its time."""
+_NARROW = 1e-2
+"""Share of an output's largest width that counts as its width at the times where it is narrower."""
+_ROUNDING = 1e-9
+"""Share of an output's scale that counts as its width where it has none."""
+
+
+@dataclass(frozen=True)
+class Optimization(Method):
+    """Smallest and largest responses found by Newton steps from the best runs, of all outputs and times together.
+
+    A run with first derivatives gives value and gradient of every output at every time. About the best run of each
+    minimum or maximum a quadratic with secant curvature predicts a better point of the box; the next runs are
+    those whose prediction promises most, each taken to serve all others as far as their own quadratics say. The
+    first half of the budget is spent so; the other half on runs without derivatives where the last quadratics
+    point. The bounds are attained. Their ``estimate`` is their distance from the prediction plus the last change of
+    the prediction; an extreme far from every run may be missed. The executor serves the runs without derivatives.
+
+    Parameters
+    ----------
+    budget : most evaluations; a run with first derivatives in d parameters counts 1 + d
+    tolerance : predicted improvement below which nothing is tried, as a share of the width at that time
+
+    Raises
+    ------
+    DeclarationError
+        If the budget is not a positive integer or the tolerance not between 0 and 1.
+    PropagationError
+        From ``bounds``: the simulator gives no derivatives, they are not finite, or the budget's first half does
+        not pay one run with them.
+    SimulationError
+        From ``bounds``: a run with derivatives breaks down.
+
+    Examples
+    --------
+    >>> Optimization(budget=500)
+    Optimization(budget=500)
+
+    References
+    ----------
+    Nocedal and Wright, Numerical Optimization (2006), eq. (6.6), the secant equation.
+    """
+
+    budget: int = 300
+    tolerance: float = 1e-4
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole("Optimization", "budget", self.budget, 1)
+        if not 0 < self.tolerance < 1:
+            raise DeclarationError(f"Optimization: tolerance must be between 0 and 1, got {self.tolerance!r}.")
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        shape = len(simulator.times), len(simulator.outputs)
+        models, found, least, before, runs = self._descended(simulator, box, progress)
+        predicted = found - models.gain
+        P = parameter_samples(simulator, box, models.promising(least, self.budget - runs))
+        (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
+        found = np.minimum(found, np.concatenate([lower.ravel(), -upper.ravel()]))
+        estimate = np.abs(found - predicted) + np.abs(predicted - before)
+        lower, upper = found.reshape(2, *shape) * _SIGNS
+        return Bounds(
+            t=simulator.times,
+            names=simulator.outputs,
+            lower=lower,
+            upper=upper,
+            kind=self.kind,
+            method=repr(self),
+            evaluations=runs + len(P),
+            estimate=estimate.reshape(2, *shape).max(axis=0),
+            inner=(lower, upper),
+            failed=failure_records(simulator, box, P, bad),
+        )
+
+    def _descended(
+        self, simulator: Simulator, box: Box, progress: Progress | None
+    ) -> tuple[Quadratics, Array, Array, Array, int]:
+        """Last quadratics of the runs with derivatives, least values found, gains that count, prediction before,
+        evaluations. A maximum of y is a minimum of -y: the arrays are of all y, then of all -y."""
+        d, shape = len(box), (len(simulator.times), len(simulator.outputs))
+        cost = 1 + d
+        most = self.budget // 2 // cost
+        if not most:
+            raise PropagationError(
+                f"{self!r}: a run with derivatives in {d} parameters counts {cost}, more than half the budget. "
+                f"Give a budget of at least {2 * cost}."
+            )
+        new = grid(np.array([-1.0, 1.0]), d) if 2**d < most else np.empty((0, d))
+        new = np.concatenate([np.zeros((1, d)), new])
+        X, Y, G = np.empty((0, d)), np.empty((0, *shape)), np.empty((0, d, *shape))
+        predicted = None
+        while True:
+            jets = [unit_jets(self, simulator, box, x, np.eye(d), 1) for x in new]
+            X = np.concatenate([X, new])
+            Y = np.concatenate([Y, *(J[0, :1] for J in jets)])
+            G = np.concatenate([G, *(J[1:] for J in jets)])
+            if progress is not None:
+                progress(len(X) * cost, self.budget)
+            F = (Y[:, None] * _SIGNS).reshape(len(X), -1)
+            models = quadratics(X, F, (G[:, :, None] * _SIGNS).reshape(len(X), d, -1))
+            found = F.min(axis=0)
+            least = self.tolerance * np.tile(_widths(Y).ravel(), 2)
+            before = found if predicted is None else predicted
+            predicted = found - models.gain
+            new = models.promising(least, min(_BATCH, most - len(X)))
+            if not len(new):
+                return models, found, least, before, len(X) * cost
+
+    def __repr__(self) -> str:
+        return constructor_text(self)
+
+
+def _widths(Y: Array) -> Array:
+    """Widths (n_t, n_y) of responses (N, n_t, n_y) that gains are measured by; inf where an output is 0 throughout."""
+    width = np.ptp(Y, axis=0)
+    least = np.maximum(_NARROW * width.max(axis=0), _ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    widths = np.maximum(width, least)
+    return np.where(widths > 0, widths, np.inf)

@@ -1,0 +1,183 @@
+"""Polynomial chaos: Legendre expansions of the responses from runs at nodes, then their ranges."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor, Mask
+from symmb.bounds.adaptive import adaptive_bounds
+from symmb.bounds.failure import Failure, failure_text
+from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.reductions import extremes, failure_records, failures, projection, together
+from symmb.bounds.result import Bounds, Kind
+from symmb.model import Box
+from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
+from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
+from symmb.polynomials.ranges import Exact, LegendreInclusion, Range
+from symmb.simulation import March, Progress, Simulator
+
+_CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
+
+_Found = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
+"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), and the failed runs."""
+
+
+@dataclass(frozen=True)
+class PolynomialChaos(Method):
+    """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
+
+    ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids of up to three
+    parameters, in pieces of the box where the response has kinks or jumps; sparse grids that grow where the response
+    varies of more; and check runs at its own extremes.
+    ``PolynomialChaos(order=4)`` keeps to one order: interpolation at Clenshaw-Curtis nodes and the exact range of the
+    interpolant.
+    ``PolynomialChaos.paper(order=2)`` is the method of the paper.
+
+    Parameters
+    ----------
+    order : highest degree; None chooses it, and with it the nodes
+    nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
+    basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
+    range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
+    tolerance : without order: estimated error at which to stop, as a share of the response width
+    budget : without order: most runs allowed
+    lockstep : advance all nodes together from one output time to the next and expand at once (Fig. 4), which
+        needs a simulator that can march; else each node runs by itself, sampled at the output times (Fig.
+        5). The executor is not used then.
+
+    Raises
+    ------
+    DeclarationError
+        If an option is out of its range, or given where it has no meaning.
+    PropagationError
+        From ``bounds``: too many nodes failed for least squares over the others, or without order some of the first
+        ones, since later ones are predicted; the nodes do not determine the basis; lockstep without a simulator that
+        can march; the budget is below the first level.
+
+    Examples
+    --------
+    >>> PolynomialChaos.paper(order=2)
+    PolynomialChaos.paper(order=2)
+    >>> PolynomialChaos(order=4)
+    PolynomialChaos(order=4)
+
+    References
+    ----------
+    Wang and Yang, Nonlinear Dynamics (2021), sections 3.2-4.1.
+    """
+
+    order: int | None = None
+    nodes: Nodes = _CLENSHAW_CURTIS
+    basis: Basis = _TENSOR_DEGREE
+    range: Range = _EXACT
+    tolerance: float = 1e-2
+    budget: int | None = None
+    lockstep: bool = False
+
+    kind: ClassVar[Kind] = "estimate"
+
+    def __post_init__(self) -> None:
+        if self.order is not None:
+            require_whole("PolynomialChaos", "order", self.order, 1)
+            if self.budget is not None or self.tolerance != 1e-2:
+                raise DeclarationError("PolynomialChaos: tolerance and budget choose the order; leave order out.")
+            return
+        chosen = self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.range != _EXACT
+        if chosen or self.lockstep:
+            raise DeclarationError(
+                "PolynomialChaos without order chooses nodes, basis and range itself; give order=... ."
+            )
+        if self.budget is not None:
+            require_whole("PolynomialChaos", "budget", self.budget, 1)
+        if not 0 < self.tolerance < 1:
+            raise DeclarationError(f"PolynomialChaos: tolerance must be between 0 and 1, got {self.tolerance!r}.")
+
+    @classmethod
+    def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":
+        """The paper's method: Gauss nodes or a SparseGrid, total degree, projection, Legendre inclusion."""
+        return cls(order, nodes, TotalDegree(), LegendreInclusion(), lockstep=lockstep)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        if self.order is None:
+            return adaptive_bounds(repr(self), self.tolerance, self.budget, simulator, box, executor, progress)
+        fit = Fit.of(self.nodes, self.basis, len(box), self.order)
+        P = parameter_samples(simulator, box, fit.nodes)
+        if self.lockstep:
+            coefficients, inner, failed = self._marched(fit, P, simulator, box, progress)
+        else:
+            coefficients, inner, failed = self._streamed(fit, P, simulator, box, executor, progress)
+        lower, upper = self.range.bounds(fit.alpha, coefficients)
+        shape = len(simulator.times), len(simulator.outputs)
+        return Bounds(
+            simulator.times,
+            simulator.outputs,
+            lower.reshape(shape),
+            upper.reshape(shape),
+            self.kind,
+            repr(self),
+            len(P),
+            inner=inner,
+            failed=failed,
+            expansion=Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names),
+        )
+
+    def _streamed(
+        self,
+        fit: Fit,
+        P: Array,
+        simulator: Simulator,
+        box: Box,
+        executor: Executor | None,
+        progress: Progress | None,
+    ) -> _Found:
+        reduction = together(projection(fit.functionals, simulator), extremes(simulator), failures())
+        sums, inner, bad = simulator.stream(P, reduction, executor, progress)
+        failed = failure_records(simulator, box, P, bad)
+        ok = np.ones(len(P), dtype=bool)
+        ok[[index for index, _, _ in bad]] = False
+        return self._coefficients(fit, sums, ok, failed), inner, failed
+
+    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Found:
+        if not isinstance(simulator, March):
+            raise PropagationError(
+                f"{self!r}: it advances all nodes together, but {simulator!r} runs each sample by itself. "
+                "Leave lockstep out."
+            )
+        n_t, n_y = len(simulator.times), len(simulator.outputs)
+        coefficients = np.empty((len(fit.alpha), n_t, n_y))
+        inner_lower, inner_upper = np.empty((2, n_t, n_y))
+        ok = np.ones(len(P), dtype=bool)
+        failed: tuple[Failure, ...] = ()
+        for i, Y in simulator.march(P):
+            lost = ok & ~np.isfinite(Y).all(axis=1)
+            time = float(simulator.times[i])
+            new = tuple((int(n), time, "not finite") for n in np.flatnonzero(lost))
+            failed += failure_records(simulator, box, P, new)
+            ok &= ~lost
+            coefficients[:, i] = self._coefficients(fit, fit.functionals[:, ok] @ Y[ok], ok, failed)
+            inner_lower[i], inner_upper[i] = Y[ok].min(axis=0), Y[ok].max(axis=0)
+            if progress is not None:
+                progress(i + 1, n_t)
+        return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), failed
+
+    def _coefficients(self, fit: Fit, sums: Array, ok: Mask, failed: tuple[Failure, ...]) -> Array:
+        if not fit.determined(ok):
+            raise PropagationError(
+                f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the others do not determine "
+                f"{len(fit.alpha)} coefficients.\n{failure_text(failed)}"
+            )
+        return fit.coefficients(sums, ok)
+
+    def __repr__(self) -> str:
+        order = "" if self.order is None else f"order={self.order}"
+        if self.basis == TotalDegree() and self.range == LegendreInclusion() and self.nodes != _CLENSHAW_CURTIS:
+            options = [order]
+            if self.nodes != _GAUSS:
+                options.append(f"nodes={self.nodes!r}")
+            if self.lockstep:
+                options.append("lockstep=True")
+            return f"PolynomialChaos.paper({', '.join(options)})"
+        return constructor_text(self, order)

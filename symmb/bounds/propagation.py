@@ -1,0 +1,56 @@
+"""Bounds of a simulator by a method."""
+
+from symmb._types import Executor
+from symmb.bounds.method import Method, require_method
+from symmb.bounds.result import Bounds
+from symmb.integrate import Solver
+from symmb.model import Box, Scene
+from symmb.simulation import Progress, Simulator, simulator_of
+
+
+def propagate(
+    scene_or_simulator: Scene | Simulator,
+    method: Method,
+    box: Box | None = None,
+    solver: Solver | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Bounds:
+    """Bound every output of a scene or a simulator over time, for parameters anywhere in a box.
+
+    Parameters
+    ----------
+    scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
+    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ...
+    box : intervals of some or all parameters, the others keep their nominal values; default: the scene's
+    solver : how a Scene is integrated; default DormandPrince()
+    executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
+        on it
+    progress : called with runs done and runs in all
+
+    Returns
+    -------
+    Bounds
+        ``lower`` and ``upper`` (n_t, n_y).
+
+    Raises
+    ------
+    DeclarationError
+        If method is not a method, there is no box, or it names an unknown parameter.
+    PropagationError
+        If the simulator lacks what the method needs, or too many runs fail.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from symmb.bounds import Vertex
+    >>> from symmb.simulation import FunctionSimulator
+    >>> t = np.array([0.0, 1.0])
+    >>> decay = FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+    >>> result = propagate(decay, Vertex(), Box(k=(0.5, 2.0)))
+    >>> result.upper[:, 0].round(3)
+    array([1.   , 0.607])
+    """
+    require_method("propagate", method)
+    simulator, box = simulator_of(scene_or_simulator, box, solver)
+    return method.bounds(simulator, box, executor=executor, progress=progress)

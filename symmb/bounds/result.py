@@ -1,0 +1,223 @@
+"""What every bounding method returns."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+from zipfile import BadZipFile
+
+import numpy as np
+
+from symmb import plot
+from symmb._errors import DeclarationError, PropagationError
+from symmb._names import did_you_mean
+from symmb._table import aligned
+from symmb._types import Array
+from symmb.bounds.failure import Failure, failure_text
+from symmb.bounds.summary import MEANING, widest_bounds
+from symmb.polynomials import Expansion, Moments, moments
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Kind = Literal["enclosure", "estimate", "sampled"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bounds:
+    """Lower and upper bounds of every output at every time.
+
+    `print` tells what they are and where they are widest, `plot` draws them, `save` writes what `load` reads.
+
+    Attributes
+    ----------
+    t : (n_t,) times [s]
+    names : n_y outputs
+    lower, upper : (n_t, n_y) best estimate of the bounds
+    kind : "enclosure" (proved to contain the responses), "estimate" (of a surrogate: may miss either way) or
+        "sampled" (attained: the responses reach at least this far)
+    method : text of the method's constructor
+    evaluations : runs; a run with derivatives counts as many as they cost
+    estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
+    inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
+    failed : the runs that failed
+    seconds : wall time of runs and bounding [s]
+    expansion : polynomial chaos of a given order, or None
+    caution : from when on the method does not hold, and why; empty where nothing speaks against it
+
+    Examples
+    --------
+    >>> t = np.array([0.0, 1.0])
+    >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
+    (array([0., 1.]), array([0., 3.]))
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    kind: Kind
+    method: str
+    evaluations: int
+    estimate: Array | None = None
+    inner: tuple[Array, Array] | None = None
+    failed: tuple[Failure, ...] = ()
+    seconds: float = field(default=float("nan"))
+    expansion: Expansion | None = None
+    caution: str = ""
+
+    @property
+    def outer(self) -> tuple[Array, Array]:
+        """(lower, upper) widened by the estimated error, where there is one."""
+        if self.estimate is None:
+            return self.lower, self.upper
+        return self.lower - self.estimate, self.upper + self.estimate
+
+    def doubtful(self, share: float = 0.1) -> dict[str, float]:
+        """Outputs not to be trusted, and from which time on [s]: the estimated error exceeds a share of the width.
+
+        Both are taken as root mean squares from a time to the end; empty without an estimate.
+        """
+        if self.estimate is None:
+            return {}
+        error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (self.estimate, self.upper - self.lower))
+        bad = error > share**2 * width
+        return {
+            name: float(self.t[int(np.argmax(rest))])
+            for name, rest in zip(self.names, bad.T, strict=True)
+            if rest.any()
+        }
+
+    def __getitem__(self, name: str) -> tuple[Array, Array]:
+        """(lower, upper) of one output, each (n_t,)."""
+        if name not in self.names:
+            raise DeclarationError(f"Bounds: no output '{name}'.{did_you_mean(name, self.names)}")
+        column = self.names.index(name)
+        return self.lower[:, column], self.upper[:, column]
+
+    def moments(self) -> Moments:
+        """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
+
+        Raises
+        ------
+        PropagationError
+            If the method leaves no expansion.
+        """
+        if self.expansion is None:
+            raise PropagationError(
+                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4); "
+                "at kinks or jumps, where PolynomialChaos() cuts the box into pieces, samples of your own."
+            )
+        return moments(self.expansion, self.t, self.names)
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz file.
+
+        Raises
+        ------
+        DeclarationError
+            If the name does not end in .npz.
+        """
+        if Path(path).suffix != ".npz":
+            raise DeclarationError(f"Bounds are saved as .npz only; {path} must end in it.")
+        about = {
+            "names": self.names,
+            "kind": self.kind,
+            "method": self.method,
+            "evaluations": self.evaluations,
+            "failed": [[run.parameters, run.time, run.message] for run in self.failed],
+            "seconds": self.seconds,
+            "caution": self.caution,
+            "parameters": () if self.expansion is None else self.expansion.parameters,
+        }
+        none = np.empty((0, 0))
+        inner_lower, inner_upper = (none, none) if self.inner is None else self.inner
+        with open(path, "wb") as file:
+            np.savez_compressed(
+                file,
+                about=np.array(json.dumps(about)),
+                t=self.t,
+                lower=self.lower,
+                upper=self.upper,
+                estimate=none if self.estimate is None else self.estimate,
+                inner_lower=inner_lower,
+                inner_upper=inner_upper,
+                alpha=none if self.expansion is None else self.expansion.alpha,
+                coefficients=none if self.expansion is None else self.expansion.coefficients,
+            )
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Bounds":
+        """Read what ``save`` wrote.
+
+        Raises
+        ------
+        DeclarationError
+            If the file holds something else.
+        """
+        try:
+            with open(path, "rb") as file, np.load(file) as arrays:  # NumPy leaves what it cannot read open
+                return cls._of_arrays(arrays)
+        except (KeyError, TypeError, ValueError, EOFError, BadZipFile) as error:
+            raise DeclarationError(f"{path} does not hold saved Bounds, which are what Bounds.save writes.") from error
+
+    @classmethod
+    def _of_arrays(cls, arrays: Mapping[str, Array]) -> "Bounds":
+        about = json.loads(str(arrays["about"]))
+        return cls(
+            t=arrays["t"],
+            names=tuple(about["names"]),
+            lower=arrays["lower"],
+            upper=arrays["upper"],
+            kind=about["kind"],
+            method=about["method"],
+            evaluations=about["evaluations"],
+            estimate=arrays["estimate"] if arrays["estimate"].size else None,
+            inner=(arrays["inner_lower"], arrays["inner_upper"]) if arrays["inner_lower"].size else None,
+            failed=tuple(Failure(*run) for run in about["failed"]),
+            seconds=about["seconds"],
+            expansion=Expansion(arrays["alpha"].astype(np.intp), arrays["coefficients"], tuple(about["parameters"]))
+            if arrays["alpha"].size
+            else None,
+            caution=about.get("caution", ""),
+        )
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw the bounds over time, the first six outputs; write the picture to ``path`` if given.
+
+        The filled band lies between lower and upper; dashed lines are ``outer``, dotted ones ``inner`` of bounds
+        that are not sampled.
+        """
+        return plot.plot_bounds(
+            self.t,
+            self.names,
+            plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
+            outer=None if self.estimate is None else self.outer,
+            inner=None if self.kind == "sampled" else self.inner,
+            path=path,
+        )
+
+    def __str__(self) -> str:
+        failed = f"{len(self.failed)} failed; the bounds are those of the other runs:" if self.failed else "none failed"
+        lines = [
+            f"Bounds by {self.method}, {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s",
+            f"  kind         {self.kind} ({MEANING[self.kind]})",
+            f"  evaluations  {self.evaluations}, {failed}",
+        ]
+        if self.failed:
+            lines.append(failure_text(self.failed, 3, indent="    "))
+        doubtful = [f"{name} from {since:g} s" for name, since in self.doubtful().items()]
+        if doubtful:
+            lines.append(f"  doubtful     estimated error above 10 % of the width: {', '.join(doubtful)}")
+        if self.caution:
+            lines.append(f"  caution      {self.caution}")
+        table = widest_bounds(self.t, self.names, self.lower, self.upper, self.estimate)
+        return "\n".join([*lines, *(f"  {line}" for line in aligned(table))])
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return (
+            f"Bounds({self.kind}, {self.method}, {len(self.names)} outputs x {len(self.t)} times, "
+            f"{self.evaluations} evaluations{failed})"
+        )

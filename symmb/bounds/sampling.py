@@ -1,0 +1,139 @@
+"""Bounds by running many samples and keeping the extremes: attained, never proved."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor
+from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
+from symmb.bounds.result import Bounds, Kind
+from symmb.model import Box
+from symmb.nodes import Random, Sampler, grid
+from symmb.simulation import Progress, Simulator
+
+_RANDOM = Random()
+_MOST_POINTS = 10**8
+"""Of a grid: they have to be held."""
+
+
+@dataclass(frozen=True)
+class MonteCarlo(Method):
+    """Extremes over random samples of the box.
+
+    Parameters
+    ----------
+    samples : number of runs
+    seed : of the random numbers; the same seed gives the same samples
+    sampler : Random(), Sobol() or LatinHypercube()
+
+    Raises
+    ------
+    DeclarationError
+        If samples is not a positive integer or the seed is negative.
+
+    Examples
+    --------
+    >>> MonteCarlo(10_000)
+    MonteCarlo(10000)
+    """
+
+    samples: int = 10_000
+    seed: int = 0
+    sampler: Sampler = _RANDOM
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole("MonteCarlo", "samples", self.samples, 1)
+        require_whole("MonteCarlo", "seed", self.seed, 0)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        points = self.sampler.points(self.samples, len(box), self.seed)
+        return _sampled(self, points, simulator, box, executor, progress)
+
+    def __repr__(self) -> str:
+        return constructor_text(self, str(self.samples))
+
+
+@dataclass(frozen=True)
+class Scanning(Method):
+    """Extremes over a regular grid that includes the box's faces and corners (the paper's scanning method).
+
+    Parameters
+    ----------
+    points : grid points a parameter, at least 2; ``points**d`` runs in all
+
+    Examples
+    --------
+    >>> Scanning(21)
+    Scanning(21)
+    """
+
+    points: int = 21
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole("Scanning", "points", self.points, 2)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        points = _grid(self, np.linspace(-1.0, 1.0, self.points), len(box))
+        return _sampled(self, points, simulator, box, executor, progress)
+
+    def __repr__(self) -> str:
+        return constructor_text(self, str(self.points))
+
+
+@dataclass(frozen=True)
+class Vertex(Method):
+    """Extremes over the 2^d corners of the box: exact where the response is monotonic in every parameter.
+
+    Examples
+    --------
+    >>> Vertex()
+    Vertex()
+    """
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        return _sampled(self, _grid(self, np.array([-1.0, 1.0]), len(box)), simulator, box, executor, progress)
+
+
+def _grid(method: Method, line: Array, d: int) -> Array:
+    if len(line) ** d > _MOST_POINTS:
+        raise PropagationError(
+            f"{method!r}: a grid of {len(line)}^{d} points takes {float(len(line)) ** d:.1e} runs. "
+            "Use PolynomialChaos() or MonteCarlo(...)."
+        )
+    return grid(line, d)
+
+
+def _sampled(
+    method: Method,
+    unit: Array,
+    simulator: Simulator,
+    box: Box,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> Bounds:
+    P = parameter_samples(simulator, box, unit)
+    reduction = together(extremes(simulator), failures())
+    (lower, upper), bad = simulator.stream(P, reduction, executor, progress)
+    failed = failure_records(simulator, box, P, bad)
+    require_some(method, failed, len(P))
+    return Bounds(
+        t=simulator.times,
+        names=simulator.outputs,
+        lower=lower,
+        upper=upper,
+        kind=method.kind,
+        method=repr(method),
+        evaluations=len(P),
+        inner=(lower, upper),
+        failed=failed,
+    )

@@ -1,0 +1,111 @@
+"""Bounds by particle swarms, one for each minimum and maximum: what the literature runs as a reference."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor, Indices
+from symmb.bounds.failure import Failure
+from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
+from symmb.bounds.result import Bounds, Kind
+from symmb.model import Box
+from symmb.simulation import Progress, Reduction, Samples, Simulator
+
+_CONSTRICTION = 0.7298
+_PULL = 2.05
+"""Clerc and Kennedy's constants: (constriction) (velocity + pull towards own and common best)."""
+
+
+@dataclass(frozen=True)
+class Swarm(Method):
+    """Extremes found by particle swarms: for every output and time one that minimises and one that maximises.
+
+    All 2 n_t n_y swarms take their steps side by side, one call of the simulator a step; each particle looks at its
+    own swarm's output and time only, but the bounds are the extremes of all runs. It takes 2 n_t n_y ``particles``
+    ``steps`` runs: choose few times. A particle whose run fails moves on, and is no best.
+
+    Parameters
+    ----------
+    particles : of each swarm
+    steps : positions that each particle takes, the random start included
+    seed : of the random numbers
+
+    Examples
+    --------
+    >>> Swarm(particles=20)
+    Swarm(particles=20)
+
+    References
+    ----------
+    Clerc and Kennedy, IEEE Transactions on Evolutionary Computation 6 (2002), the constricted swarm.
+    """
+
+    particles: int = 10
+    steps: int = 20
+    seed: int = 0
+
+    kind: ClassVar[Kind] = "sampled"
+
+    def __post_init__(self) -> None:
+        require_whole("Swarm", "particles", self.particles, 1)
+        require_whole("Swarm", "steps", self.steps, 1)
+        require_whole("Swarm", "seed", self.seed, 0)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        n_t, n_y, d = len(simulator.times), len(simulator.outputs), len(box)
+        random = np.random.default_rng(self.seed)
+        shape = 2 * n_t * n_y, self.particles, d
+        runs = shape[0] * self.particles
+        reduction = together(_watched(n_t * n_y, self.particles), extremes(simulator), failures())
+        x, velocity = random.uniform(-1.0, 1.0, shape), np.zeros(shape)
+        own, least = x.copy(), np.full(shape[:2], np.inf)
+        lower, upper = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf)
+        failed: tuple[Failure, ...] = ()
+        for step in range(self.steps):
+            P = parameter_samples(simulator, box, x.reshape(runs, d))
+            values, (low, high), bad = simulator.stream(P, reduction, executor)
+            lower, upper = np.minimum(lower, low), np.maximum(upper, high)
+            failed += failure_records(simulator, box, P, bad)
+            if progress is not None:
+                progress((step + 1) * runs, self.steps * runs)
+            value = np.concatenate(values).reshape(shape[:2])
+            better = value < least
+            own[better], least[better] = x[better], value[better]
+            common = np.take_along_axis(own, least.argmin(axis=1)[:, None, None], axis=1)
+            pull = random.uniform(0.0, _PULL, shape) * (own - x) + random.uniform(0.0, _PULL, shape) * (common - x)
+            moved = np.clip(x + _CONSTRICTION * (velocity + pull), -1.0, 1.0)
+            x, velocity = moved, moved - x
+        require_some(self, failed, self.steps * runs)
+        return Bounds(
+            t=simulator.times,
+            names=simulator.outputs,
+            lower=lower,
+            upper=upper,
+            kind=self.kind,
+            method=repr(self),
+            evaluations=self.steps * runs,
+            inner=(lower, upper),
+            failed=failed,
+        )
+
+    def __repr__(self) -> str:
+        return constructor_text(self)
+
+
+def _watched(pairs: int, particles: int) -> Reduction[tuple[Array, ...]]:
+    """What each run is to lower: one response, in the second half of the swarms its negative; inf where it failed."""
+    return Reduction(tuple, partial(_watch, pairs, particles), _chain)
+
+
+def _watch(pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices) -> tuple[Array, ...]:
+    swarm = indices // particles
+    values = block.Y.reshape(len(indices), -1)[np.arange(len(indices)), swarm % pairs]
+    return (*state, np.where(block.ok, np.where(swarm < pairs, values, -values), np.inf))
+
+
+def _chain(first: tuple[Array, ...], second: tuple[Array, ...]) -> tuple[Array, ...]:
+    return first + second

@@ -1,0 +1,130 @@
+"""Taylor expansions of the responses about the centres of subintervals, bounded by interval arithmetic."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._options import constructor_text, require_whole
+from symmb._types import Array, Executor
+from symmb.bounds.derivatives import unit_jets
+from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.result import Bounds, Kind
+from symmb.model import Box
+from symmb.nodes import grid
+from symmb.polynomials import MultiIndices, homogeneous
+from symmb.simulation import Kinked, Progress, Simulator
+
+
+@dataclass(frozen=True)
+class Taylor(Method):
+    """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
+
+    Natural interval arithmetic with even powers taken as [0, 1]; the remainder is left out, so nothing is
+    proved. Expansions do not hold beyond kinks or jumps: ``caution`` tells where runs at centres meet some.
+    The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| = order: the
+    j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d + order, d)
+    evaluations a part, the coefficients of its expansion. The executor is not used.
+
+    Parameters
+    ----------
+    order : highest total degree
+    subintervals : equal parts that each parameter's interval is cut into; the bounds are the union of those of all
+        ``subintervals**d`` parts, each with its own expansion
+
+    Raises
+    ------
+    PropagationError
+        From ``bounds``: the simulator gives no derivatives, or they are not finite, or an `Impact` makes them invalid.
+
+    Examples
+    --------
+    >>> Taylor(order=2)
+    Taylor(order=2)
+
+    References
+    ----------
+    Wu, Zhang, Chen and Luo, Computer Methods in Applied Mechanics and Engineering (2013), Taylor inclusion
+    functions. Griewank, Utke and Walther, Mathematics of Computation 69 (2000), mixed derivatives from
+    univariate ones. Moore, Kearfott and Cloud, Introduction to Interval Analysis (2009), chapter 6,
+    refinement.
+    """
+
+    order: int = 2
+    subintervals: int = 1
+
+    kind: ClassVar[Kind] = "estimate"
+
+    def __post_init__(self) -> None:
+        require_whole("Taylor", "order", self.order, 1)
+        require_whole("Taylor", "subintervals", self.subintervals, 1)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        d = len(box)
+        unit = np.array(homogeneous(d, self.order)) / self.order
+        radius = 1.0 / self.subintervals
+        middles = radius * np.arange(1.0 - self.subintervals, self.subintervals, 2.0)
+        centers = grid(middles, d)
+        lower = np.full((len(simulator.times), len(simulator.outputs)), np.inf)
+        upper = -lower
+        kinked = isinstance(simulator, Kinked)
+        kinks: list[tuple[float, str]] = []
+        for done, center in enumerate(centers, start=1):
+            jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
+            below, above = self._part(jets, unit)
+            lower, upper = np.minimum(lower, below), np.maximum(upper, above)
+            met = simulator.kink(parameter_samples(simulator, box, center[None])[0]) if kinked else None
+            kinks += [met] if met else []
+            if progress is not None:
+                progress(done, len(centers))
+        return Bounds(
+            t=simulator.times,
+            names=simulator.outputs,
+            lower=lower,
+            upper=upper,
+            kind=self.kind,
+            method=repr(self),
+            evaluations=len(centers) * math.comb(d + self.order, d),
+            caution=_caution(kinks),
+        )
+
+    def _part(self, jets: Array, unit: Array) -> tuple[Array, Array]:
+        """Bounds (n_t, n_y) of one expansion from its jets along the directions ``unit`` (m, d)."""
+        lower = upper = jets[0, 0]
+        for degree in range(1, self.order + 1):
+            beta = np.array(homogeneous(unit.shape[1], degree))
+            below, above = _power_ranges(beta, _mixed(beta, unit, jets[degree]))
+            lower, upper = lower + below, upper + above
+        return lower, upper
+
+    def __repr__(self) -> str:
+        return constructor_text(self, f"order={self.order}")
+
+
+def _caution(kinks: list[tuple[float, str]]) -> str:
+    """What expansions miss of kinks or jumps that the runs at their centres meet."""
+    if not kinks:
+        return ""
+    time, which = min(kinks)
+    return f"not valid from t = {time:g} s on: derivatives leave out the {which} that are met there"
+
+
+def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
+    """Coefficients (n_b, n_t, n_y) of xi^beta from those along directions ``unit`` (m, d), ``along`` (m,
+    n_t, n_y).
+
+    The directions determine every homogeneous polynomial of degree up to the order (principal lattice of a
+    simplex).
+    """
+    monomials = np.prod(unit[:, None, :] ** beta[None, :, :], axis=2)
+    return np.tensordot(np.asarray(np.linalg.pinv(monomials), dtype=float), along, axes=1)
+
+
+def _power_ranges(beta: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
+    """Sum of coefficients times ranges of xi^beta: [0, 1] where all powers are even, else [-1, 1]."""
+    even = (beta % 2 == 0).all(axis=1)
+    swing = np.abs(coefficients[~even]).sum(axis=0)
+    below = np.minimum(coefficients[even], 0.0).sum(axis=0) - swing
+    above = np.maximum(coefficients[even], 0.0).sum(axis=0) + swing
+    return below, above

@@ -1,0 +1,8 @@
+"""Impacts, and switches of time and state: how they are found, located and passed.
+
+The solvers that use this are in `integrate`.
+"""
+
+from symmb.events.impulses import Event, Instant, Rebounds, evaluated
+from symmb.events.location import Location, Steps
+from symmb.events.switches import Kinks, broken, kinks, longest_step

@@ -1,0 +1,187 @@
+"""Where in a step a gap closes, or the force in a closed contact comes to 0."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.events.impulses import SMALL, Rebounds, evaluated
+from symmb.model import Impacts
+from symmb.schemes import interpolated
+
+_PARTS = 6
+"""Equal parts of a step in which a gap and its rate change their signs at most once."""
+_ITERATIONS = 100
+
+
+class Steps(NamedTuple):
+    """N steps: from states x (N, n_x) at t (N,) by h (N,), coefficients of the interpolant F, parameters p (N, n_p)."""
+
+    x: Array
+    p: Array
+    t: Array
+    h: Array
+    F: Array
+
+    def some(self, rows: Indices) -> "Steps":
+        """Those of the given numbers."""
+        return Steps(*(part[rows] for part in self))
+
+
+class Located(NamedTuple):
+    """The first event of each of N steps: its share of the step, 1 if there is none, the contact met, -1 if none, and
+    those released (N, n)."""
+
+    theta: Array
+    met: Indices
+    released: Mask
+
+    @property
+    def found(self) -> Mask:
+        """Whether a step has an event, (N,)."""
+        return np.asarray((self.met >= 0) | self.released.any(axis=1))
+
+
+class Location:
+    """Finds events by the interpolant of a step."""
+
+    def __init__(self, impacts: Impacts, rebounds: Rebounds) -> None:
+        self._impacts, self._rebounds = impacts, rebounds
+
+    def __call__(self, steps: Steps) -> Located:
+        """The first events of N steps."""
+        N, n = len(steps.x), len(self._impacts.names)
+        every, shares = np.repeat(np.arange(N), _PARTS + 1), np.tile(np.linspace(0, 1, _PARTS + 1), N)
+        gap, rate = (a.reshape(N, _PARTS + 1, n) for a in self._gaps(steps, every, shares))
+        closed = self._rebounds.closed(steps.x)
+        found = _Found(N, n)
+        self._meetings(steps, gap, rate, ~closed[:, None, :], found)
+        if closed.any():
+            push = self._push(steps, every, shares).reshape(N, _PARTS + 1, n)
+            at = np.argwhere(closed[:, None, :] & (push[:, :-1] >= 0) & (push[:, 1:] < 0))
+            found.releases(at, self._roots(self._push, steps, at, push))
+        return found.first()
+
+    def _meetings(self, steps: Steps, gap: Array, rate: Array, open_: Mask, found: "_Found") -> None:
+        begin, end, falls, rises = gap[:, :-1], gap[:, 1:], rate[:, :-1] < 0, rate[:, 1:] > 0
+        sinks = open_ & (begin <= 0) & falls & ~rises & (end < begin)
+        at = np.argwhere(sinks)
+        found.meets(at, at[:, 1] / _PARTS)
+        closes = open_ & (begin > 0) & (end <= 0)
+        at = np.argwhere(closes)
+        found.meets(at, self._roots(self._gap, steps, at, gap))
+        # Above 0 in between, or below: where it turns tells.
+        hops = open_ & (begin <= 0) & (end <= 0) & (rate[:, :-1] > 0) & (rate[:, 1:] < 0)
+        dips = open_ & (begin > 0) & (end > 0) & falls & rises
+        at = np.argwhere(hops | dips)
+        if not at.size:
+            return
+        turn = self._roots(self._rate, steps, at, rate)
+        there = self._gap(steps, at[:, 0], turn)[np.arange(len(at)), at[:, 2]]
+        hop = hops[tuple(at.T)]
+        low, high = np.where(hop, turn, at[:, 1] / _PARTS), np.where(hop, (at[:, 1] + 1) / _PARTS, turn)
+        crossed = np.where(hop, there > 0, there <= 0)
+        # A hop that never gets above 0 is one of rounding: it ends where it turns.
+        found.meets(at[hop & ~crossed], turn[hop & ~crossed])
+        at, low, high = at[crossed], low[crossed], high[crossed]
+        found.meets(at, self._between(self._gap, steps, at, low, high))
+
+    def _gaps(self, steps: Steps, rows: Indices, theta: Array) -> list[Array]:
+        return evaluated(self._impacts.gaps, *self._at(steps, rows, theta))
+
+    def _gap(self, steps: Steps, rows: Indices, theta: Array) -> Array:
+        return self._gaps(steps, rows, theta)[0]
+
+    def _rate(self, steps: Steps, rows: Indices, theta: Array) -> Array:
+        return self._gaps(steps, rows, theta)[1]
+
+    def _push(self, steps: Steps, rows: Indices, theta: Array) -> Array:
+        """Forces in closed contacts; 0 is what they may pull by rounding."""
+        force, _, size, inertia = evaluated(self._impacts.forces, *self._at(steps, rows, theta))
+        return force + SMALL * size * inertia
+
+    def _at(self, steps: Steps, rows: Indices, theta: Array) -> tuple[Array, ...]:
+        some = steps.some(rows)
+        return self._rebounds.arguments(interpolated(some.x, some.F, theta), some.p, some.t + theta * some.h)
+
+    def _roots(self, f: Callable[..., Array], steps: Steps, at: Indices, values: Array) -> Array:
+        """Roots in parts of steps, at (m, 3) being step, part and contact, values those at the ends of the parts."""
+        row, part, k = at.T
+        return self._between(
+            f, steps, at, part / _PARTS, (part + 1) / _PARTS, values[row, part, k], values[row, part + 1, k]
+        )
+
+    def _between(
+        self,
+        f: Callable[..., Array],
+        steps: Steps,
+        at: Indices,
+        low: Array,
+        high: Array,
+        f_low: Array | None = None,
+        f_high: Array | None = None,
+    ) -> Array:
+        """Roots between ends (m,) at which f has different signs."""
+
+        def value(theta: Array) -> Array:
+            return f(steps, at[:, 0], theta)[np.arange(len(at)), at[:, 2]]
+
+        if not len(at):
+            return np.empty(0)
+        f_low = value(low) if f_low is None else f_low
+        return roots(value, low, high, f_low, value(high) if f_high is None else f_high)
+
+
+class _Found:
+    """Events collected."""
+
+    def __init__(self, N: int, n: int) -> None:
+        self._when = np.full((N, n), np.inf)
+        self._released = np.zeros((N, n), dtype=bool)
+
+    def meets(self, at: Indices, theta: Array) -> None:
+        """Gaps that close: at (m, 3) being step, part and contact, theta (m,)."""
+        np.minimum.at(self._when, (at[:, 0], at[:, 2]), theta)
+
+    def releases(self, at: Indices, theta: Array) -> None:
+        """Closed contacts whose forces come to 0."""
+        self.meets(at, theta)
+        self._released[at[:, 0], at[:, 2]] = True
+
+    def first(self) -> Located:
+        theta = self._when.min(axis=1)
+        now = np.asarray(self._when == theta[:, None]) & np.isfinite(theta)[:, None]
+        met = np.where((now & ~self._released).any(axis=1), (now & ~self._released).argmax(axis=1), -1)
+        return Located(np.minimum(theta, 1.0), met, now & self._released)
+
+
+def roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:
+    """Roots of m functions between ends (m,) where they have different signs, to rounding.
+
+    References
+    ----------
+    Chandrupatla (1997), Advances in Engineering Software 28, 145-149.
+    """
+    # (a, fa) is the newest point, b the end on the other side of the root, c the newest one before.
+    a, b, c, fa, fb, fc = b.copy(), a.copy(), a.copy(), fb.copy(), fa.copy(), fa.copy()
+    share = np.full(len(a), 0.5)
+    with np.errstate(all="ignore"):
+        for _ in range(_ITERATIONS):
+            x = a + share * (b - a)
+            fx = f(x)
+            same = np.sign(fx) == np.sign(fa)
+            c, fc = np.where(same, a, b), np.where(same, fa, fb)
+            b, fb = np.where(same, b, a), np.where(same, fb, fa)
+            a, fa = x, fx
+            best = np.where(np.abs(fa) < np.abs(fb), a, b)
+            least = 2 * np.finfo(float).eps * np.abs(best) / np.abs(b - a)
+            if ((least > 0.5) | (fa == 0)).all():
+                break
+            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            quadratic = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+            inverse = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+            share = np.where(quadratic & np.isfinite(inverse), inverse, 0.5)
+            share = np.where(least < 0.5, np.clip(share, least, 1 - least), 0.5)
+            share = np.where(fa == 0, 0.0, share)
+    return np.where(np.abs(fa) <= np.abs(fb), a, b)

@@ -1,0 +1,169 @@
+"""Laws of time, and kinks or jumps, in equations of motion: what steps may pass over, and what they cannot."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.model import DAE
+from symmb.symbolic import On, batch, laws, switching
+
+_LOOKS = 20_000
+"""Equally spaced times at which laws of time are looked at, beside those of the outputs."""
+_SUSPECTS, _HALVINGS = 20, 30
+"""Places where a law of time turns most, and how often each is halved to see whether it jumps there."""
+_HIGH, _LOW = 0.5, 0.25
+"""Shares of a law's largest distance from its median that make a pulse, and within which one ends."""
+
+
+@dataclass(frozen=True)
+class Kinks:
+    """Kinks and jumps of forces, constraints and first-order rates, as far as they depend on the state or on time.
+
+    Attributes
+    ----------
+    names : tuple of str     operations that have them
+    switches                 (x, p, t) -> what changes sign at each (m,)
+    on_state : (m,) bool     which depend on the state; others depend on time
+    """
+
+    names: tuple[str, ...]
+    switches: ca.Function
+    on_state: Mask
+
+    def met(self, X: Array, p: Array, times: Array) -> int:
+        """How many changes of sign states X (n_t, n_x) show; those between two times that undo each other do not."""
+        (values,) = batch(self.switches, X, p, times[:, None])
+        return int(np.count_nonzero(np.diff(values > 0, axis=0)))
+
+    def first(self, X: Array, p: Array, times: Array) -> float:
+        """The first of the times by which states X (n_t, n_x) have met one that depends on the state; nan if none."""
+        (values,) = batch(self.switches, X, p, times[:, None])
+        changed = (np.diff(values > 0, axis=0) & self.on_state).any(axis=1)
+        return float(times[1:][changed].min(initial=np.inf)) if changed.any() else np.nan
+
+    def __str__(self) -> str:
+        return f"kinks or jumps ({', '.join(self.names)})"
+
+
+def kinks(dae: DAE) -> Kinks | None:
+    """Kinks and jumps of the equations of motion, if there are any."""
+    f, at = _equations(dae)
+    found = switching(f, at)
+    if not found.kinks:
+        return None
+    symbols = [symbol for symbol, _ in at]
+    on_state = np.array(ca.which_depends(found.switches, symbols[0], 1, True), dtype=bool)
+    return Kinks(found.kinks, ca.Function("switches", symbols, [found.switches]), on_state)
+
+
+def longest_step(dae: DAE, times: Array) -> float:
+    """A step [s] that no pulse of a law of time fits into, at the nominal parameters; infinite without pulses.
+
+    Step control sees what a step evaluates: a pulse that lies between leaves no trace. A pulse is a stretch where a
+    law is far from its median, and shorter than the horizon, or one between two jumps. Those of less than 1/20,000 of
+    the horizon are seen only where output times stand in them.
+    """
+    f, at = _equations(dae)
+    x, p, time = (symbol for symbol, _ in at)
+    found = laws(f(x, p, time), p, time)
+    if len(times) < 2 or not found.numel():
+        return np.inf
+    signals = ca.Function("signals", [p, time], [found], {"cse": True})
+    t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
+    (values,) = batch(signals, dae.p_nominal, t[:, None])
+    pulses = [_shortest_pulse(t, law) for law in values.T]
+    for row in ca.vertsplit(signals(dae.p_nominal, time)):
+        pulses += np.diff(_jumps(ca.Function("law", [time], [row]), times)).tolist()
+    return min(pulses, default=np.inf) / 2
+
+
+def _shortest_pulse(t: Array, law: Array) -> float:
+    """Duration of the shortest pulse of a law (m,) at times (m,), at most twice what it is, infinite without pulses."""
+    t, law = t[np.isfinite(law)], law[np.isfinite(law)]
+    if not law.size:
+        return np.inf
+    far = np.abs(law - np.median(law))
+    top = far.max()
+    if top <= 1e-9 * np.abs(law).max():  # rounding
+        return np.inf
+    steps = np.diff((far > _LOW * top).astype(int))
+    before, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)
+    # What is under way at the first or the last time is evaluated there.
+    last = last[last > before.min(initial=len(t))]
+    pulses = zip(before.tolist(), last.tolist(), strict=False)
+    return min(
+        (
+            max(t[j] - t[i + 1], (t[j + 1] - t[i]) / 2)  # the second where there is but one sample
+            for i, j in pulses
+            if far[i + 1 : j + 1].max() > _HIGH * top
+        ),
+        default=np.inf,
+    )
+
+
+class Break(NamedTuple):
+    """Where positions, or velocities, of a constraint would have to jump."""
+
+    name: str
+    time: float
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.name!r} asks for {self.what} that jump at t = {self.time:.6g} s"
+
+
+def broken(dae: DAE, q: Array, times: Array) -> Break | None:
+    """The first constraint whose law of time breaks, at coordinates q (n_q,) and the nominal parameters.
+
+    Rows are integrated as accelerations, of which a corner of a law leaves no trace.
+    """
+    if dae.Phi_dot is None or len(times) < 2:
+        return None
+    p, t = ca.DM(dae.p_nominal), ca.SX.sym("t")
+    at = (q, ca.DM.zeros(dae.n_v), *((ca.DM.zeros(dae.n_s),) if dae.n_s else ()), p, t)
+    found: list[Break] = []
+    for f, what in ((dae.Phi, "positions"), (dae.Phi_dot, "velocities")):
+        rows = ca.densify(f(*at)) if f is not None else ca.SX(0, 1)
+        driven = np.flatnonzero(ca.which_depends(rows, t, 1, True)) if rows.numel() else np.empty(0, dtype=np.intp)
+        for row in driven.tolist():
+            name = next(name for name, where in dae.rows.items() if where.start <= row < where.stop)
+            jumps = _jumps(ca.Function("law", [t], [rows[row]]), times)
+            found += [Break(name, time, what) for time in jumps[:1].tolist()]
+    return min(found, key=lambda b: b.time, default=None)
+
+
+def _jumps(law: ca.Function, times: Array) -> Array:
+    """When a law jumps, in order: where it bends as sharply the closer it is looked at, and not at the end."""
+
+    def values(t: Array) -> Array:
+        return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)
+
+    t = np.linspace(times[0], times[-1], _LOOKS + 1)
+    y = values(t)
+    bends = np.abs(np.diff(y, 2))
+    sharpest = np.argsort(-bends, kind="stable")[:_SUSPECTS]
+    a, b, which = t[sharpest], t[sharpest + 2], np.arange(len(sharpest))
+    enough, closer = np.maximum(0.1 * bends[sharpest], 1e-9 * np.abs(y).max()), bends[sharpest, None]
+    for _ in range(_HALVINGS):
+        parts = np.linspace(a, b, 5, axis=1)
+        closer = np.abs(np.diff(values(parts), 2))
+        k = closer.argmax(axis=1)
+        a, b = parts[which, k], parts[which, k + 2]
+    jumps = np.sort(a[(closer.max(axis=1) > enough) & (b < times[-1])])
+    return jumps[np.diff(jumps, prepend=-np.inf) > (t[1] - t[0]) / 100]
+
+
+def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
+    """Forces, right sides of constraints and first-order rates of (x, p, t), with symbols for these."""
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, t)
+    parts = [dae.Q(*at)]
+    if dae.gamma is not None:
+        parts.append(dae.gamma(*at))
+    if dae.n_s:
+        parts.append(dae.rhs(*at)[2])
+    f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))], {"cse": True})
+    return f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]

@@ -1,0 +1,215 @@
+"""Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
+
+import io
+import math
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, redirect_stderr
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array, Mask
+from symmb.events import Event
+from symmb.integrate.marching import Marching
+from symmb.integrate.problem import Problem
+from symmb.symbolic import batch
+
+MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
+"""Steps of a run, and steps times states: more take minutes."""
+_COUNTED = {
+    "nsteps": "steps",
+    "nfevals": "evaluations",
+    "netfails": "error test failures",
+    "nniters": "nonlinear iterations",
+    "nncfails": "nonlinear convergence failures",
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: X (n_t, n_x), quadratures (n_t, n_quad), where it broke down: nan or a time, with the reason; events."""
+
+    X: Array
+    quad: Array
+    t_failed: float = np.nan
+    message: str = ""
+    events: tuple[Event, ...] = ()
+
+
+class Integration:
+    """Compiled runs over one time grid; pickles, so that other threads and processes get a copy.
+
+    Parameters
+    ----------
+    times : (n_t,) array                 [s]
+    n_x, n_quad : int
+    whole : Function, optional           (x0, z0, p) -> x (n_x, n_t), z, quad (n_quad, n_t) at all times
+    between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of one interval
+    guess : Function                     (x, p, t) -> z0
+    project : Function, optional         (x, p, t) -> x on the constraints
+    marching : Marching, optional        the single steps of a scheme with a fixed step
+    """
+
+    def __init__(
+        self,
+        times: Array,
+        n_x: int,
+        n_quad: int,
+        whole: ca.Function | None,
+        between: ca.Function | None,
+        guess: ca.Function,
+        project: ca.Function | None = None,
+        marching: Marching | None = None,
+    ) -> None:
+        self.times = times
+        self.n_x, self.n_quad = n_x, n_quad
+        self._whole, self._between, self._guess, self._project = whole, between, guess, project
+        self._marching = marching
+
+    def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
+        """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
+
+        Python threads must not share CasADi objects (their reference counts are not atomic); its thread map may.
+        """
+        started: Mask = np.atleast_1d(np.isfinite(x0).all(axis=1))
+        if not started.all():
+            parts = iter(self.run(x0[started], p[started], threads))
+            return [next(parts) if ok else self._unstarted() for ok in started]
+        if self._whole is None or not len(x0):
+            return [self._walk(*sample) for sample in zip(x0, p, strict=True)]
+        try:
+            (z0,) = batch(self._guess, x0, p, self.times[:1])
+            with _quiet():
+                xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
+        except RuntimeError:  # one failing sample fails the whole call; the walk finds out where
+            if len(x0) > 1:
+                return [run for sample in zip(x0[:, None], p[:, None], strict=True) for run in self.run(*sample)]
+            return [self._walk(x0[0], p[0])]
+        X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
+        done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
+        return [Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k]) for k in range(len(x0))]
+
+    def _unstarted(self) -> Run:
+        n_t = len(self.times)
+        message = "the start could not be solved for"
+        return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
+
+    def _walk(self, x0: Array, p: Array) -> Run:
+        X = np.full((len(self.times), self.n_x), np.nan)
+        quad = np.zeros((len(self.times), self.n_quad))
+        X[0] = x = self.project(x0[None], p[None], 0)[0]
+        for i in range(1, len(self.times)):
+            try:
+                x, q = self.advance(i, x[None], p[None])
+            except RuntimeError as error:
+                return Run(X, quad, float(self.times[i - 1]), _reason(error))
+            x = x[0]
+            if not np.isfinite(x).all():
+                return Run(X, quad, float(self.times[i - 1]), "the state became infinite or NaN")
+            X[i], quad[i] = x, quad[i - 1] + q[0]
+        return Run(X, quad)
+
+    def advance(self, i: int, x: Array, p: Array) -> tuple[Array, Array]:
+        """From time i - 1 to time i, N samples side by side: x (N, n_x), p (N, n_p) -> x (N, n_x), quad (N, n_quad)."""
+        if self._between is None:
+            return x, np.zeros((len(x), self.n_quad))
+        begin, span = self.times[i - 1], self.times[i] - self.times[i - 1]
+        (z0,) = batch(self._guess, x, p, self.times[i - 1 : i])
+        interval = np.broadcast_to([begin, span], (len(x), 2))
+        with _quiet():
+            xf, _, qf, *_ = batch(self._between, x, z0, np.hstack([p, interval]))
+        return self.project(xf, p, i), qf
+
+    def project(self, x: Array, p: Array, i: int) -> Array:
+        """States (N, n_x) on the constraints of time i, if the solver projects."""
+        return x if self._project is None else batch(self._project, x, p, self.times[i : i + 1])[0]
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time.
+
+        Raises
+        ------
+        PropagationError       if the solver chooses its steps, so that samples cannot share them
+        """
+        if self._marching is None:
+            raise PropagationError(
+                "Lockstep needs a solver with a fixed step, such as RungeKutta(), and more than one output time."
+            )
+        yield from self._marching.march(x0, p, self._project)
+
+    def statistics(self) -> dict[str, int]:
+        """What the integrator counted in its last call over the whole time grid; empty where it counts nothing."""
+        counted = self._whole.buffer()[0].stats() if self._whole is not None else {}
+        return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
+
+
+_RATES = {"ode", "alg", "quad"}
+_CLOSE = 1e-6
+"""Time between outputs [s] below which it becomes the unit of time."""
+
+
+def multistep_integration(
+    problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array, longest: float = np.inf
+) -> Integration:
+    """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length.
+
+    Steps are no longer than `longest` [s].
+    """
+    guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
+    project = projection(problem)
+    whole = between = None
+    if problem.x.numel() and len(times) > 1:
+        dae = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
+        dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
+        dae = {name: e for name, e in dae.items() if e.numel()}
+        # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
+        most = min(MOST_STEPS, MOST_STATES // problem.x.numel())
+        limit = {"max_num_steps": max(most // (len(times) - 1), 1000)}
+
+        def limited(length: float, unit: float) -> dict[str, Any]:
+            return options(length) | limit | ({"max_step_size": longest / unit} if np.isfinite(longest) else {})
+
+        tau = ca.SX.sym("tau")
+
+        def rescaled(begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
+            """In terms of tau, t = begin + span tau."""
+            parts = {name: ca.substitute(dae[name], problem.t, begin + span * tau) for name in _RATES & dae.keys()}
+            return dae | {"t": tau} | {name: e if name == "alg" else span * e for name, e in parts.items()}
+
+        if project is None:
+            unit = _time_unit(times)
+            part = dae if unit == 1 else rescaled(ca.SX(0), ca.SX(unit))
+            length = float(times[-1] - times[0]) / unit
+            whole = ca.integrator("whole", plugin, part, times[0] / unit, times / unit, limited(length, unit))
+        # With tau in [0, 1] one integrator serves every interval.
+        begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
+        dae = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
+        between = ca.integrator("between", plugin, dae, 0, 1, limited(1.0, float(np.diff(times).max())))
+    return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
+
+
+def _time_unit(times: Array) -> float:
+    """1, but close times apart: CasADi's interface takes those less than 1e-9 s apart for the same."""
+    least = float(np.diff(times).min())
+    return 1.0 if least > _CLOSE else 2.0 ** math.floor(math.log2(least))
+
+
+def projection(problem: Problem) -> ca.Function | None:
+    """(x, p, t) -> x on the constraints, if the problem projects."""
+    if problem.projected is None:
+        return None
+    return ca.Function("project", [problem.x, problem.p, problem.t], [problem.projected], {"cse": True})
+
+
+def _quiet() -> AbstractContextManager[object]:
+    """CasADi writes all arguments of a failing call to Python's stderr; what failed is told by `Run.message`."""
+    return redirect_stderr(io.StringIO())
+
+
+def _reason(error: RuntimeError) -> str:
+    """The integrator's own words, without the path through CasADi's source."""
+    text = str(error).strip().splitlines()[-1]
+    return text.split(": ", 1)[-1].removesuffix(" documentation.").split(". Consult")[0]

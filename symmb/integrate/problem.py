@@ -1,0 +1,217 @@
+"""An initial value problem in SX, as CasADi's integrators take it; and its Taylor coefficients as a larger one."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
+from symmb.model import DAE
+from symmb.symbolic import jets, symmetric_solver
+
+_PROJECTION_STEPS = 3  # Newton is quadratic: enough from the drift of a whole output interval
+
+
+@dataclass(frozen=True)
+class Problem:
+    """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along.
+
+    `projected` is x on the constraints as far as it is to be moved there, and with quaternions of norm 1.
+    """
+
+    x: ca.SX
+    z: ca.SX
+    p: ca.SX
+    t: ca.SX
+    ode: ca.SX
+    alg: ca.SX
+    quad: ca.SX
+    z_guess: ca.SX
+    projected: ca.SX | None
+
+    def jets(self, order: int) -> "Problem":
+        """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
+        if order == 0:
+            return self
+        zero = ca.SX.zeros(self.p.shape)
+        p1 = ca.SX.sym("p_1", self.p.numel())
+        X = [self.x, *(ca.SX.sym(f"x_{j}", self.x.numel()) for j in range(1, order + 1))]
+        Z = [self.z, *(ca.SX.sym(f"z_{j}", self.z.numel()) for j in range(1, order + 1))]
+        P = [ca.SX.sym(f"P_{j}", self.p.numel()) for j in range(1, order + 1)]
+        fixed = ca.vertcat(*P) if P else ca.SX(0, 1)
+        values = ca.vertcat(p1, *(zero for _ in P[1:])) if P else fixed
+
+        def expand(f: ca.SX, *curves: list[ca.SX]) -> ca.SX:
+            return ca.substitute(ca.vertcat(*jets(f, [*curves, [self.p, *P]])), fixed, values)
+
+        return replace(
+            self,
+            x=ca.vertcat(*X),
+            z=ca.vertcat(*Z),
+            p=ca.vertcat(self.p, p1),
+            ode=expand(self.ode, X, Z),
+            alg=expand(self.alg, X, Z),
+            quad=ca.SX(0, 1),
+            z_guess=expand(self.z_guess, X),
+            projected=None if self.projected is None else expand(self.projected, X),
+        )
+
+
+def build_problem(
+    dae: DAE,
+    stabilization: Stabilization,
+    *,
+    algebraic: bool,
+    work: bool,
+    one_step: bool = False,
+    projections: int = _PROJECTION_STEPS,
+) -> Problem:
+    """The index-reduced DAE.
+
+    Parameters
+    ----------
+    dae : DAE
+    stabilization : None, Baumgarte or Projection
+    algebraic : bool         keep the multipliers as algebraic variables (index 1) in place of eliminating them
+    work : bool              integrate the power of forces without potential along
+    one_step : bool          quaternions may be set to norm 1 between steps, which would break a history
+    projections : int        Newton steps of a projection
+    """
+    x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
+    p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, time)
+    rates = dae.rhs(*at)
+    rates = list(rates) if isinstance(rates, tuple) else [rates]
+    right = dae.gamma(*at) if dae.gamma is not None else ca.SX(0, 1)
+    if isinstance(stabilization, Baumgarte):
+        right = right - _feedback(dae, at, 2 * stabilization.alpha, stabilization.beta**2)
+    if isinstance(stabilization, AugmentedLagrangian) and algebraic:
+        raise DeclarationError("AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES().")
+    if isinstance(stabilization, AugmentedLagrangian) and dae.G is not None:
+        vdot, lam = _augmented(dae, at, dae.G(*at), right, stabilization)
+    else:
+        vdot, lam = dae.forward(*at, right)
+    alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
+    if algebraic and dae.n_r and dae.G is not None:
+        M, G = dae.M(*at), dae.G(*at)
+        of_v, of_rows = ca.DM(dae.displacements), ca.DM(dae.of_rows)
+        unit = dae.scales.energy / of_rows  # unknowns and rows in terms of the motion's size, whatever the units
+        if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
+            z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
+            vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]
+            balance = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
+            alg = ca.vertcat(balance, (G @ vdot - right) / of_rows)
+        else:
+            z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
+            # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
+            lam = unit * z
+            vdot = ca.solve(M, dae.Q(*at) - G.T @ lam)
+            alg = (G @ vdot - right) / of_rows
+    if isinstance(stabilization, Projection):
+        projected = _project(dae, x, p, time, projections)
+    else:
+        projected = _normalized(dae, x) if one_step else None
+    power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
+    return Problem(
+        x=x,
+        z=z,
+        p=p,
+        t=time,
+        ode=ca.densify(ca.vertcat(rates[0], vdot, *rates[2:])),
+        alg=ca.densify(alg),
+        quad=power,
+        z_guess=guess,
+        projected=projected,
+    )
+
+
+def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: float) -> ca.SX:
+    """of_rates (G v + Phi_t) + of_positions Phi, (n_r,); velocity-only rows have no positions."""
+    if dae.Phi_dot is None:
+        return ca.SX(0, 1)
+    Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)
+    return of_rates * dae.Phi_dot(*at) + of_positions * ca.vertcat(Phi, ca.SX.zeros(dae.n_r - dae.n_c))
+
+
+def _augmented(
+    dae: DAE, at: tuple[ca.SX, ...], G: ca.SX, right: ca.SX, method: AugmentedLagrangian
+) -> tuple[ca.SX, ca.SX]:
+    """Accelerations (n_v,) and multipliers (n_r,)."""
+    M, Q = dae.M(*at), dae.Q(*at)
+    a = method.penalty * ca.trace(M) / dae.n_v
+    right = right - _feedback(dae, at, 2 * method.damping * method.omega, method.omega**2)
+    solve, vdot, lam = symmetric_solver(M + a * G.T @ G), Q, ca.SX.zeros(dae.n_r)
+    for _ in range(method.iterations + 1):
+        vdot = solve(Q - G.T @ (lam - a * right))
+        lam = lam + a * (G @ vdot - right)
+    return vdot, lam
+
+
+def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
+    """The stabilised index-2 form: positions and velocities are algebraic equations, multipliers lam and mu unknowns.
+
+        q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
+
+    S, squares of the scales of q, weighs lengths against angles, whatever the units; mu vanishes at the exact solution.
+
+    References
+    ----------
+    Gear, Leimkuhler, Gupta (1985), Journal of Computational and Applied Mathematics 12-13, 77-90.
+    """
+    x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
+    p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, time)
+    rates = dae.rhs.call(list(at))
+    of_v, of_rows = ca.DM(dae.displacements), ca.DM(dae.of_rows)
+    unit = dae.scales.energy / of_rows  # unknowns and rows in terms of the motion's size, whatever the units
+    z, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
+    lam = unit * z
+    qdot, vdot, guess, rows = rates[0], rates[1], ca.SX(0, 1), ca.SX(0, 1)
+    if dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None:
+        first, guess = dae.forward(*at, dae.gamma(*at))
+        guess = guess / unit
+        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at) / of_rows
+        if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
+            a = ca.SX.sym("a", dae.n_v)
+            vdot = of_v * a
+            balance = of_v / dae.scales.energy * (M @ vdot - force)
+            rows, guess = ca.vertcat(balance, rows), ca.vertcat(first / of_v, guess)
+        else:
+            vdot = ca.solve(M, force)
+    if dae.Phi is not None and dae.Phi_q is not None:
+        of_c, of_q = of_rows[: dae.n_c, :], ca.DM(dae.coordinates)
+        qdot = qdot - of_q**2 * (dae.Phi_q(*at).T @ (mu / of_c))
+        rows = ca.vertcat(rows, dae.Phi(*at) / of_c)
+    return Problem(
+        x=x,
+        z=ca.vertcat(a, z, mu),
+        p=p,
+        t=time,
+        ode=ca.densify(ca.vertcat(qdot, vdot, *rates[2:])),
+        alg=ca.densify(rows),
+        quad=dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1),
+        z_guess=ca.vertcat(guess, ca.SX.zeros(dae.n_c)),
+        projected=None,
+    )
+
+
+def _normalized(dae: DAE, x: ca.SX) -> ca.SX | None:
+    """The state with quaternions of norm 1; None if there are none."""
+    moved = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    return None if ca.is_equal(moved, x, 1) else moved
+
+
+def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
+    """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
+    if dae.shift is None or dae.Phi_dot is None:
+        return _normalized(dae, x)
+    x = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    at = dae.arguments(x, p, time)
+    if dae.Phi is not None:
+        for _ in range(projections):
+            at = dae.arguments(x, p, time)
+            violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
+            x = ca.vertcat(dae.retract(at[0], dae.shift(*at, -violation)), x[dae.n_q :])
+    # Velocities keep the matrix of the last step: what it is off by is multiplied with what they are off by.
+    change = dae.shift(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
+    return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

@@ -1,0 +1,168 @@
+"""The state-space method: independent coordinates are integrated, the others follow from the constraints."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array, Indices
+from symmb.events import longest_step
+from symmb.integrate.integration import Integration, Run
+from symmb.integrate.solver import CVODES, Solver
+from symmb.model import DAE
+from symmb.start import independent
+from symmb.symbolic import batch
+
+
+@dataclass(frozen=True, repr=False)
+class StateSpace(Solver):
+    """Coordinate partitioning: pair of Dormand and Prince in independent coordinates, Newton's method for the others.
+
+    Which coordinates are independent is decided anew wherever those chosen no longer determine the others well. Runs in
+    Python, sample by sample: for checks, not for speed.
+
+    Parameters
+    ----------
+    rtol : float             relative tolerance
+    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+
+    References
+    ----------
+    Wehage, Haug (1982), Journal of Mechanical Design 104, 247-255.
+    """
+
+    rtol: float = 1e-8
+    atol: float | None = None
+
+    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+        if order:
+            raise PropagationError("StateSpace() gives no derivatives: use a solver such as DormandPrince().")
+        if not dae.n_v:
+            return CVODES().integration(dae, times, work=work)
+        atol = dae.scales.size * self.rtol / 100 if self.atol is None else self.atol
+        return _Partitioned(dae, times, self.rtol, atol, longest_step(dae, times), work and dae.power is not None)
+
+    def tighter(self, factor: float = 10.0) -> "StateSpace":
+        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
+
+
+_WORSE = 100.0
+"""How many times worse than at the choice the dependent coordinates may be determined before a new one."""
+
+
+class _Partitioned(Integration):
+    def __init__(self, dae: DAE, times: Array, rtol: float, atol: float, longest: float, work: bool) -> None:
+        self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
+        self._dae, self._rtol, self._atol, self._longest = dae, rtol, atol, longest
+        self._counts = {"steps": 0, "choices of coordinates": 0}
+
+    def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
+        self._counts = dict.fromkeys(self._counts, 0)
+        return [self._one(x, values) for x, values in zip(x0, p, strict=True)]
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        raise PropagationError("Lockstep needs a solver with a fixed step, such as RungeKutta().")
+
+    def statistics(self) -> dict[str, int]:
+        return dict(self._counts)
+
+    def _one(self, x0: Array, p: Array) -> Run:
+        from scipy.integrate import DOP853  # takes longer to load than symmb
+
+        if not np.isfinite(x0).all():
+            return self._unstarted()
+        times, n_x = self.times, self.n_x
+        Y = np.full((len(times), n_x + self.n_quad), np.nan)
+        Y[0] = y = np.concatenate([x0, np.zeros(self.n_quad)])
+        t, known, shortest = float(times[0]), 1, 1e-8 * float(times[-1] - times[0])
+        while known < len(times):
+            motion = _Motion(self._dae, p, self._chosen(y[:n_x], p, t))
+            self._counts["choices of coordinates"] += 1
+            solver = DOP853(motion.rates, t, y, times[-1], self._longest, self._rtol, self._atol)
+            while known < len(times) and solver.status == "running":
+                try:
+                    message = solver.step()
+                except np.linalg.LinAlgError:
+                    message = "the dependent coordinates are not determined"
+                self._counts["steps"] += 1
+                if solver.t - t < shortest and solver.t < times[-1]:
+                    message = "the step became too short"
+                if message:
+                    return Run(Y[:, :n_x], Y[:, n_x:], t, message)
+                t, between = solver.t, solver.dense_output()
+                while known < len(times) and times[known] <= t:
+                    Y[known] = motion.completed(between(times[known]), float(times[known]))
+                    known += 1
+                y = motion.completed(solver.y, t)
+                if motion.condition(y, t) > _WORSE * motion.first_condition:
+                    break
+        return Run(Y[:, :n_x], Y[:, n_x:])
+
+    def _chosen(self, x: Array, p: Array, t: float) -> Indices:
+        """Velocities that depend on the others: as many as rows."""
+        if self._dae.G is None:
+            return np.arange(0)
+        return independent(_matrix(self._dae, x, p, t) * self._dae.displacements)[1]
+
+
+class _Motion:
+    """The equations of motion with chosen dependent velocities."""
+
+    def __init__(self, dae: DAE, p: Array, dependent: Indices) -> None:
+        self._dae, self._p, self._dependent = dae, p, dependent
+        self.first_condition = np.inf
+
+    def condition(self, y: Array, t: float) -> float:
+        """Of the matrix that determines the dependent velocities; the first is kept."""
+        if not self._dependent.size:
+            return 0.0
+        dae = self._dae
+        G = (_matrix(dae, y, self._p, t) * dae.displacements)[:, self._dependent]
+        found = float(np.linalg.cond(G / np.linalg.norm(G, axis=1, keepdims=True)))
+        if self.first_condition == np.inf:
+            self.first_condition = found
+        return found
+
+    def rates(self, t: float, y: Array) -> Array:
+        """y' at the state whose dependent part follows from the constraints."""
+        dae, at = self._dae, self._at(self.completed(y, t), t)
+        parts = [rate[0] for rate in batch(dae.rhs, *at)]
+        if dae.power is not None and len(y) > dae.n_q + dae.n_v + dae.n_s:
+            gamma = batch(dae.gamma, *at)[0] if dae.gamma is not None else np.zeros((1, 0))
+            lam = batch(dae.forward, *at, gamma)[1]
+            parts.append(batch(dae.power, *at, lam)[0][0])
+        return np.concatenate(parts)
+
+    def completed(self, y: Array, t: float) -> Array:
+        """y with its dependent coordinates and velocities moved onto the constraints."""
+        dae, which = self._dae, self._dependent
+        if dae.Phi_dot is None:
+            return y
+        y = y.copy()
+        y[: dae.n_q] = batch(dae.retract, y[: dae.n_q], np.zeros(dae.n_v))[0][0]
+        for _ in range(8):
+            if dae.Phi is None:
+                break
+            (violation,) = batch(dae.Phi, *self._at(y, t))[0]
+            delta = np.zeros(dae.n_v)
+            G = _matrix(dae, y, self._p, t)[: dae.n_c, which]
+            delta[which] = np.linalg.lstsq(G, -violation, rcond=None)[0]
+            y[: dae.n_q] = batch(dae.retract, y[: dae.n_q], delta)[0][0]
+            if np.abs(delta / dae.displacements).max() < 1e-9:  # Newton is quadratic
+                break
+        (rate,) = batch(dae.Phi_dot, *self._at(y, t))[0]
+        y[dae.n_q + which] -= np.linalg.solve(_matrix(dae, y, self._p, t)[:, which], rate)
+        return y
+
+    def _at(self, y: Array, t: float) -> tuple[Array, ...]:
+        dae = self._dae
+        cuts = [dae.n_q, dae.n_q + dae.n_v, dae.n_q + dae.n_v + dae.n_s]
+        q, v, s, _ = np.split(y, cuts)
+        return (q, v, *((s,) if dae.n_s else ()), self._p, np.array([t]))
+
+
+def _matrix(dae: DAE, y: Array, p: Array, t: float) -> Array:
+    if dae.G is None:
+        return np.zeros((0, dae.n_v))
+    return batch(dae.G, *_Motion(dae, p, np.arange(0))._at(y, t))[0][0].reshape(dae.n_r, dae.n_v)

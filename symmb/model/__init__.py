@@ -1,0 +1,11 @@
+"""From a declaration to equations: System, Scene, and the DAE bundle that solvers get.
+
+Declarations are checked here, and all faults are reported at once.
+"""
+
+from symmb.model.box import Box
+from symmb.model.contact_equations import Impacts
+from symmb.model.dae import DAE, Scales, compile_dae, is_linear
+from symmb.model.scene import Scene
+from symmb.model.system import System
+from symmb.model.units import unit_of

@@ -1,0 +1,265 @@
+"""Gathers what was declared into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.mechanics import (
+    Action,
+    Body,
+    Constraint,
+    Element,
+    ForceElement,
+    Ground,
+    Impact,
+    Inertial,
+    Load,
+    Parameters,
+    Particle,
+)
+from symmb.model.binding import Binding
+from symmb.model.validation import (
+    impact_law,
+    mass_and_inertia,
+    membership_faults,
+    name_faults,
+    plane_faults,
+    position_rows,
+    velocity_rows,
+)
+from symmb.symbolic import Symbol, is_zero
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Collected:
+    """A valid declaration in equations: see `System` for the notation."""
+
+    bodies: tuple[Body, ...]
+    bind: Binding
+    q: ca.SX
+    v: ca.SX
+    qdot: ca.SX
+    q_names: tuple[str, ...]
+    v_names: tuple[str, ...]
+    block_sizes: tuple[int, ...]
+    states: tuple[Symbol, ...]
+    M: ca.SX
+    M_flow: ca.SX  # the share of M whose change along the motion is mass that joins or leaves
+    Q: ca.SX
+    Q_work: ca.SX  # the share of Q without potential, whose power is counted
+    potential: ca.SX
+    Phi: ca.SX
+    Psi: ca.SX
+    rows: dict[str, slice]
+    row_names: tuple[str, ...]
+    impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
+    upright: ca.SX
+    positive: tuple[tuple[str, ca.SX], ...]  # what must be above 0 at every parameter value, with its name
+    drifting: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
+    written: int  # rows written by the joints, those that vanish included
+
+    def keeping(self, numbers: Sequence[int]) -> "Collected":
+        """A copy with the rows of these numbers only, in rising order."""
+        n_c = self.Phi.numel()
+        owners = [next(name for name, where in self.rows.items() if where.start <= i < where.stop) for i in numbers]
+        first = {name: owners.index(name) for name in dict.fromkeys(owners)}
+        return replace(
+            self,
+            Phi=self.Phi[[i for i in numbers if i < n_c]],
+            Psi=self.Psi[[i - n_c for i in numbers if i >= n_c]],
+            rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
+            row_names=tuple(self.row_names[i] for i in numbers),
+        )
+
+    def with_states(self, states: Sequence[Symbol]) -> "Collected":
+        """A copy that also integrates the given first-order states."""
+        return replace(self, states=(*self.states, *states))
+
+
+def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
+    """Validate the declaration and write its equations.
+
+    Raises
+    ------
+    DeclarationError       with one line for each fault
+    """
+    faults = [*name_faults(elements), *membership_faults(elements)]
+    for element in elements:
+        if isinstance(element, Element):
+            faults.extend(element.faults())
+        elif isinstance(element, Body):
+            faults.extend(element.faults)
+    bodies = tuple(e for e in elements if isinstance(e, Body))
+    bind = Binding(parameters, bodies)
+
+    def attempt(fn: Callable[[], T], otherwise: T, what: str = "A law") -> T:
+        try:
+            return fn()
+        except DeclarationError as error:
+            faults.extend(str(error).split("\n"))
+        except RuntimeError as error:
+            if "truth value" not in str(error):
+                raise
+            faults.append(f"{what}: Python's if, max and min know no expressions: write casadi.if_else, fmax or fmin.")
+        return otherwise
+
+    nothing = ca.SX(0, 1)
+    inertial = [(b, attempt(lambda b=b: mass_and_inertia(b, bind, parameters), (ca.SX(), ca.SX()))) for b in bodies]
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    masses = [(b, mass) for b, (mass, _) in inertial]
+    constraints = [e for e in elements if isinstance(e, Constraint)]
+    forces = [e for e in elements if isinstance(e, ForceElement)]
+    impacts = [e for e in elements if isinstance(e, Impact)]
+    actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
+    written = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
+    positions = {c.name: attempt(lambda c=c: position_rows(c, written[c.name], bind), []) for c in constraints}
+    velocities = {c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints}
+    laws = {e.name: attempt(lambda e=e: impact_law(e, bind, parameters), (nothing, nothing)) for e in impacts}
+    for title, acts in actions.items():
+        for action in acts:
+            faults.extend(plane_faults(title, action))
+    if faults:
+        raise DeclarationError("\n".join(dict.fromkeys(faults)))
+
+    shares = [body.inertial(*values) for body, values in inertial]
+    Q_work, Q_potential, potential = _forces(bodies, shares, actions)
+    Phi = [row for rows in positions.values() for row in rows]
+    Psi = [row for rows in velocities.values() for row in rows]
+    draft = Collected(
+        bodies=bodies,
+        bind=bind,
+        q=_vertcat([b.frame.q for b in bodies]),
+        v=_vertcat([b.frame.v for b in bodies]),
+        qdot=_vertcat([b.frame.rate for b in bodies]),
+        q_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.coordinates),
+        v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
+        block_sizes=tuple(b.frame.v.numel() for b in bodies),
+        states=_states(bind, [Q_work, Q_potential, *Phi, *Psi, *(gap for gap, _ in laws.values())], impacts),
+        M=ca.diagcat(*[share.M for share in shares]) if bodies else ca.SX(0, 0),
+        M_flow=ca.diagcat(*[share.M if share.flows else ca.SX(*share.M.shape) for share in shares])
+        if bodies
+        else ca.SX(0, 0),
+        Q=Q_work + Q_potential,
+        Q_work=Q_work,
+        potential=potential,
+        Phi=_vertcat(Phi),
+        Psi=_vertcat(Psi),
+        rows=_row_slices(positions, velocities),
+        row_names=_row_names(positions) + _row_names(velocities),
+        impacts=tuple((name, *law) for name, law in laws.items()),
+        upright=_vertcat([c.upright() for c in constraints]),
+        positive=tuple(_positive(inertial, constraints, bind)),
+        drifting=(),
+        written=sum(rows.numel() for rows in written.values()),
+    )
+    return _without_untouched(draft)
+
+
+def _states(bind: Binding, equations: Sequence[ca.SX], impacts: Sequence[Impact]) -> tuple[Symbol, ...]:
+    """The first-order states of equations, and whether contacts are closed."""
+    return tuple(dict.fromkeys([*bind.states(_vertcat(equations)), *(impact.state for impact in impacts)]))
+
+
+def _positive(
+    inertial: Sequence[tuple[Body, tuple[ca.SX, ca.SX]]], constraints: Sequence[Constraint], bind: Binding
+) -> Iterator[tuple[str, ca.SX]]:
+    for body, (mass, J) in inertial:
+        for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3))):
+            if not is_zero(value) and all(bind.is_parameter(s) for s in ca.symvar(value)):
+                yield f"Body {body.name!r}: {what}", value
+    for constraint in constraints:
+        value = constraint.positive(bind)
+        if value.numel() and all(bind.is_parameter(s) for s in ca.symvar(value)):
+            yield f"{constraint.title}: length", value
+
+
+def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:
+    return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
+
+
+def _forces(
+    bodies: Sequence[Body], shares: Sequence[Inertial], actions: Mapping[str, Sequence[Action]]
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Generalised forces without and with potential, gyroscopic terms among the latter, and the potential."""
+    zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
+    work, conservative = dict(zero), dict(zero)
+    potential = ca.SX(0)
+
+    def add(share: dict[int, ca.SX], load: Load) -> None:
+        if not isinstance(load.body, Ground):
+            share[id(load.body.owner)] += load.body.frame.S.T @ ca.vertcat(load.force, load.torque)
+
+    for acts in actions.values():
+        for action in acts:
+            for load in action.loads:
+                add(work if action.potential is None else conservative, load)
+            if action.potential is not None:
+                potential += action.potential
+    for body, share in zip(bodies, shares, strict=True):
+        conservative[id(body)] += share.Q
+        if share.Q_work is not None:
+            work[id(body)] += share.Q_work
+        if share.potential is not None:
+            potential += share.potential
+    return _vertcat([work[id(b)] for b in bodies]), _vertcat([conservative[id(b)] for b in bodies]), potential
+
+
+def _row_slices(*kinds: dict[str, list[ca.SX]]) -> dict[str, slice]:
+    slices, at = {}, 0
+    for rows in kinds:
+        for name, kept in rows.items():
+            if kept:
+                slices[name] = slice(at, at + len(kept))
+            at += len(kept)
+    return slices
+
+
+def _row_names(rows: dict[str, list[ca.SX]]) -> tuple[str, ...]:
+    return tuple(f"{name}.lam[{i}]" for name, kept in rows.items() for i in range(len(kept)))
+
+
+def _without_untouched(c: Collected) -> Collected:
+    """Leave out the particle coordinates that no force, no constraint and no other equation touches."""
+    n = c.q.numel()
+    if not any(isinstance(b.pose, Particle) for b in c.bodies):
+        return c
+    gaps = [gap for _, gap, _ in c.impacts]
+    equations = ca.vertcat(c.Phi, c.Psi, c.Q, *[ca.vec(c.M)], c.potential, *[s.rate for s in c.states], *gaps)
+    pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
+    depends: list[bool] = np.any(pattern, axis=0).tolist()
+    drop, q_at, v_at = [], 0, 0
+    for body in c.bodies:
+        if isinstance(body.pose, Particle):
+            for k in range(3):
+                if not depends[q_at + k] and not depends[n + v_at + k] and is_zero(c.Q[v_at + k]):
+                    drop.append((q_at + k, v_at + k))
+        q_at += body.frame.q.numel()
+        v_at += body.frame.v.numel()
+    q_keep = [i for i in range(n) if i not in {d[0] for d in drop}]
+    v_drop = {d[1] for d in drop}
+    v_keep = [i for i in range(c.v.numel()) if i not in v_drop]
+    sizes, at = [], 0
+    for size in c.block_sizes:
+        sizes.append(sum(i not in v_drop for i in range(at, at + size)))
+        at += size
+    return replace(
+        c,
+        q=c.q[q_keep],
+        v=c.v[v_keep],
+        qdot=c.qdot[q_keep],
+        q_names=tuple(c.q_names[i] for i in q_keep),
+        v_names=tuple(c.v_names[i] for i in v_keep),
+        block_sizes=tuple(sizes),
+        M=c.M[v_keep, v_keep],
+        M_flow=c.M_flow[v_keep, v_keep],
+        Q=c.Q[v_keep],
+        Q_work=c.Q_work[v_keep],
+        drifting=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in drop),
+    )

@@ -1,0 +1,102 @@
+"""Laws as declared (numbers, SX, SymPy) become SX whose symbols are all known."""
+
+from collections.abc import Collection, Sequence
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Expr
+from symmb.mechanics import Body, Parameters
+from symmb.symbolic import Kind, Symbol, from_sympy, is_sympy, is_zero, lookup, symbols_in, t
+
+
+class Binding:
+    """Turns laws into SX over the parameters, coordinates and velocities of one system, and time."""
+
+    def __init__(self, parameters: Parameters, bodies: Sequence[Body]) -> None:
+        self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
+        for i, name in enumerate(parameters):
+            symbol = parameters.symbols[i]
+            self._known[symbol.element_hash()] = (name, Kind.PARAMETER, symbol)
+        for body in bodies:
+            for record in body.frame.records:
+                self._known[record.sx.element_hash()] = (record.name, record.kind, record.sx)
+
+    @property
+    def by_name(self) -> dict[str, ca.SX]:
+        """All known symbols by their dotted names."""
+        return {name: symbol for name, _, symbol in self._known.values()}
+
+    def __call__(self, law: Expr, what: str, also: Collection[int] = ()) -> ca.SX:
+        """The law as SX.
+
+        Raises
+        ------
+        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` says whose
+                               law it is
+        """
+        if is_sympy(law):
+            try:
+                law = from_sympy(law, self.by_name)
+            except DeclarationError as error:
+                raise DeclarationError(f"{what}: {error}") from None
+        try:
+            expression = ca.SX(law)
+        except (NotImplementedError, TypeError):
+            raise DeclarationError(f"{what}: {law!r} is no number and no CasADi SX or SymPy expression.") from None
+        self.check(expression, what, also)
+        return ca.sparsify(expression) if expression.numel() != 1 else ca.densify(expression)
+
+    def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
+        """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
+        if _has_irregular_constant(expression):
+            raise DeclarationError(
+                f"{what}: contains NaN or infinity, which is also what SX and SymPy mixed in one expression give."
+            )
+        for symbol in symbols_in(expression):
+            if symbol.element_hash() in self._known or symbol.element_hash() in also:
+                continue
+            record = lookup(symbol)
+            if record is not None and record.kind is Kind.STATE:
+                continue
+            if symbol.name() in self.by_name:
+                raise DeclarationError(
+                    f"{what}: symbol {symbol.name()!r} belongs to another body or Parameters object than "
+                    "the System's one of that name. Use one object for both."
+                )
+            raise DeclarationError(
+                f"{what}: symbol {symbol.name()!r} belongs to no parameter and no body of the System."
+                f"{did_you_mean(symbol.name(), self.by_name)}"
+            )
+
+    def states(self, expression: ca.SX) -> tuple[Symbol, ...]:
+        """The first-order states that stand in an expression."""
+        records = [lookup(s) for s in symbols_in(expression) if s.element_hash() not in self._known]
+        return tuple(r for r in records if r is not None and r.kind is Kind.STATE)
+
+    def is_velocity(self, symbol: ca.SX) -> bool:
+        """Whether a symbol is a velocity of the system."""
+        return self._kind(symbol) is Kind.VELOCITY
+
+    def is_coordinate(self, symbol: ca.SX) -> bool:
+        """Whether a symbol is a coordinate of the system."""
+        return self._kind(symbol) is Kind.COORDINATE
+
+    def is_parameter(self, symbol: ca.SX) -> bool:
+        """Whether a symbol is a parameter of the system."""
+        return self._kind(symbol) is Kind.PARAMETER
+
+    def _kind(self, symbol: ca.SX) -> Kind | None:
+        return self._known.get(symbol.element_hash(), ("", None, symbol))[1]
+
+
+def _has_irregular_constant(expression: ca.SX) -> bool:
+    if is_zero(expression):
+        return False
+    f = ca.Function("law", ca.symvar(expression), [expression])
+    return any(
+        f.instruction_id(k) == ca.OP_CONST and not np.isfinite(f.instruction_constant(k))
+        for k in range(f.n_instructions())
+    )

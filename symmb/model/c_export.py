@@ -1,0 +1,281 @@
+"""C source of a model's Functions, with a header that explains them and a main program that uses them.
+
+What is written builds with any C compiler; neither symmb nor CasADi is needed any more.
+"""
+
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+
+
+def save_c(
+    functions: Mapping[str, ca.Function],
+    folder: str | Path,
+    *,
+    name: str = "model",
+    example: str | None = None,
+) -> tuple[Path, ...]:
+    """Write `<name>.c`, `<name>.h` and, with an example, `main.c`; files that are there are replaced.
+
+    The C functions are called `<name>_<key>`: a bare `gamma` would clash with the one in math.h.
+
+    Parameters
+    ----------
+    functions                key -> Function
+    folder                   made if it is not there
+    name                     stem of the files and prefix of the C functions
+    example                  text of `main.c`, for instance from `example_c`
+
+    Returns
+    -------
+    tuple of Path            the files written
+
+    Raises
+    ------
+    DeclarationError         if `name` is not a C identifier or `functions` is empty
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> p = ca.SX.sym("p")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = save_c({"twice": ca.Function("f", [p], [2 * p])}, folder)
+    >>> [file.name for file in files]
+    ['model.c', 'model.h']
+    """
+    if not (name.isidentifier() and name.isascii()):
+        raise DeclarationError(f"name='{name}' is not a C identifier: use letters, digits and underscores.")
+    if not functions:
+        raise DeclarationError("There is no Function to write.")
+    folder = Path(folder).resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    renamed = [_renamed(f, f"{name}_{key}") for key, f in functions.items()]
+    generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
+    for f in renamed:
+        generator.add(f)
+    source, header = Path(generator.generate(f"{folder}{os.sep}")), folder / f"{name}.h"
+    header.write_text(_documented(name, renamed, header.read_text(encoding="utf-8")), encoding="utf-8")
+    if example is None:
+        return source, header
+    main = folder / "main.c"
+    main.write_text(example, encoding="utf-8")
+    return source, header, main
+
+
+def example_c(
+    rhs: ca.Function,
+    *,
+    q: Sequence[float],
+    v: Sequence[float],
+    s: Sequence[float] = (),
+    parameters: Mapping[str, float],
+    coordinates: Sequence[str],
+    t0: float,
+    t1: float,
+    steps: int,
+    name: str = "model",
+) -> str:
+    """Text of a `main.c` that integrates the model and prints time and coordinates, step by step.
+
+    The method is the classical Runge-Kutta method of order 4 with a fixed step. Nothing is projected back
+    onto the constraints, so they hold as closely as the step size allows.
+
+    Parameters
+    ----------
+    rhs                      (q, v, p, t) -> (qdot, vdot), or (q, v, s, p, t) -> (qdot, vdot, sdot); it must
+                             be written under the key "rhs"
+    q, v, s                  start: coordinates, velocities, first-order states, (n_q,), (n_v,), (n_s,)
+    parameters               name -> value, in the order of the vector p
+    coordinates              a name for each entry of q, heads of the columns
+    t0, t1                   first and last time [s]
+    steps                    number of steps, which is one less than the number of rows printed
+    name                     as in `save_c`
+
+    Raises
+    ------
+    DeclarationError         if a length does not fit `rhs`, a value is not finite, or steps < 1
+    """
+    groups = {"q": list(q), "v": list(v), "s": list(s), "p": list(parameters.values()), "t": [t0]}
+    if rhs.n_in() == 4:
+        del groups["s"]
+    given = {key: len(values) for key, values in groups.items()}
+    expected = {key: rhs.nnz_in(i) for i, key in enumerate(groups)}
+    if given != expected or len(coordinates) != len(q) or (len(s) and "s" not in groups):
+        raise DeclarationError(
+            f"The start does not fit rhs: expected lengths {expected}, "
+            f"given {given}, s: {len(s)}, coordinates: {len(coordinates)}."
+        )
+    if steps < 1 or not all(math.isfinite(value) for value in [*q, *v, *s, *parameters.values(), t0, t1]):
+        raise DeclarationError("The example needs at least one step and finite start values, parameters and times.")
+    labels = [*coordinates, *(f"v[{i}]" for i in range(len(v))), *(f"s[{i}]" for i in range(len(s)))]
+    first_order = "s" in groups
+    return _MAIN.substitute(
+        name=name,
+        n_q=len(q),
+        n_v=len(v),
+        n_s=len(s),
+        steps=steps,
+        t0=float(t0),
+        t1=float(t1),
+        start=_numbers(zip(labels, [*q, *v, *s], strict=True)),
+        parameters=_numbers(parameters.items()),
+        heads=", ".join(json.dumps(head) for head in coordinates),
+        arguments="x, x + N_Q, x + N_Q + N_V, P, &t" if first_order else "x, x + N_Q, P, &t",
+        results="rates, rates + N_Q, rates + N_Q + N_V" if first_order else "rates, rates + N_Q",
+        blocks=3 if first_order else 2,
+        sz_arg=rhs.sz_arg(),
+        sz_res=rhs.sz_res(),
+        sz_iw=rhs.sz_iw() or 1,
+        sz_w=rhs.sz_w() or 1,
+    )
+
+
+def _renamed(f: ca.Function, name: str) -> ca.Function:
+    inputs: Any = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
+    return ca.Function(name, inputs, f.call(inputs, True, False), f.name_in(), f.name_out())
+
+
+def _documented(name: str, functions: Sequence[ca.Function], prototypes: str) -> str:
+    guard = f"{name.upper()}_H"
+    comments = "\n".join(_comment(f) for f in functions)
+    return f"#ifndef {guard}\n#define {guard}\n\n{_HEADER}\n{comments}\n{prototypes}\n#endif\n"
+
+
+def _comment(f: ca.Function) -> str:
+    lines = [f"{f.name()}({', '.join(f.name_in())}) -> ({', '.join(f.name_out())})"]
+    lines += [f"  arg[{i}]  {_layout(f.name_in(i), f.sparsity_in(i))}" for i in range(f.n_in())]
+    lines += [f"  res[{i}]  {_layout(f.name_out(i), f.sparsity_out(i))}" for i in range(f.n_out())]
+    return "/* " + "\n * ".join(lines) + "\n */"
+
+
+def _layout(name: str, pattern: ca.Sparsity) -> str:
+    size = f"{name:<8} {pattern.size1()} x {pattern.size2()}"
+    if pattern.is_dense():
+        return size
+    entries = " ".join(f"({row},{column})" for row, column in zip(*pattern.get_triplet(), strict=True))
+    return f"{size}, stored: {entries or 'none'}"
+
+
+def _numbers(labelled: Iterable[tuple[str, float]]) -> str:
+    """The inside of a C array, one labelled number a line; C has no empty arrays."""
+    return "\n".join(f"    {float(value)!r}, /* {label} */" for label, value in labelled) or "    0.0"
+
+
+_HEADER = """\
+/* All functions are called alike:
+ *
+ *     int flag = f(arg, res, iw, w, mem);                flag is 0 if all went well
+ *
+ * arg[i] points to the numbers of input i, res[i] to the place for those of output i (0: not wanted).
+ * Matrices are stored column by column. Where entries are listed as stored below, only those are, in that
+ * order, as (row, column) counted from 0; f_sparsity_out(i) gives the same in compressed columns:
+ * {rows, columns, start of each column..., total, row of each nonzero...}, or {rows, columns, 1} if all
+ * entries are stored. f_work tells how long arg, res, iw and w must be; mem comes from f_checkout() and goes
+ * back with f_release(mem).
+ */
+"""
+
+_MAIN = Template(r"""/* Integrates the model and prints time and coordinates (Runge-Kutta method of order 4).
+ * Needs $name.c and $name.h beside it and a C compiler, nothing else:
+ *
+ *     cc main.c $name.c -lm -o $name && ./$name
+ *
+ * The state is x = (q, v, s). Constraints hold as closely as the steps are small: nothing projects back.
+ */
+#include <stdio.h>
+
+#include "$name.h"
+
+enum { N_Q = $n_q, N_V = $n_v, N_S = $n_s, N_X = N_Q + N_V + N_S, STEPS = $steps };
+
+static const double T0 = $t0, T1 = $t1;
+
+static const double START[] = {
+$start
+};
+
+static const double P[] = {
+$parameters
+};
+
+static const char *const HEADS[] = {$heads};
+
+/* Spreads the stored entries of a column over x; see the header for the pattern. */
+static void scatter(const casadi_int *pattern, const double *stored, double *x)
+{
+    casadi_int i;
+    if (pattern[2]) {
+        for (i = 0; i < pattern[0]; ++i) x[i] = stored[i];
+        return;
+    }
+    for (i = 0; i < pattern[0]; ++i) x[i] = 0.0;
+    for (i = 0; i < pattern[3]; ++i) x[pattern[4 + i]] = stored[i];
+}
+
+/* dx = time derivative of x. */
+static int rate(double t, const double *x, double *dx, int mem)
+{
+    static casadi_int iw[$sz_iw];
+    static double w[$sz_w], rates[N_X];
+    const int first[] = {0, N_Q, N_Q + N_V};
+    const double *arg[$sz_arg] = {$arguments};
+    double *res[$sz_res] = {$results};
+    int block, flag = ${name}_rhs(arg, res, iw, w, mem);
+    for (block = 0; block < $blocks; ++block)
+        scatter(${name}_rhs_sparsity_out(block), rates + first[block], dx + first[block]);
+    return flag;
+}
+
+/* One step of length h from time t, in place. */
+static int step(double t, double h, double *x, int mem)
+{
+    static const double node[] = {0.0, 0.5, 0.5, 1.0};
+    static const double weight[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
+    double y[N_X], k[N_X] = {0.0}, sum[N_X] = {0.0};
+    int i, stage;
+    for (stage = 0; stage < 4; ++stage) {
+        for (i = 0; i < N_X; ++i) y[i] = x[i] + h * node[stage] * k[i];
+        if (rate(t + h * node[stage], y, k, mem)) return 1;
+        for (i = 0; i < N_X; ++i) sum[i] += weight[stage] * k[i];
+    }
+    for (i = 0; i < N_X; ++i) x[i] += h * sum[i];
+    return 0;
+}
+
+static void row(double t, const double *x)
+{
+    int i;
+    printf("%24.16e", t);
+    for (i = 0; i < N_Q; ++i) printf(" %24.16e", x[i]);
+    printf("\n");
+}
+
+int main(void)
+{
+    const double h = (T1 - T0) / STEPS;
+    double x[N_X];
+    int i, n, mem = ${name}_rhs_checkout();
+    for (i = 0; i < N_X; ++i) x[i] = START[i];
+    printf("%24s", "t");
+    for (i = 0; i < N_Q; ++i) printf(" %24s", HEADS[i]);
+    printf("\n");
+    row(T0, x);
+    for (n = 0; n < STEPS; ++n) {
+        if (step(T0 + n * h, h, x, mem)) {
+            fprintf(stderr, "The right-hand side failed in the step from t = %g.\n", T0 + n * h);
+            return 1;
+        }
+        row(T0 + (n + 1) * h, x);
+    }
+    ${name}_rhs_release(mem);
+    return 0;
+}
+""")

@@ -1,0 +1,118 @@
+"""Closed contacts in the equations of motion, and what the instant of an impact needs.
+
+With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces along them,
+
+    M B + G' L = W',    G B = 0,    D = W B,
+
+the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P. Which
+contacts are closed is told by states c of 0 and 1: (c D c + 1 - c) f = -c (W v'_free + zeta) is 0 for open ones, so
+that one set of equations serves all combinations.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Indices
+from symmb.model.system import System
+from symmb.symbolic import symmetric_solver, t
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """Compiled equations of n contacts; every Function takes (q, v, s, p, t).
+
+    Attributes
+    ----------
+    names : tuple of n str
+    closed : (n,) indices       of the states s that tell which contacts are closed
+    gaps                        -> gaps (n,) and their rates (n,)
+    forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), sizes
+                                of the terms that these are sums of (n,), and what inertia they meet 1 / D_kk (n,)
+    impulses                    -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
+    held                        -> q (n_q,), v (n_v,) moved, least in the norm of M, so that closed gaps and their rates
+                                vanish
+    """
+
+    names: tuple[str, ...]
+    closed: Indices
+    gaps: ca.Function
+    forces: ca.Function
+    impulses: ca.Function
+    held: ca.Function
+
+
+class Contacts:
+    """The equations of a system's impacts in SX."""
+
+    def __init__(self, system: System) -> None:
+        c = self._c = system.collected
+        self._system = system
+        self.gap = ca.vertcat(*[gap for _, gap, _ in c.impacts])
+        self.restitution = ca.vertcat(*[e for *_, e in c.impacts])
+        s_names = [state.name for state in c.states]
+        self.closed = [s_names.index(f"{name}.closed") for name, *_ in c.impacts]
+        self.rate = ca.densify(self._along(self.gap))
+        self.W = ca.jacobian(self.rate, system.v)
+        self.at_rest = ca.substitute(self.rate, system.v, ca.SX.zeros(system.v.shape))
+        effects = [system.solve(ca.densify(self.W[k, :].T), ca.SX(len(c.row_names), 1)) for k in range(len(c.impacts))]
+        self.B = ca.horzcat(*[a for a, _ in effects])
+        self._L = ca.horzcat(*[lam for _, lam in effects])
+        flags = system.s[self.closed]
+        D, keep = self.W @ self.B, ca.diag(flags)
+        self._D, self._flags = D, flags
+        self._solve = symmetric_solver(keep @ D @ keep + ca.diag(1 - flags))
+        self._zeta = self._along(self.rate)
+
+    def _along(self, f: ca.SX) -> ca.SX:
+        """d f / dt without accelerations."""
+        system = self._system
+        return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
+
+    def _opposing(self, r: ca.SX) -> ca.SX:
+        """What along closed gaps takes r away, (n,)."""
+        return -self._solve(self._flags * r)
+
+    def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Solver (f, g) -> (a, lam) as that of the system, with forces in closed contacts."""
+        a, lam = self._system.solve(f, g)
+        force = self._opposing(self.W @ a + self._zeta)
+        return a + self.B @ force, lam + self._L @ force
+
+    @property
+    def force(self) -> ca.SX:
+        """Forces in closed contacts, (n,) [N, N m]."""
+        a, _ = self._system.solve(self._system.Q, self._system.gamma)
+        return self._opposing(self.W @ a + self._zeta)
+
+    @property
+    def power(self) -> ca.SX:
+        """Of the forces in closed contacts [W]: those on what moves by a law of time do work."""
+        return -ca.dot(self.force, self.at_rest)
+
+    def compiled(self, retract: ca.Function) -> Impacts:
+        """The Functions."""
+        system, c = self._system, self._c
+        z, names = [system.q, system.v, system.s, system.p, t], ["q", "v", "s", "p", "t"]
+
+        def function(name: str, **outputs: ca.SX) -> ca.Function:
+            dense = [ca.densify(e) for e in outputs.values()]
+            return ca.Function(name, [*z], dense, names, list(outputs), {"cse": True})
+
+        free, _ = system.solve(system.Q, system.gamma)
+        force = self.force
+        acceleration = self.W @ free + self._zeta + self._D @ force
+        size = ca.fabs(self.W) @ ca.fabs(free) + ca.fabs(self._zeta)
+        return Impacts(
+            names=tuple(name for name, *_ in c.impacts),
+            closed=np.array(self.closed, dtype=np.intp),
+            gaps=function("gaps", gap=self.gap, rate=self.rate),
+            forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
+            impulses=function("impulses", W=self.W, B=self.B, at_rest=self.at_rest, restitution=self.restitution),
+            held=function(
+                "held",
+                q_held=retract(system.q, self.B @ self._opposing(self.gap)),
+                v_held=system.v + self.B @ self._opposing(self.rate),
+            ),
+        )

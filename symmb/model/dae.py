@@ -1,0 +1,332 @@
+"""The DAE bundle: what solvers get. It knows no coordinates by name, and it pickles, which SX does not."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.mechanics import Spatial
+from symmb.model.c_export import example_c, save_c
+from symmb.model.contact_equations import Contacts, Impacts
+from symmb.model.system import System
+from symmb.symbolic import symmetric_solver, t
+
+
+@dataclass(frozen=True)
+class Scales:
+    """How large lengths, masses and rows of constraints are, so that solvers need not know in what units.
+
+    Attributes
+    ----------
+    length : float          [m]
+    energy : float          of the unit of velocity: largest inertia times squared displacement [kg m^2]
+    rows : (n_r,) array     rates of the rows at displacements of `of_length`, all 1 if not known
+    """
+
+    length: float = 1.0
+    energy: float = 1.0
+    rows: Array | None = None
+
+    @property
+    def size(self) -> float:
+        """What absolute tolerances are multiplied with: the length, but at most 1."""
+        return min(1.0, self.length)
+
+
+def is_linear(name: str) -> bool:
+    """Whether a coordinate or a velocity of this name is one of translation, or of a mode."""
+    part = name.rpartition(".")[2]
+    return part in ("x", "y", "z", "vx", "vy", "vz") or part.startswith("eta")
+
+
+@dataclass(frozen=True)
+class DAE:
+    """Compiled equations of motion of a system; see `system` for the notation.
+
+    Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
+    that the scene does not have is None.
+
+    Attributes
+    ----------
+    q_names, v_names, s_names, row_names, p_names : tuples of str
+    rows : dict            constraint -> slice of its rows
+    p_nominal : (n_p,)     nominal parameters
+    q_neutral : (n_q,)     zeros and identity rotations
+    rhs                    -> q', v' [, s']
+    M, Q                   mass matrix (n_v, n_v), forces (n_v,)
+    Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
+    Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
+    forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
+    shift                  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
+    energy                 -> T, V [J]
+    power                  (..., lam) -> power of forces without potential and of drives [W]
+    shared                 (..., lam) -> multipliers of all rows of the system, the smallest in sum of squares that
+                           have the same effect; where redundant rows are left out
+    retract                (q, delta) -> q moved by delta
+    upright                (q, p) -> cosines of the joints, 1 in the meant assembly
+    s_start                (q, p) -> start of the first-order states
+    positive               p -> masses and lengths that must be above 0, named by `positive_names`
+    impacts : Impacts      gaps that close, and velocities that jump then
+    scales : Scales        of the motion; 1 as long as nothing is known of it
+    """
+
+    q_names: tuple[str, ...]
+    v_names: tuple[str, ...]
+    s_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    p_names: tuple[str, ...]
+    rows: dict[str, slice]
+    p_nominal: Array
+    q_neutral: Array
+    rhs: ca.Function
+    M: ca.Function
+    Q: ca.Function
+    Phi: ca.Function | None
+    Phi_q: ca.Function | None
+    Phi_t: ca.Function | None
+    Phi_dot: ca.Function | None
+    G: ca.Function | None
+    gamma: ca.Function | None
+    forward: ca.Function
+    shift: ca.Function | None
+    energy: ca.Function
+    power: ca.Function | None
+    shared: ca.Function | None
+    retract: ca.Function
+    upright: ca.Function | None
+    s_start: ca.Function | None
+    positive: ca.Function
+    positive_names: tuple[str, ...]
+    impacts: Impacts | None = None
+    scales: Scales = field(default_factory=lambda: Scales())
+
+    @property
+    def n_q(self) -> int:
+        """Number of coordinates."""
+        return len(self.q_names)
+
+    @property
+    def n_v(self) -> int:
+        """Number of velocities."""
+        return len(self.v_names)
+
+    @property
+    def displacements(self) -> Array:
+        """Scales of displacements along v (n_v,) [m, rad]."""
+        return self._sized(self.v_names)
+
+    @property
+    def coordinates(self) -> Array:
+        """Scales of q (n_q,) [m, rad, -]."""
+        return self._sized(self.q_names)
+
+    @property
+    def of_rows(self) -> Array:
+        """Scales of the rows (n_r,)."""
+        return np.ones(self.n_r) if self.scales.rows is None else self.scales.rows
+
+    def _sized(self, names: Sequence[str]) -> Array:
+        return np.array([self.scales.length if is_linear(name) else 1.0 for name in names])
+
+    @property
+    def n_s(self) -> int:
+        """Number of first-order states."""
+        return len(self.s_names)
+
+    @property
+    def n_c(self) -> int:
+        """Number of position rows."""
+        return 0 if self.Phi is None else self.Phi.numel_out(0)
+
+    @property
+    def n_r(self) -> int:
+        """Number of rows in all, velocity-only ones included."""
+        return len(self.row_names)
+
+    def arguments(self, x: ca.SX, p: ca.SX, time: ca.SX) -> tuple[ca.SX, ...]:
+        """The state x = (q, v[, s]) split into the arguments of the Functions."""
+        n = self.n_q + self.n_v
+        return (x[: self.n_q], x[self.n_q : n], *((x[n:],) if self.n_s else ()), p, time)
+
+    def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
+        """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
+
+        With impacts, what their instants need is written in the place of the main program, whose steps know no events.
+
+        Parameters
+        ----------
+        folder : path                   made if it is not there
+        start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): what the main
+                                        program integrates; default: neutral coordinates at rest, nominal
+                                        parameters, one second
+
+        Returns
+        -------
+        tuple of Path                   the files written
+        """
+        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
+        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
+        if self.impacts is not None:
+            impacts = self.impacts
+            functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.held)}
+            return save_c(functions, folder)
+        begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
+        begin.update(start or {})
+        times = np.asarray(begin.pop("times", (0.0, 1.0)))
+        main = example_c(
+            self.rhs,
+            q=begin["q"],
+            v=begin["v"],
+            s=begin["s"],
+            parameters=dict(zip(self.p_names, map(float, begin["p"]), strict=True)),
+            coordinates=self.q_names,
+            t0=float(times[0]),
+            t1=float(times[-1]),
+            steps=max(len(times) - 1, 100),
+        )
+        return save_c(functions, folder, example=main)
+
+
+def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
+    """Compile the equations of a system into CasADi Functions.
+
+    Parameters
+    ----------
+    system : System
+    rows : sequence of int, optional       numbers of independent constraint rows, where the others are redundant
+
+    Returns
+    -------
+    DAE
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=2.0, pose=mb.Particle())
+    >>> dae = compile_dae(mb.System(ball, mb.Gravity(0, -9.81), mb.Force("push", ball.point(0, 0), (1, 0))))
+    >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
+    DM([0.5, -9.81])
+    """
+    whole = system
+    system = system if rows is None else system.keeping(rows)
+    c = system.collected
+    q, v, s, p = system.q, system.v, system.s, system.p
+    states = [("q", q), ("v", v), *([("s", s)] if c.states else []), ("p", p), ("t", t)]
+    lam = ca.SX(system.lam)
+    n_r = lam.numel()
+    constrained = n_r > 0
+    held = system.Phi.numel() > 0
+    right = ca.SX.sym("gamma", n_r)
+    contacts = Contacts(system) if c.impacts else None
+    solve = system.solve if contacts is None else contacts.solve
+    vdot, multipliers = solve(system.Q, right)
+    vdot_free, _ = solve(system.Q, system.gamma)
+    delta, _ = system.solve(ca.SX(v.numel(), 1), right)
+    power = system.power if contacts is None else system.power + contacts.power
+    positive_names, positive = system.positive
+    displacement = ca.SX.sym("delta", v.numel())
+    retract = ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"])
+    outputs: dict[str, dict[str, ca.SX]] = {
+        "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if c.states else {})},
+        "M": {"M": system.M},
+        "Q": {"Q": system.Q},
+        "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
+        "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
+    }
+    if held:
+        outputs |= {"Phi": {"Phi": system.Phi}, "Phi_q": {"Phi_q": system.Phi_q}}
+    if "Phi_t" in system.parts:
+        outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
+    if constrained:
+        outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
+        outputs["shift"] = {"delta": ca.densify(delta)}
+    if ca.sparsify(power).nnz():
+        outputs["power"] = {"power": power}
+    if rows is not None:
+        outputs["shared"] = {"lam": _shared(whole.G, rows, lam)}
+    functions = _functions(
+        states,
+        outputs,
+        {"forward": ("gamma", right), "shift": ("r", right), "power": ("lam", lam), "shared": ("lam_kept", lam)},
+    )
+    return DAE(
+        q_names=c.q_names,
+        v_names=c.v_names,
+        s_names=tuple(state.name for state in c.states),
+        row_names=c.row_names,
+        p_names=tuple(system.parameters),
+        rows=c.rows,
+        p_nominal=system.parameters.nominal,
+        q_neutral=np.array([1.0 if _is_scalar_part(system, name) else 0.0 for name in c.q_names]),
+        rhs=functions["rhs"],
+        M=functions["M"],
+        Q=functions["Q"],
+        Phi=functions.get("Phi"),
+        Phi_q=functions.get("Phi_q"),
+        Phi_t=functions.get("Phi_t"),
+        Phi_dot=functions.get("Phi_dot"),
+        G=functions.get("G"),
+        gamma=functions.get("gamma"),
+        forward=functions["forward"],
+        shift=functions.get("shift"),
+        energy=functions["energy"],
+        power=functions.get("power"),
+        shared=functions.get("shared"),
+        retract=retract,
+        upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
+        s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
+        if c.states
+        else None,
+        positive=positive,
+        positive_names=positive_names,
+        impacts=None if contacts is None else contacts.compiled(retract),
+    )
+
+
+def _functions(
+    states: list[tuple[str, ca.SX]], outputs: dict[str, dict[str, ca.SX]], extra: dict[str, tuple[str, ca.SX]]
+) -> dict[str, ca.Function]:
+    """A Function of the states, and of what some take besides, for each dictionary of outputs.
+
+    Common expressions are found once for all of them: most have the factors of M in common.
+    """
+    reduced = iter(ca.cse([e for parts in outputs.values() for e in parts.values()]))
+    functions = {}
+    for name, parts in outputs.items():
+        inputs = [*states, *([extra[name]] if name in extra else [])]
+        values = [next(reduced) for _ in parts]
+        functions[name] = ca.Function(name, [x for _, x in inputs], values, [n for n, _ in inputs], list(parts))
+    return functions
+
+
+def _shared(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
+    """Least multipliers (n_r,) of all rows of G with the effect of lam (k,) on some that are independent."""
+    numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
+    kept, left = G[numbers, :], G[others, :]
+    solve = symmetric_solver(kept @ kept.T)
+    # left = C kept: lam is what [1; C]' makes of all multipliers, the least of which are [1; C] (1 + C'C)^-1 lam.
+    C = ca.horzcat(*[solve(kept @ left[i, :].T) for i in range(len(others))]).T
+    of_left = symmetric_solver(ca.SX.eye(len(others)) + C @ C.T)(C @ lam)
+    every = ca.SX(G.shape[0], 1)
+    every[numbers] = lam - C.T @ of_left
+    every[others] = of_left
+    return ca.densify(every)
+
+
+def _is_scalar_part(system: System, name: str) -> bool:
+    body, _, part = name.rpartition(".")
+    return part == "e0" and any(b.name == body and isinstance(b.pose, Spatial) for b in system.bodies)
+
+
+def _retract(system: System, delta: ca.SX) -> ca.SX:
+    """The retraction of all bodies; coordinates that were left out of a particle simply are not there."""
+    c = system.collected
+    out, at_q, at_v = [], 0, 0
+    for body, n_v in zip(c.bodies, c.block_sizes, strict=True):
+        n_q = n_v + isinstance(body.pose, Spatial)
+        out.append(body.pose.retract(c.q[at_q : at_q + n_q], delta[at_v : at_v + n_v]))
+        at_q, at_v = at_q + n_q, at_v + n_v
+    return ca.vertcat(*out) if out else ca.SX(0, 1)

@@ -1,0 +1,89 @@
+"""What a system has and what fell away, in words."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from symmb.mechanics import Body, Constraint, Element, ForceElement, Spatial
+from symmb.model.assembly import Collected
+from symmb.symbolic import Kind, is_time, is_zero, lookup
+
+
+def system_text(
+    c: Collected,
+    elements: Sequence[Body | Element],
+    parameters: Mapping[str, float],
+    *,
+    M: ca.SX,
+    block_sizes: Sequence[int],
+    Phi_t: ca.SX,
+    power: ca.SX,
+) -> str:
+    """A few lines: bodies, sizes, the structure of M, and what the scene does without.
+
+    Parameters
+    ----------
+    c, elements, parameters          what was declared
+    M : (n_v, n_v)                   mass matrix, with the sizes of its diagonal blocks
+    Phi_t : (n_c, 1)                 partial time derivative of the position rows
+    power : scalar                   power of the forces without potential [W]
+    """
+    constraints = [e for e in elements if isinstance(e, Constraint)]
+    forces = [e for e in elements if isinstance(e, ForceElement)]
+    dropped = c.written - c.Phi.numel()
+    lines = [
+        f"bodies       {_count([_kind(b) for b in c.bodies])}",
+        f"constraints  {_count([type(e).__name__ for e in constraints])}",
+        f"forces       {_count([type(e).__name__ for e in forces])}",
+        *([f"impacts      {', '.join(name for name, *_ in c.impacts)}"] if c.impacts else []),
+        f"parameters   {', '.join(parameters) or 'none'}",
+        f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
+        + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
+        + (f", {len(c.states)} first-order states" if c.states else "")
+        + f"; {c.v.numel() - len(c.row_names)} degrees of freedom if the rows are independent",
+        f"M            {_mass_structure(M, block_sizes)}",
+    ]
+    if dropped:
+        lines.append(f"fell away    {dropped} of {c.written} rows of Phi vanish by structure")
+    lines += [f"fell away    {x} moves uniformly, nothing touches it" for x, *_ in c.drifting]
+    lines.append(f"left out     {'; '.join(_left_out(c, Phi_t, power)) or 'nothing'}")
+    return "System\n" + "\n".join("  " + line for line in lines)
+
+
+def _kind(body: Body) -> str:
+    return ("flexible " if body.pose.modes else "") + type(body.pose).__name__.lower()
+
+
+def _count(kinds: list[str]) -> str:
+    return ", ".join(f"{n} {kind}" for kind, n in Counter(kinds).items()) or "none"
+
+
+def _mass_structure(M: ca.SX, block_sizes: Sequence[int]) -> str:
+    if not M.numel():
+        return "none"
+    kinds = {record.kind for s in ca.symvar(M) if (record := lookup(s)) is not None}
+    varies = Kind.COORDINATE in kinds or any(is_time(s) for s in ca.symvar(M))
+    what = "varies along the motion" if varies else "constant along the motion"
+    if M.sparsity().is_subset(ca.Sparsity.diag(M.shape[0])):
+        massless = any(is_zero(ca.diag(M)[i]) for i in range(M.shape[0]))
+        return f"{what}, diagonal" + (", singular: the full matrix is solved" if massless else ": reciprocals")
+    return f"{what}, blocks of {sorted(set(np.asarray(block_sizes).tolist()))}"
+
+
+def _left_out(c: Collected, Phi_t: ca.SX, power: ca.SX) -> list[str]:
+    out = []
+    if not any(isinstance(b.pose, Spatial) for b in c.bodies):
+        out.append("quaternions and N (no spatial body)")
+    if not c.row_names:
+        out.append("Phi, gamma and multipliers (no constraint)")
+    if is_zero(Phi_t):
+        out.append("Phi_t and Phi_tt (no drive)")
+    if not c.Psi.numel():
+        out.append("Psi (no velocity-only row)")
+    if not c.states:
+        out.append("s (no first-order state)")
+    if is_zero(power):
+        out.append("work (all forces have a potential)")
+    return out

@@ -1,0 +1,367 @@
+"""The equations of motion of a system of bodies, constraints and forces, derived when they are asked for.
+
+    M(q, p) v' + G' lam = Q(q, v, p, t)          q' = N(q) v
+    Phi(q, p, t) = 0                             positions
+    Phi_v v + Phi_t = 0,  Psi(q, v, p, t) = 0    velocities; Psi are velocity-only rows, linear in v
+    G v' = gamma                                 accelerations, G = [Phi_v; Psi_v], Phi_v = Phi_q N
+
+q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
+multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in
+body axes. M is block-diagonal, a block for each body. What a scene does not have is not there: `print(system)` tells.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Expr
+from symmb.mechanics import Body, Element, Ground, Joint, Parameters, Spatial
+from symmb.model.assembly import Collected, collect
+from symmb.model.binding import Binding
+from symmb.model.box import Box
+from symmb.model.summary import system_text
+from symmb.symbolic import Symbol, is_zero, latex, rate, saddle_solver, t, to_sympy
+
+
+class Multipliers(ca.SX):
+    """All multipliers as one SX vector; called with the name of a joint, those of that joint."""
+
+    rows: dict[str, slice]
+
+    def __call__(self, name: str) -> ca.SX:
+        if name not in self.rows:
+            raise DeclarationError(f"No constraint {name!r} with multipliers.{did_you_mean(name, self.rows)}")
+        return ca.SX(self)[self.rows[name]]
+
+
+class Reaction:
+    """Reaction on the body of a joint's second point, there, in world axes: force (3,) [N], torque (3,) [N m]."""
+
+    def __init__(self, force: ca.SX, torque: ca.SX) -> None:
+        self.force, self.torque = force, torque
+        self.fx, self.fy, self.fz = ca.vertsplit(force)
+        self.tx, self.ty, self.tz = ca.vertsplit(torque)
+
+
+class System:
+    """Bodies, constraints and forces with their equations of motion.
+
+    Parameters
+    ----------
+    *elements : Body, Constraint, ForceElement or Impact, in the order in which coordinates and rows shall stand
+    parameters : Parameters
+
+    Raises
+    ------
+    DeclarationError       all faults of the declaration at once, with the declared names and remedies
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(m=2.0, k=50.0)
+    >>> mass = mb.Body("mass", mass=p.m, pose=mb.Particle())
+    >>> spring = mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), p.k)
+    >>> system = mb.System(mass, spring, parameters=p)
+    >>> system.Q
+    SX([(-(k*mass.x)), (-(k*mass.y)), (-(k*mass.z))])
+    """
+
+    def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
+        self.parameters = Parameters() if parameters is None else parameters
+        self.elements = tuple(e for e in elements if not isinstance(e, Ground))
+        self.collected: Collected = collect(self.elements, self.parameters)
+
+    def with_states(self, states: Sequence[Symbol]) -> "System":
+        """A copy that also integrates the given first-order states, which outputs ask for."""
+        copy = object.__new__(System)
+        copy.parameters, copy.elements = self.parameters, self.elements
+        copy.collected = self.collected.with_states(states)
+        copy.lam, copy.vdot = self.lam, self.vdot  # the outputs may hold these very symbols
+        return copy
+
+    def keeping(self, rows: Sequence[int]) -> "System":
+        """A copy with the constraint rows of these numbers only, and multipliers of its own."""
+        copy = object.__new__(System)
+        copy.parameters, copy.elements = self.parameters, self.elements
+        copy.collected = self.collected.keeping(rows)
+        return copy
+
+    @property
+    def bind(self) -> Binding:
+        """Turns expressions of the system's symbols (numbers, SX or SymPy) into SX; all symbols must be known."""
+        return self.collected.bind
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The declared bodies."""
+        return self.collected.bodies
+
+    @property
+    def p(self) -> ca.SX:
+        """Parameters, (n_p,)."""
+        return self.parameters.symbols
+
+    @property
+    def q(self) -> ca.SX:
+        """Coordinates, (n_q,) [m, rad, -]."""
+        return self.collected.q
+
+    @property
+    def v(self) -> ca.SX:
+        """Velocities, (n_v,) [m/s, rad/s]."""
+        return self.collected.v
+
+    @property
+    def s(self) -> ca.SX:
+        """First-order states, (n_s,)."""
+        return ca.vertcat(*[s.sx for s in self.collected.states]) if self.collected.states else ca.SX(0, 1)
+
+    @cached_property
+    def s_rate(self) -> ca.SX:
+        """Rates of the first-order states, (n_s,)."""
+        states = self.collected.states
+        return ca.vertcat(*[s.rate for s in states]) if states else ca.SX(0, 1)
+
+    @cached_property
+    def lam(self) -> Multipliers:
+        """Multipliers, (n_c + n_psi,) [N, N m]; `lam("elbow")` those of one joint."""
+        names = self.collected.row_names
+        lam = Multipliers(ca.vertcat(*[ca.SX.sym(n) for n in names]) if names else ca.SX(0, 1))
+        lam.rows = self.collected.rows
+        return lam
+
+    @cached_property
+    def vdot(self) -> ca.SX:
+        """Accelerations as symbols for outputs, (n_v,) [m/s^2, rad/s^2]."""
+        return ca.vertcat(*[ca.SX.sym(f"{name}.rate") for name in self.collected.v_names])
+
+    @cached_property
+    def solved_hashes(self) -> frozenset[int]:
+        """Hashes of multipliers and accelerations, by which outputs that contain some are known."""
+        return frozenset(s.element_hash() for s in ca.vertsplit(ca.vertcat(ca.SX(self.lam), self.vdot)))
+
+    def ddt(self, expression: Expr) -> ca.SX:
+        """Rate of an expression of coordinates, velocities, first-order states and `t`, for outputs: d/dt f(q, v, t).
+
+        Unlike `symmb.ddt` it takes velocities, whose rates are accelerations: `system.ddt(ram.vx)`.
+
+        Raises
+        ------
+        DeclarationError       if a symbol is unknown, or a multiplier
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
+        >>> mb.System(rod).ddt(rod.omega**2)
+        SX(((2.*rod.omega)*rod.omega.rate))
+        """
+        c = self.collected
+        accelerations = dict(
+            zip((v.element_hash() for v in ca.vertsplit(self.v)), ca.vertsplit(self.vdot), strict=True)
+        )
+        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.drifting}  # untouched: it moves uniformly
+        return rate(self.bind(expression, "ddt"), accelerations)
+
+    @property
+    def M(self) -> ca.SX:
+        """Mass matrix, (n_v, n_v), block-diagonal by body [kg, kg m^2]."""
+        return self.collected.M
+
+    @property
+    def Q(self) -> ca.SX:
+        """Generalised forces with gyroscopic terms, (n_v,) [N, N m]."""
+        return self.collected.Q
+
+    @property
+    def Phi(self) -> ca.SX:
+        """Position constraints, (n_c,)."""
+        return self.collected.Phi
+
+    @property
+    def Psi(self) -> ca.SX:
+        """Velocity-only constraints, (n_psi,)."""
+        return self.collected.Psi
+
+    @cached_property
+    def qdot(self) -> ca.SX:
+        """Rates of the coordinates N v, (n_q,)."""
+        return self.collected.qdot
+
+    @cached_property
+    def N(self) -> ca.SX:
+        """N(q) in q' = N v, (n_q, n_v)."""
+        return ca.jacobian(self.qdot, self.v)
+
+    @cached_property
+    def Phi_q(self) -> ca.SX:
+        """Jacobian of the position constraints, (n_c, n_q)."""
+        return ca.jacobian(self.Phi, self.q)
+
+    @cached_property
+    def Phi_t(self) -> ca.SX:
+        """Partial derivative of the position constraints with respect to time, (n_c,); no entries without drives."""
+        return ca.sparsify(ca.jacobian(self.Phi, t))
+
+    @cached_property
+    def Phi_dot(self) -> ca.SX:
+        """Rates of all rows, [Phi_v v + Phi_t; Psi], (n_c + n_psi,)."""
+        return ca.densify(ca.vertcat(ca.jtimes(self.Phi, self.q, self.qdot) + self.Phi_t, self.Psi))
+
+    @cached_property
+    def G(self) -> ca.SX:
+        """Velocity Jacobian of all rows, [Phi_v; Psi_v], (n_c + n_psi, n_v)."""
+        return ca.sparsify(ca.jacobian(self.Phi_dot, self.v))
+
+    @cached_property
+    def gamma(self) -> ca.SX:
+        """Right side of G v' = gamma, (n_c + n_psi,): what the rates of the rows change by without accelerations."""
+        along_s = ca.jtimes(self.Phi_dot, self.s, self.s_rate) if self.s.numel() else 0
+        return ca.densify(-(ca.jtimes(self.Phi_dot, self.q, self.qdot) + along_s + ca.jacobian(self.Phi_dot, t)))
+
+    @cached_property
+    def block_sizes(self) -> tuple[int, ...]:
+        """Velocities of each body, the sizes of the blocks of M."""
+        return self.collected.block_sizes
+
+    @cached_property
+    def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
+        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, factorised once (see `saddle_solver`)."""
+        return saddle_solver(self.M, self.G, self.block_sizes, any(body.nearly_singular for body in self.bodies))
+
+    @property
+    def kinetic_energy(self) -> ca.SX:
+        """v' M v / 2 [J]."""
+        return 0.5 * ca.dot(self.v, self.M @ self.v)
+
+    @property
+    def potential_energy(self) -> ca.SX:
+        """Potential of gravity and springs [J]."""
+        return self.collected.potential
+
+    @cached_property
+    def power(self) -> ca.SX:
+        """Power of forces without potential, of drives, and of mass that joins or leaves [W], in q, v, s, lam, p, t.
+
+        What joins a body, or leaves it, has the body's own velocity: M v' = Q holds as it stands.
+        """
+        at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
+        M = self.collected.M_flow
+        M_dot = ca.jtimes(M, self.q, self.qdot) + ca.reshape(ca.jacobian(M, t), M.shape)
+        return (
+            ca.dot(self.v, self.collected.Q_work)
+            + ca.dot(ca.SX(self.lam), at_rest)
+            + 0.5 * ca.dot(self.v, M_dot @ self.v)
+        )
+
+    def reaction(self, name: str) -> Reaction:
+        """Reaction of the joint of that name on its second body at the joint's point, in world axes [N], [N m].
+
+        Raises
+        ------
+        DeclarationError       if there is no such joint between two bodies
+        """
+        joints = {e.name: e for e in self.elements if isinstance(e, Joint)}
+        if name not in joints:
+            known = did_you_mean(name, joints)
+            hint = f" Its multipliers are system.lam({name!r})." if name in self.lam.rows else known
+            raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
+        joint = joints[name]
+        onto_b = not isinstance(joint.point_b.body, Ground)
+        point = joint.point_b if onto_b else joint.point_a
+        frame = point.body.frame
+        rows = self.collected.rows[name]
+        # Virtual power of the rows: the wrench on the body about its centre of mass is -(d rows'/d twist)' lam.
+        twist = ca.SX.sym("twist", 6)
+        q_rate = ca.substitute(frame.rate, frame.v, ca.densify(frame.rigid @ twist))
+        rate = ca.jtimes(self.Phi[rows], frame.q, q_rate)
+        wrench = -ca.jacobian(rate, twist).T @ self.lam(name)
+        force, torque = wrench[:3], frame.R @ wrench[3:]
+        torque = torque - ca.cross(frame.R @ point.s, force)
+        if onto_b:
+            return Reaction(ca.densify(force), ca.densify(torque))
+        torque = torque + ca.cross(point.r - joint.point_b.r, force)
+        return Reaction(ca.densify(-force), ca.densify(-torque))
+
+    @cached_property
+    def positive(self) -> tuple[tuple[str, ...], ca.Function]:
+        """What must be above 0, masses and lengths: names (n,) and a Function p -> values (n,)."""
+        names, values = zip(*self.collected.positive, strict=True) if self.collected.positive else ((), ())
+        return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(*values) if values else ca.SX(0, 1)])
+
+    def sign_faults(self, box: Box) -> list[str]:
+        """Masses and lengths that are not positive at a corner of the box."""
+        names, positive = self.positive
+        order = list(self.parameters)
+        found = {}
+        for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
+            p = self.parameters.nominal
+            p[[order.index(name) for name in box.names]] = corner
+            for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
+                if not value > 0:
+                    at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
+                    found.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
+        return list(found.values())
+
+    @cached_property
+    def _symbols(self) -> tuple[list[ca.SX], list[str]]:
+        c = self.collected
+        return (
+            ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t)),
+            [*self.parameters, *c.q_names, *c.v_names, *(s.name for s in c.states), *c.row_names, "t"],
+        )
+
+    def to_sympy(self, *names: str) -> dict:
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
+        wanted = names or self.parts
+        return {name: to_sympy(getattr(self, name), *self._symbols) for name in wanted}
+
+    def latex(self) -> str:
+        """The equations in LaTeX, one display for each part that the scene has."""
+        return "\n\n".join(
+            rf"\[ {_LATEX[name]} = {latex(getattr(self, name), *self._symbols)} \]" for name in self.parts
+        )
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """Which of M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma the scene has."""
+        has = {
+            "M": self.v.numel() > 0,
+            "N": any(isinstance(b.pose, Spatial) for b in self.bodies),
+            "Q": self.v.numel() > 0,
+            "Phi": self.Phi.numel() > 0,
+            "Phi_q": self.Phi.numel() > 0,
+            "Phi_t": not is_zero(self.Phi_t),
+            "Psi": self.Psi.numel() > 0,
+            "gamma": self.G.shape[0] > 0,
+        }
+        return tuple(name for name, there in has.items() if there)
+
+    def __repr__(self) -> str:
+        return system_text(
+            self.collected,
+            self.elements,
+            self.parameters,
+            M=self.M,
+            block_sizes=self.block_sizes,
+            Phi_t=self.Phi_t,
+            power=self.power,
+        )
+
+
+_CORNERS = 10  # so many parameters have a thousand corners; beyond, samples with a wrong sign fail one by one
+_LATEX = {
+    "M": "M",
+    "N": "N",
+    "Q": "Q",
+    "Phi": r"\Phi",
+    "Phi_q": r"\Phi_q",
+    "Phi_t": r"\Phi_t",
+    "Psi": r"\Psi",
+    "gamma": r"\gamma",
+}

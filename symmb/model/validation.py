@@ -1,0 +1,179 @@
+"""What can be wrong with a declaration: each function gives the faults of one kind, or raises those of one element."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.mechanics import (
+    RESTITUTION,
+    AbstractBody,
+    Action,
+    Body,
+    Constraint,
+    Element,
+    Ground,
+    Impact,
+    Parameters,
+    Particle,
+    as_matrix,
+    inertia_matrix,
+)
+from symmb.model.binding import Binding
+from symmb.symbolic import is_zero
+
+
+def name_faults(elements: Sequence[object]) -> list[str]:
+    """Elements that are none, and names that are none or used twice."""
+    faults, seen = [], set()
+    for e in elements:
+        if not isinstance(e, Body | Element):
+            faults.append(
+                f"System: {e!r} is neither a body, a constraint nor a force. Name parameters as parameters=p."
+            )
+            continue
+        if not isinstance(e.name, str) or not e.name or any(c in e.name for c in ".[] "):
+            faults.append(f"{type(e).__name__} {e.name!r}: a name is a text without dots, brackets and spaces.")
+        elif e.name in seen:
+            faults.append(f"{type(e).__name__} {e.name!r}: the name is used twice. Choose another.")
+        seen.add(e.name)
+    return faults
+
+
+def membership_faults(elements: Sequence[object]) -> list[str]:
+    """Constraints and forces on bodies that are not part of the system."""
+    known = {id(e) for e in elements if isinstance(e, Body)}
+    faults = []
+    for e in elements:
+        if not isinstance(e, Element):
+            continue
+        try:
+            attached = e.bodies()
+        except AttributeError:  # a wrong kind of point, which the element's own faults tell
+            continue
+        for body in attached:
+            if isinstance(body, AbstractBody) and isinstance(body.owner, Body) and id(body.owner) not in known:
+                faults.append(f"{e.title}: body {body.owner.name!r} is not part of the System. Add it to System(...).")
+    return faults
+
+
+def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+    """Mass (scalar) and inertia (3, 3) of a body as SX; all that is wrong with them is raised at once."""
+    faults = []
+    mass = bind(body.mass, f"Body {body.name!r}: mass")
+    if mass.numel() != 1:
+        raise DeclarationError(
+            f"Body {body.name!r}: mass has {mass.numel()} components; expected one number or expression."
+        )
+    J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
+    for what, value in (("mass", mass), ("inertia", ca.diag(J))):
+        nominal = _nominal(value, parameters)
+        if nominal is not None and np.any(nominal < 0):
+            faults.append(f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0.")
+        elif nominal is not None and any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
+            faults.append(
+                f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
+                "Write 0 for a massless body, so that its equations are solved without dividing by it."
+            )
+    skew = _nominal(ca.vec(J - J.T), parameters)
+    if skew is not None and np.abs(skew).max() > 0:
+        faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
+    v_like = [s for s in ca.symvar(ca.vertcat(mass, ca.vec(J))) if bind.is_velocity(s)]
+    if v_like:
+        faults.append(f"Body {body.name!r}: mass and inertia must not depend on velocities ({v_like[0].name()}).")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return mass, J
+
+
+def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
+    """Numbers at the nominal parameters; None if coordinates or time stand in the expression."""
+    f = ca.Function("f", [parameters.symbols], [ca.densify(value)], {"allow_free": True})
+    return None if f.has_free() else np.asarray(f(parameters.nominal)).ravel()
+
+
+def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
+    """The rows that do not vanish; each must depend on a coordinate."""
+    kept = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
+    faults = []
+    for row in kept:
+        bind.check(row, constraint.title)
+        if not any(bind.is_coordinate(s) for s in ca.symvar(row)):
+            faults.append(f"{constraint.title}: no coordinate can meet the row {row} = 0. Check points, axis and law.")
+        if any(bind.is_velocity(s) for s in ca.symvar(row)):
+            faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
+    if rows.numel() and not kept:
+        faults.append(f"{constraint.title}: all its rows vanish, nothing is left to constrain. Leave it out.")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return kept
+
+
+def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
+    """The velocity-only rows that do not vanish; each must be linear in the velocities."""
+    rows = constraint.velocity_rows(bind)
+    kept = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
+    for row in kept:
+        bind.check(row, constraint.title)
+        velocities = [s for s in ca.symvar(row) if bind.is_velocity(s)]
+        linear = ca.jacobian(row, ca.vertcat(*velocities)) if velocities else None
+        if linear is None or any(bind.is_velocity(s) for s in ca.symvar(linear)):
+            raise DeclarationError(
+                f"{constraint.title}: expressions must be linear in the velocities, and contain some."
+            )
+    return kept
+
+
+def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+    """Gap and coefficient of restitution of an impact as SX scalars."""
+    gap = bind(impact.gap, f"{impact.title}: gap")
+    e = bind(impact.restitution, f"{impact.title}: restitution")
+    faults = []
+    for what, value in (("gap", gap), ("restitution", e)):
+        if value.numel() != 1:
+            faults.append(f"{impact.title}: {what} has {value.numel()} components. Give each its own Impact.")
+    if any(bind.is_velocity(s) for s in ca.symvar(gap)):
+        faults.append(f"{impact.title}: the gap must not contain velocities. Write a distance, such as ball.y - r.")
+    elif not any(bind.is_coordinate(s) for s in ca.symvar(gap)):
+        faults.append(f"{impact.title}: the gap {gap} contains no coordinate. Write a distance, such as ball.y - r.")
+    if any(not bind.is_parameter(s) for s in ca.symvar(e)):
+        faults.append(f"{impact.title}: restitution may depend on parameters only.")
+    nominal = None if faults else _nominal(e, parameters)
+    if nominal is not None and not 0 <= nominal[0] <= 1:
+        faults.append(f"{impact.title}: {RESTITUTION.format(nominal[0])} at the nominal parameters. Give one that is.")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return gap, e
+
+
+def plane_faults(title: str, action: Action) -> list[str]:
+    """Loads that would push or turn a planar body out of its plane."""
+    faults = []
+    for load in action.loads:
+        wrench = ca.vertcat(load.force, load.torque)
+        S = load.body.frame.S
+        if isinstance(load.body, Ground) or isinstance(load.body.pose, Particle):
+            continue
+        outside = [i for i in range(6) if is_zero(S[i, :]) and not is_zero(wrench[i])]
+        if outside:
+            what = (
+                "force along x",
+                "force along y",
+                "force along z",
+                "torque about x",
+                "torque about y",
+                "torque about z",
+            )
+            faults.append(
+                f"{title}: {what[outside[0]]}{_shown(wrench[outside[0]])} leaves the plane of planar body "
+                f"{load.body.name!r}. Leave it out or use pose=Spatial()."
+            )
+    return faults
+
+
+def _shown(value: ca.SX) -> str:
+    """A value in brackets, unless it is too long to help."""
+    text = str(value)
+    return f" ({text})" if len(text) <= 40 else ""

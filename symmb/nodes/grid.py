@@ -1,0 +1,134 @@
+"""Interpolation on nested nodes, from tensor grids to sparse ones: a set of degrees, and as many nodes.
+
+Nodes of one parameter are numbered: the middle, the ends, then those that halve the angles between them, so that the
+first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving the next node is that of Leja, where the
+product of distances is largest. Degree k has the first k + 1 nodes. A set of multi-indices with all smaller ones thus
+has one node for each of its polynomials, with the same numbers.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable
+from functools import cache, cached_property
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.polynomials import MultiIndices
+
+Index = tuple[int, ...]
+
+_FEW = 100
+"""Nodes up to which one matrix is faster than a factor for each parameter."""
+
+
+class Grid:
+    """A growing set of multi-indices in d parameters.
+
+    Attributes
+    ----------
+    row : dict        multi-index -> its row, in the order in which they came
+    """
+
+    def __init__(self, d: int) -> None:
+        self.d = d
+        self.row: dict[Index, int] = {}
+
+    def missing(self, indices: Iterable[Index]) -> set[Index]:
+        """Indices to be added with the given ones so that each has all smaller ones."""
+        found: set[Index] = set()
+        pending = list(indices)
+        while pending:
+            index = pending.pop()
+            if index not in self.row and index not in found:
+                found.add(index)
+                pending.extend(below(index))
+        return found
+
+    def add(self, indices: set[Index]) -> None:
+        """More indices, in the order of their degree."""
+        for index in sorted(indices, key=lambda a: (sum(a), a)):
+            self.row[index] = len(self.row)
+        self.__dict__.pop("_fit", None)
+
+    def ahead(self) -> set[Index]:
+        """Indices that may be added, since all smaller ones are there."""
+        near = {above for index in self.row for above in _above(index)}
+        return {index for index in near if index not in self.row and all(b in self.row for b in below(index))}
+
+    @property
+    def alpha(self) -> MultiIndices:
+        """(N, d)."""
+        return np.array(list(self.row), dtype=np.intp).reshape(-1, self.d)
+
+    @property
+    def nodes(self) -> Array:
+        """(N, d) in [-1, 1]."""
+        return line(int(self.alpha.max(initial=0)) + 1)[self.alpha]
+
+    def coefficients(self, Y: Array, rows: Indices | None = None) -> Array:
+        """Legendre coefficients (N, m) of the interpolant from values (n, m), of which rows (N,) are at the nodes."""
+        if rows is None:
+            rows = np.arange(len(Y))
+        if len(rows) > _FEW:
+            return self._interpolants(Y[rows])
+        if len(rows) == len(Y):  # values are many, and not copied to be put in order
+            return self._fit[:, np.argsort(rows)] @ Y
+        return self._fit @ Y[rows]
+
+    @cached_property
+    def _fit(self) -> Array:
+        """(N, N) matrix from values at the nodes to coefficients."""
+        return self._interpolants(np.eye(len(self.row)))
+
+    def _interpolants(self, Y: Array) -> Array:
+        total = np.zeros_like(Y)
+        for index, sign in self._signs().items():
+            shape = tuple(k + 1 for k in index)
+            rows = np.array([self.row[n] for n in itertools.product(*map(range, shape))])
+            block = Y[rows]
+            for axis, n in enumerate(shape):
+                if n > 1:
+                    block = _line_fit(n) @ block.reshape(math.prod(shape[:axis]), n, -1)
+            block = block.reshape(len(rows), -1)
+            total[rows] += block if sign == 1 else sign * block
+        return total
+
+    def _signs(self) -> dict[Index, int]:
+        """How often each tensor interpolant counts in the sum of the differences that indices bring (Smolyak 1963)."""
+        signs: dict[Index, int] = {}
+        for index in self.row:
+            for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
+                lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
+                signs[lowered] = signs.get(lowered, 0) + (-1) ** sum(steps)
+        return {index: sign for index, sign in signs.items() if sign}
+
+
+def below(index: Index) -> list[Index]:
+    """The indices one degree lower."""
+    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
+
+
+def _above(index: Index) -> list[Index]:
+    return [(*index[:i], k + 1, *index[i + 1 :]) for i, k in enumerate(index)]
+
+
+@cache
+def line(n: int) -> Array:
+    """(n,) first nodes of one parameter."""
+    angles, step = [0.0, -1.0, 1.0], 1.0  # quarter turns
+    while len(angles) < n:
+        step /= 2
+        new = np.arange(-1 + step, 1, 2 * step)
+        while new.size:
+            distances = np.abs(np.subtract.outer(np.sin(np.pi / 2 * new), np.sin(np.pi / 2 * np.array(angles))))
+            best = int(np.argmax(np.log(distances).sum(axis=1).round(9)))
+            angles.append(float(new[best]))
+            new = np.delete(new, best)
+    return np.sin(np.pi / 2 * np.array(angles[:n]))
+
+
+@cache
+def _line_fit(n: int) -> Array:
+    """(n, n) matrix from values at the first n nodes to Legendre coefficients."""
+    return np.asarray(np.linalg.inv(np.polynomial.legendre.legvander(line(n), n - 1)), dtype=float)

@@ -1,0 +1,84 @@
+"""Which Legendre products an expansion of some order has."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.polynomials.legendre import MultiIndices, tensor_degree, total_degree
+
+
+class Basis(Protocol):
+    """A choice of multi-indices."""
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        ...
+
+
+@dataclass(frozen=True)
+class TotalDegree:
+    """Degrees that sum to at most the order, eq. (21): the paper's choice.
+
+    Examples
+    --------
+    >>> TotalDegree().indices(2, 2).tolist()
+    [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]
+    """
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        return total_degree(d, order)
+
+
+@dataclass(frozen=True)
+class TensorDegree:
+    """Every degree at most the order: as many polynomials as a tensor grid has nodes.
+
+    Examples
+    --------
+    >>> len(TensorDegree().indices(2, 2))
+    9
+    """
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        return tensor_degree(d, order)
+
+
+@dataclass(frozen=True)
+class HyperbolicCross:
+    """Multi-indices whose quasi-norm (sum alpha_i^q)^(1/q) is at most the order: full order in one parameter
+    at a time, few products of several.
+
+    Parameters
+    ----------
+    q : above 0, at most 1, which is the total degree; the smaller, the fewer products
+
+    Raises
+    ------
+    DeclarationError
+        If q is out of its range.
+
+    Examples
+    --------
+    >>> len(HyperbolicCross().indices(6, 4)), len(TotalDegree().indices(6, 4))
+    (40, 210)
+
+    References
+    ----------
+    Blatman and Sudret, Journal of Computational Physics 230 (2011), hyperbolic index sets.
+    """
+
+    q: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0 < self.q <= 1:
+            raise DeclarationError(f"HyperbolicCross: q must be above 0 and at most 1, got {self.q!r}.")
+
+    def indices(self, d: int, order: int) -> MultiIndices:
+        """(n_b, d), the constant first."""
+        alpha = total_degree(d, order)
+        rounding = 1e-12  # of the powers: indices on the border belong to the set
+        return alpha[np.sum((alpha / order) ** self.q, axis=1) <= 1 + rounding]

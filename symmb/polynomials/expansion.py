@@ -1,0 +1,104 @@
+"""Legendre expansions of the responses, and the mean, variance and Sobol indices that they give."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._table import aligned
+from symmb._types import Array
+from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
+
+ROUNDING = 1e-12
+"""Share of an output's largest root mean square below which its standard deviation counts as none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Responses as sums of Legendre products, y(xi) = sum a_i phi_i(xi) over [-1, 1]^d, eq. (20).
+
+    Attributes
+    ----------
+    alpha : (n_b, d) degrees of the products, the constant first; phi_n(1) = 1
+    coefficients : (n_b, n_t, n_y)
+    parameters : d names, in the order of the columns of ``alpha``
+    """
+
+    alpha: MultiIndices
+    coefficients: Array
+    parameters: tuple[str, ...]
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""
+        return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Moments:
+    """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
+    intervals.
+
+    An index is the share of the variance that a parameter explains: alone (first), or alone and together
+    with others (total). It is nan where the variance is 0 but for rounding.
+
+    Attributes
+    ----------
+    t : (n_t,) times [s]
+    names : n_y outputs
+    parameters : d names
+    mean, variance : (n_t, n_y)
+    first, total : (d, n_t, n_y)
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    mean: Array
+    variance: Array
+    first: Array
+    total: Array
+
+    def __repr__(self) -> str:
+        return f"Moments({len(self.names)} outputs x {len(self.t)} times, {len(self.parameters)} parameters)"
+
+    def __str__(self) -> str:
+        varies = ~np.isnan(self.first).all(axis=(0, 1))
+        whole = self.variance.sum(axis=0)
+        parts = [np.nansum(each * self.variance, axis=1) for each in (self.first, self.total)]
+        alone, along = (np.divide(part, whole, out=np.full_like(part, np.nan), where=varies).T for part in parts)
+        rows = [
+            [name, *(f"{a:.3f} / {b:.3f}" for a, b in zip(*shares, strict=True))]
+            for name, *shares in zip(self.names, alone, along, strict=True)
+        ]
+        told = "shares of the variance, alone / with others, over all times"
+        return "\n".join([told, *aligned([["", *self.parameters], *rows])])
+
+
+def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
+    """Moments of an expansion: the variance is the sum of squared coefficients times the mean squares of
+    their polynomials, an index its part over polynomials in a parameter alone, or in it and others.
+
+    Examples
+    --------
+    2 + 3 x + 4 x y has the variance 3^2 / 3 + 4^2 / 9:
+
+    >>> alpha, coefficients = np.array([[0, 0], [1, 0], [1, 1]]), np.array([2.0, 3.0, 4.0])
+    >>> result = moments(Expansion(alpha, coefficients[:, None, None], ("x", "y")), np.zeros(1), ("f",))
+    >>> result.mean[0, 0].round(6), result.variance[0, 0].round(6)
+    (np.float64(2.0), np.float64(4.777778))
+    >>> result.first[:, 0, 0].round(4), result.total[:, 0, 0].round(4)
+    (array([0.6279, 0.    ]), array([1.    , 0.3721]))
+
+    References
+    ----------
+    Sudret, Reliability Engineering and System Safety 93 (2008), Sobol indices from polynomial chaos.
+    """
+    involved = expansion.alpha.T > 0
+    varies, alone = involved.any(axis=0), involved & (involved.sum(axis=0) == 1)
+    parts = mean_squares(expansion.alpha)[:, None, None] * expansion.coefficients**2
+    mean = expansion.coefficients[~varies].sum(axis=0)
+    variance = parts[varies].sum(axis=0)
+    least = ROUNDING**2 * parts.sum(axis=0).max(axis=0)
+    shares = np.full((2, len(involved), *variance.shape), np.nan)
+    for share, chosen in zip(shares, (alone, involved), strict=True):
+        np.divide(np.tensordot(chosen.astype(float), parts, axes=1), variance, out=share, where=variance > least)
+    return Moments(t, names, expansion.parameters, mean, variance, *shares)

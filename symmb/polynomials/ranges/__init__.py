@@ -1,0 +1,9 @@
+"""Ranges of many polynomials over the unit box: exact, Bernstein, or by interval arithmetic.
+
+The compiled parts are in codegen/c.
+"""
+
+from symmb.polynomials.ranges.bernstein import Bernstein
+from symmb.polynomials.ranges.dense import HIGHEST_DEGREE, dense_extremes
+from symmb.polynomials.ranges.exact import Exact
+from symmb.polynomials.ranges.inclusion import ChebyshevInclusion, LegendreInclusion, Range

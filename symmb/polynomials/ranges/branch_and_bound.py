@@ -1,0 +1,102 @@
+"""Branch and bound in compiled C, ranges.h: tables for it, and the call."""
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.codegen import c_source, load
+from symmb.polynomials.chebyshev import LowerSet, halving
+from symmb.polynomials.ranges.parts import on_threads
+from symmb.polynomials.ranges.terms import FEW, LANES, Terms, terms_of
+
+_LEVELS = 64
+"""Halvings of a parameter after which a box is as small as rounding allows."""
+
+
+class _Basis(ctypes.Structure):
+    """Basis of ranges.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("d", "n", "n_low", "padded", "order", "n_samples", "n_sums")),
+        *((name, ctypes.c_void_p) for name in ("linear", "square", "pairs", "parent", "factor", "fibres", "first")),
+        *((name, ctypes.c_void_p) for name in ("weights", "halving", "samples")),
+    ]
+
+
+class _Search(ctypes.Structure):
+    """Search of ranges.h."""
+
+    _fields_ = [
+        ("basis", ctypes.c_void_p),
+        ("tolerance", ctypes.c_double),
+        ("budget", ctypes.c_long),
+        ("depth", ctypes.c_long),
+        *((name, ctypes.c_void_p) for name in ("stack", "values", "powers", "x", "z")),
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Tables:
+    """A Basis and the arrays that it points to."""
+
+    basis: _Basis
+    arrays: tuple[np.ndarray, ...]
+
+
+def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
+    """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``."""
+    tables = _tables(terms.products)
+    b, (given, m) = tables.basis, legendre.shape
+    # The basis is changed in C: threads of a matrix product of NumPy's would spin on in the way of those below.
+    change = terms.change if given <= FEW else None
+    C = terms.coefficients(legendre) if change is None else np.ascontiguousarray(legendre, dtype=float)
+    depth = _LEVELS * b.d
+    found, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
+    of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, found, points, gaps))
+    library = load(_SOURCE)
+
+    def work(dealt: ctypes.c_long) -> None:
+        sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
+        own = [np.zeros(size) for size in sizes]
+        search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
+        library.ranges(ctypes.byref(search), ctypes.byref(dealt), ctypes.c_long(m), of, to, ctypes.c_long(given), *rest)
+
+    on_threads(work, m)
+    return *found, *points, *gaps
+
+
+@lru_cache(maxsize=64)
+def _tables(products: LowerSet) -> _Tables:
+    terms, alpha = terms_of(products), products.alpha
+    n, d = alpha.shape
+    order = int(alpha.max())
+    long = [f[f[:, 1] < n] if f.shape[1] > 1 else f[:0] for f in products.fibres]
+    fibres = np.concatenate([np.pad(f, ((0, 0), (0, order + 1 - f.shape[1])), constant_values=n) for f in long])
+    last = d - 1 - (alpha[:, ::-1] > 0).argmax(axis=1)
+    lesser = alpha.copy()
+    lesser[np.arange(n), last] = 0
+    whole = (
+        terms.linear,
+        terms.square,
+        terms.pairs[:, 2],
+        np.array([products.number[tuple(row)] for row in lesser.tolist()]),
+        last * (order + 1) + alpha[np.arange(n), last],
+        fibres,
+        np.cumsum([0, *map(len, long)]),
+    )
+    x = np.cos(np.pi * np.arange(2 * order + 1) / max(2 * order, 1))
+    samples = np.column_stack([x, np.polynomial.chebyshev.chebvander(x, order)])
+    sums = -(-(d + 1) // LANES) * LANES
+    weights = np.pad(np.roll(terms.weights, -1, axis=0).T, ((0, 0), (0, sums - d - 1)))
+    arrays = (
+        *(np.ascontiguousarray(a, dtype=np.int32) for a in whole),
+        *(np.ascontiguousarray(a, dtype=float) for a in (weights, halving(order), samples)),
+    )
+    sizes = d, n, int((alpha.sum(axis=1) <= 2).sum()), terms.padded, order, len(x), sums
+    return _Tables(_Basis(*sizes, *(a.ctypes.data for a in arrays)), arrays)
+
+
+_SOURCE = c_source("polynomial_ranges")

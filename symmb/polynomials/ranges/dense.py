@@ -1,0 +1,86 @@
+"""Extremes of tensor polynomials of a few parameters as a dense grid of samples and Newton's method find them."""
+
+import ctypes
+from functools import cache
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.codegen import c_source, load
+from symmb.polynomials.legendre import MultiIndices
+from symmb.polynomials.ranges.parts import on_threads
+
+MOST_PARAMETERS = 3
+HIGHEST_DEGREE = 64
+"""As ORDERS of dense.h has it."""
+_SAMPLES = 4
+"""Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
+_FEWEST = 12
+_WAVY = 8
+"""Above this degree the valleys along the parameter of the highest one may all be alike: it gets twice as many samples,
+and starts in each of several pieces."""
+_PIECES = 4
+"""As PIECES of dense.h has it."""
+
+
+class _Grid(ctypes.Structure):
+    """Grid of dense.h."""
+
+    _fields_ = [
+        ("n", ctypes.c_long * MOST_PARAMETERS),
+        ("K", ctypes.c_long * MOST_PARAMETERS),
+        ("x", ctypes.c_void_p * MOST_PARAMETERS),
+        ("values", ctypes.c_void_p * MOST_PARAMETERS),
+        ("factors", ctypes.c_void_p),
+        ("rows", ctypes.c_void_p),
+        ("pieces", ctypes.c_long),
+    ]
+
+
+def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
+    """Attained minima and maxima (m,), and their points (m, d), of polynomials on a full tensor of degrees.
+
+    Parameters
+    ----------
+    alpha : (n_b, d)             all multi-indices up to some degrees, in any order, d at most 3
+    coefficients : (n_b, m)      Legendre coefficients
+    """
+    d, m = alpha.shape[1], coefficients.shape[1]
+    degrees = alpha.max(axis=0)
+    order = np.argsort(degrees, kind="stable")
+    rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
+    C = np.ascontiguousarray(coefficients, dtype=float)
+    wavy = degrees.max() > _WAVY
+    per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if wavy else _SAMPLES]
+    tables = [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
+    tables += [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
+    grid = _Grid(pieces=_PIECES if wavy else 1)
+    for k, (x, values) in enumerate(tables):
+        grid.n[k], grid.K[k] = values.shape[1], len(x)
+        grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
+    found, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
+    grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
+    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
+    library = load(_SOURCE)
+
+    def work(dealt: ctypes.c_long) -> None:
+        if not library.dense(ctypes.byref(grid), ctypes.byref(dealt), ctypes.c_long(m), *pointers):
+            raise MemoryError("not enough memory to search ranges")
+
+    on_threads(work, m)
+    at = np.empty((2, m, d))
+    at[:, :, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
+    return found[0], found[1], at[0], at[1]
+
+
+@cache
+def _samples(n: int, per_degree: int) -> tuple[Array, Array]:
+    """Samples of one parameter and the n Legendre polynomials there."""
+    intervals = max(per_degree * (n - 1), _FEWEST)
+    x: Array = np.cos(np.pi * np.arange(intervals + 1) / intervals) if n > 1 else np.zeros(1)
+    return x, np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
+
+
+_DEGREES = np.arange(HIGHEST_DEGREE + 1.0)
+_FACTORS = np.stack([(2 * _DEGREES + 1) / (_DEGREES + 1), _DEGREES / (_DEGREES + 1)], axis=1)
+_SOURCE = "\n".join(["#include <stdlib.h>", c_source("lanes"), c_source("dense_search")])

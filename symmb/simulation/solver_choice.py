@@ -1,0 +1,84 @@
+"""Which solver a scene gets when none is given, by pilot runs, and why."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from symmb.codegen import has_compiler
+from symmb.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver
+
+MANY = 20_000
+"""Steps of a run beyond which an implicit solver may be faster."""
+
+_SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
+"""What goes on through singular positions if nothing is stiff."""
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """A run at the nominal parameters: what stopped it, steps, run time [s], why others may be faster, or better."""
+
+    message: str
+    steps: int
+    seconds: float
+    slow: bool
+    doubt: str = ""
+
+
+class Candidates(NamedTuple):
+    """What a scene may be run by: the one tried first, what may be faster where that is slow, what else may finish."""
+
+    first: Solver
+    implicit: Solver
+    others: tuple[Solver, ...]
+
+
+def for_studies() -> Candidates:
+    """Solvers of many runs."""
+    if not has_compiler():  # which Rosenbrock needs to control its step
+        return Candidates(DormandPrince(), *for_one_run(False)[1:])
+    return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
+
+
+def for_one_run(stiff: bool) -> Candidates:
+    """Solvers of one run."""
+    implicit, through = CVODES(stiff=True), CVODES(stiff=True, stabilization=AugmentedLagrangian())
+    if stiff:
+        tighter, compiled = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince()) if has_compiler() else ()
+        return Candidates(implicit, implicit, (tighter, *compiled, through))
+    return Candidates(CVODES(), implicit, (DormandPrince(), *_SINGULAR, through))
+
+
+def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
+    """The solver by which pilot runs finish, the faster one where the first is slow; and why."""
+    first, implicit, others = candidates
+    run = pilot(first)
+    if not (run.message or run.doubt):
+        if not run.slow or implicit == first:
+            return first, _count(run)
+        other = pilot(implicit)
+        if other.message or other.doubt:
+            return first, f"{_count(run)}; {implicit!r}: {other.message or other.doubt}"
+        times = run.seconds / other.seconds
+        if times > 1:
+            return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
+        return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
+    told = [_fault(first, run)]
+    finished = [] if run.message else [first]
+    for solver in dict.fromkeys((*others, implicit)):
+        if solver == first:
+            continue
+        run = pilot(solver)
+        if not (run.message or run.doubt):
+            return solver, "; ".join([*told, _count(run)])
+        told.append(_fault(solver, run))
+        finished += [] if run.message else [solver]
+    return (finished or [first])[0], "; ".join(told)
+
+
+def _fault(solver: Solver, run: Pilot) -> str:
+    return f"{solver!r} breaks down: {run.message}" if run.message else f"{solver!r}: {run.doubt}"
+
+
+def _count(run: Pilot) -> str:
+    return f"{run.steps} steps in a pilot run" if run.steps else "a pilot run finishes"

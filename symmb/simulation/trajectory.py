@@ -1,0 +1,321 @@
+"""The trajectory of one run, and what can be asked of it."""
+
+import csv
+import json
+import math
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from symmb import plot as figures
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array, Expr
+from symmb.events import Event, longest_step
+from symmb.model import Scene
+from symmb.simulation.dae_simulator import DAESimulator, output_function
+from symmb.start import Singularity, singularity
+from symmb.symbolic import batch
+
+
+class Drift(NamedTuple):
+    """Largest violation of any row at every time: position (n_t,), velocity (n_t,), in the units of the rows."""
+
+    position: Array
+    velocity: Array
+
+    def __repr__(self) -> str:
+        return f"Drift(position at most {self.position.max():.1e}, velocity at most {self.velocity.max():.1e})"
+
+
+class Energy(NamedTuple):
+    """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
+
+    kinetic: Array
+    potential: Array
+    work: Array
+
+    def __repr__(self) -> str:
+        ranges = (f"{name} {values.min():.4g} ... {values.max():.4g} J" for name, values in self._asdict().items())
+        return f"Energy({', '.join(ranges)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """One run of a scene.
+
+    `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
+    the scene, each (n_t,).
+
+    Attributes
+    ----------
+    scene : Scene
+    parameters : dict          values of this run
+    solver, reason : str       its text, and why it was taken if none was given
+    t : (n_t,)                 times [s]
+    x : (n_t, n_x)             states (q, v, s)
+    work : (n_t,)              work of forces without potential, of drives and of impacts since the start [J]
+    statistics : dict          what the integrator counted, and what the start did
+    setup_seconds, run_seconds : float
+    events : tuple of Event    impacts, and contacts that close and open, in order
+    """
+
+    scene: Scene
+    simulator: DAESimulator = field(repr=False)
+    parameters: dict[str, float]
+    solver: str
+    reason: str
+    t: Array = field(repr=False)
+    x: Array = field(repr=False)
+    work: Array = field(repr=False)
+    statistics: dict[str, Any] = field(repr=False)
+    setup_seconds: float
+    run_seconds: float
+    events: tuple[Event, ...] = field(default=(), repr=False)
+
+    @property
+    def _p(self) -> Array:
+        return np.array(list(self.parameters.values()))
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, (n_t, n_q)."""
+        return self.x[:, : self.simulator.dae.n_q]
+
+    @property
+    def v(self) -> Array:
+        """Velocities, (n_t, n_v)."""
+        n_q = self.simulator.dae.n_q
+        return self.x[:, n_q : n_q + self.simulator.dae.n_v]
+
+    @property
+    def s(self) -> Array:
+        """First-order states, (n_t, n_s)."""
+        return self.x[:, self.simulator.dae.n_q + self.simulator.dae.n_v :]
+
+    @cached_property
+    def lam(self) -> Array:
+        """Multipliers, (n_t, n_r) [N, N m]."""
+        return self._along(ca.SX(self.scene.system.lam))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.scene.output_names
+
+    @cached_property
+    def values(self) -> Array:
+        """Outputs, (n_t, n_y)."""
+        return self._along(self.scene.y)
+
+    def _along(self, y: ca.SX) -> Array:
+        if not y.numel():
+            return np.zeros((len(self.t), 0))
+        f = output_function(self.simulator.dae, self.scene, y)
+        return batch(f, self.x, self._p, self.t[:, None])[0].reshape(len(self.t), -1)
+
+    def __call__(self, expression: Expr) -> Array:
+        """Any expression of coordinates, velocities, multipliers, parameters and `t` along the run, (n_t,) or (n_t, n).
+
+        Raises
+        ------
+        DeclarationError       if it contains a symbol that the scene does not know
+        """
+        bound = ca.vec(self.scene.expression(expression))
+        known = {state.sx.element_hash() for state in self.scene.system.collected.states}
+        for state in self.scene.system.bind.states(bound):
+            if state.sx.element_hash() not in known:
+                raise DeclarationError(f"{state.name!r} counts turns along the run: make it an output of the Scene.")
+        values = self._along(bound)
+        return values[:, 0] if bound.numel() == 1 else values
+
+    def __getitem__(self, name: str) -> Array:
+        if name in self.names:
+            return self.values[:, self.names.index(name)]
+        dae = self.simulator.start.dae  # with all rows
+        states = (*dae.q_names, *dae.v_names, *dae.s_names)
+        if name in states:
+            return self.x[:, states.index(name)]
+        if name in dae.row_names:
+            return self.lam[:, dae.row_names.index(name)]
+        raise DeclarationError(
+            f"No output or state {name!r}.{did_you_mean(name, (*self.names, *states, *dae.row_names))}"
+        )
+
+    def reaction(self, joint: str) -> tuple[Array, Array]:
+        """Reaction of a joint on its second body, in world axes: force (n_t, 3) [N], torque (n_t, 3) [N m]."""
+        reaction = self.scene.system.reaction(joint)
+        return self._along(reaction.force), self._along(reaction.torque)
+
+    @cached_property
+    def drift(self) -> Drift:
+        """How far the run is off its constraints."""
+        dae, zero = self.simulator.start.dae, np.zeros(len(self.t))
+        at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
+        position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
+        velocity = zero if dae.Phi_dot is None else np.abs(batch(dae.Phi_dot, *at)[0]).max(axis=1)
+        return Drift(position, velocity)
+
+    @cached_property
+    def singularity(self) -> Singularity | None:
+        """The time closest to a singular position, if one is close: of outputs, or between if a run fails or drifts."""
+        dae, X, times = self.simulator.dae, self.x, self.t
+        near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
+        if near or dae.G is None or not (failed or self._drifts(_USUAL)):
+            return near
+        number = int(np.clip(_WORK / dae.n_v**3, 2, _TIMES))
+        for _ in range(_CLOSER if failed else 1):
+            lost = int(np.argmax(np.isnan(X).any(axis=1)))  # 0 if it does not fail
+            times = np.unique(np.append(self.t[0], np.linspace(times[max(lost - 1, 0)], times[lost or -1], number)))
+            X = self.simulator.solver.integration(dae, times).run(self.x[:1], self._p[None])[0].X
+            near = near or self._closest(X, times)
+        return near
+
+    def _closest(self, X: Array, times: Array) -> Singularity | None:
+        known = np.isfinite(X).all(axis=1)
+        return singularity(self.simulator.dae, X[known], self._p, times[known])
+
+    @property
+    def _rtol(self) -> float | None:
+        return getattr(self.simulator.solver, "rtol", None)
+
+    def _drifts(self, usual: float) -> bool:
+        """Whether energy drifts by more than the tolerance explains."""
+        return self._rtol is not None and self.energy_drift > max(_LEAST, usual * self._rtol)
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Kinetic and potential energy and the work done."""
+        dae = self.simulator.dae
+        at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
+        T, V = batch(dae.energy, *at)
+        return Energy(T[:, 0], V[:, 0], self.work)
+
+    @property
+    def position_drift(self) -> float:
+        """Largest violation of a position row."""
+        return float(self.drift.position.max(initial=0.0))
+
+    @property
+    def velocity_drift(self) -> float:
+        """Largest violation of a velocity row."""
+        return float(self.drift.velocity.max(initial=0.0))
+
+    @property
+    def energy_drift(self) -> float:
+        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        T, V, W = self.energy
+        balance = T + V - W
+        largest = float(T.max(initial=0.0))
+        return float(np.abs(balance - balance[0]).max()) / largest if largest > 0 else math.nan
+
+    def __str__(self) -> str:
+        start = self.statistics["start"]
+        return "\n".join(
+            [
+                f"{self.scene.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
+                *([f"  solver      chosen: {self.reason}"] if self.reason else []),
+                f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
+                f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
+                *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
+                *self._pulse_line(),
+                *self._event_lines(),
+                *self._drift_line(),
+                *([f"  singular    {self.singularity}"] if self.singularity else []),
+                *self._doubt_line(),
+                f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
+            ]
+        )
+
+    def _pulse_line(self) -> list[str]:
+        longest = longest_step(self.simulator.dae, self.t)
+        if not math.isfinite(longest):
+            return []
+        passes = "at most {:.2g} s, so that none passes over one"
+        if self._rtol is None:  # a fixed step is the user's
+            passes = "more than {:.2g} s may pass over one"
+        return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
+
+    def _event_lines(self) -> list[str]:
+        if not self.events:
+            return []
+        counts = Counter(event.name for event in self.events if event.what == "impact")
+        told = [f"{n} of {name!r}" for name, n in counts.items()]
+        told += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in self.events if e.what != "impact"]
+        lost = sum(event.work for event in self.events)
+        return [f"  impacts     {', '.join(told[:6] + ['...'] * (len(told) > 6))}; work {lost:.4g} J"]
+
+    def _drift_line(self) -> list[str]:
+        if not self.x.shape[1]:
+            return []
+        drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}"
+        return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
+
+    def _doubt_line(self) -> list[str]:
+        """Drift by more than a tolerance explains; of energy: branches of a motion meet in singular positions."""
+        length = self.simulator.dae.scales.length
+        if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * length:
+            return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
+        if not self._drifts(_NEAR if self.singularity else _USUAL):
+            return []
+        told = f"energy drifts by more than rtol = {self._rtol:g} explains"
+        if self.singularity:
+            return [f"  doubtful    {told}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
+        return [f"  doubtful    {told}: try a smaller one"]
+
+    def to_json(self) -> dict[str, Any]:
+        """The run as plain numbers and texts; what is not finite is None."""
+        return {
+            "scene": self.scene.name,
+            "times": self.t.tolist(),
+            "outputs": list(self.names),
+            "values": [[_finite(y) for y in row] for row in self.values.tolist()],
+            **({"events": [asdict(event) for event in self.events]} if self.simulator.dae.impacts else {}),
+            "position_drift": _finite(self.position_drift),
+            "velocity_drift": _finite(self.velocity_drift),
+            "energy_drift": _finite(self.energy_drift),
+            "solver": self.solver,
+            "statistics": self.statistics,
+            "setup_seconds": self.setup_seconds,
+            "run_seconds": self.run_seconds,
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write times and outputs: `.csv` as a table, `.npz` with states and multipliers as well, else JSON."""
+        path = Path(path)
+        if path.suffix == ".csv":
+            with path.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(["t", *self.names])
+                writer.writerows(np.column_stack([self.t, self.values]).tolist())
+        elif path.suffix == ".npz":
+            np.savez(path, t=self.t, q=self.q, v=self.v, s=self.s, lam=self.lam, values=self.values, names=self.names)
+        else:
+            path.write_text(json.dumps(self.to_json()), encoding="utf-8")
+
+    def plot(self, path: str | Path) -> None:
+        """Picture of the outputs over time."""
+        names = figures.labels(self.names, self.simulator.units)
+        figures.plot_trajectory(self.t, self.values, names, path, title=self.scene.name)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+_LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
+"""Drift of energy that raises a doubt: least, and in relative tolerances, of which regular motion of multistep methods
+takes up to 1,000; near singular positions, where wrong branches were taken at 300 and more."""
+_TIMES, _WORK, _CLOSER = 2000, 2e9, 2
+"""Times at which a run is looked at again that drifts, and these times the cube of velocities; how often one that fails
+is looked at again, each time so much closer to where it does."""
+_START = {"held": "held", "solved": "solved for", "free": "left free"}
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) or "nothing"

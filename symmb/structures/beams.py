@@ -1,0 +1,214 @@
+"""Beams along polylines and their mesh."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Indices
+from symmb.structures.beam_element import GAUSS, XI, Line, elements, properties
+from symmb.structures.mass_samples import Samples, Sparse, joined
+from symmb.structures.section import Material, Section
+from symmb.structures.validation import numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """A straight or polygonal beam.
+
+    Parameters
+    ----------
+    points : (p, 3)       corners of the axis through the sections' centroids [m]
+    section : Section     of the whole beam, or p of them, one at each corner: in between, √A and I^¼ run linearly,
+                          which is exact for sections that stay similar, a cone's say
+    material : Material   of the whole beam
+    elements : int        elements between any two neighbouring corners
+    orientation : (3,)    the section's y axis is its part normal to the beam. The default is horizontal, z × axis, and
+                          y for a beam along z
+
+    Raises
+    ------
+    DeclarationError
+        If there are fewer than two points, neighbours coincide, the orientation is along the beam, or the sections
+        do not match the points or each other (with shear or without).
+    """
+
+    points: npt.ArrayLike
+    section: Section | Sequence[Section]
+    material: Material
+    elements: int = 8
+    orientation: npt.ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        points = numbers(self.points, "Beam", "points", ("p", 3))
+        object.__setattr__(self, "points", points)
+        if len(points) < 2 or not np.linalg.norm(np.diff(points, axis=0), axis=1).all():
+            raise DeclarationError("Beam: points must be two or more, and neighbours must not coincide.")
+        if isinstance(self.elements, bool) or not isinstance(self.elements, int) or self.elements < 1:
+            raise DeclarationError(f"Beam: elements must be a whole number from 1 on, got {self.elements!r}.")
+        sections = self.sections
+        if len(sections) != len(points):
+            raise DeclarationError(
+                f"Beam: {len(sections)} sections at {len(points)} points. Give one Section for all, or one at each."
+            )
+        if len({(np.isinf(s.shear_y), np.isinf(s.shear_z)) for s in sections}) > 1:
+            raise DeclarationError(
+                "Beam: some sections are rigid in shear, others are not. Give all of them shear areas, or none: "
+                "section.without_shear()."
+            )
+        self.axes()
+
+    @property
+    def corners(self) -> Array:
+        """(p, 3) the points [m]."""
+        return np.asarray(self.points, dtype=float)
+
+    @property
+    def sections(self) -> list[Section]:
+        """The p sections at the corners."""
+        return [self.section] * len(self.corners) if isinstance(self.section, Section) else list(self.section)
+
+    def nodes(self) -> Array:
+        """(spans * elements + 1, 3) nodes in their order along the beam [m]."""
+        share = np.arange(self.elements)[:, None] / self.elements
+        inner = self.corners[:-1, None] * (1 - share) + self.corners[1:, None] * share
+        return np.vstack([inner.reshape(-1, 3), self.corners[-1]])
+
+    def axes(self) -> Array:
+        """(spans, 3, 3) unit vectors x, y, z of the sections of each span, as rows."""
+        x = np.diff(self.corners, axis=0)
+        x /= np.linalg.norm(x, axis=1)[:, None]
+        if self.orientation is None:
+            y = np.cross([0.0, 0.0, 1.0], x)
+            y[np.linalg.norm(y, axis=1) < 1e-9] = [0.0, 1.0, 0.0]
+        else:
+            y = np.tile(numbers(self.orientation, "Beam", "orientation", (3,)), (len(x), 1))
+        normal = y - (x * y).sum(axis=1)[:, None] * x
+        size = np.linalg.norm(normal, axis=1)
+        if (size <= 1e-9 * np.linalg.norm(y, axis=1)).any():
+            raise DeclarationError(
+                f"Beam: orientation {self.orientation!r} is along the beam. Give a direction across it."
+            )
+        normal /= size[:, None]
+        return np.stack([x, normal, np.cross(x, normal)], axis=1)
+
+    def line(self) -> Line:
+        """The elements of the beam."""
+        length = np.linalg.norm(np.diff(self.corners, axis=0), axis=1) / self.elements
+        return elements(
+            np.repeat(length, self.elements),
+            np.repeat(self.axes(), self.elements, axis=0),
+            self.sections_at_ends(),
+            self.material.E,
+            self.material.shear_modulus,
+        )
+
+    def sections_at_ends(self) -> Array:
+        """(e, 2, 6) properties at both ends of the elements."""
+        given = np.array([astuple(section) for section in self.sections])
+        along = properties(np.stack([given[:-1], given[1:]], axis=1), np.arange(self.elements + 1) / self.elements)
+        return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class AxialForces:
+    """Axial forces in beams and what they pull at, for e elements with g Gauss points, the first e g samples."""
+
+    dofs: Indices
+    """(e, 12)"""
+    axis: Array
+    """(e, 3) unit vectors along the elements"""
+    force: Array
+    """(e, 12) axial force by nodal displacements [N/m, N/rad]"""
+    weights: Array
+    """(e, g) [m]"""
+    slopes: Array
+    """(e, g, 2, 12) slopes in both planes by nodal displacements"""
+
+    def forces(self, displacements: Array, loads: Array) -> Array:
+        """(e, g) axial forces [N] under loads (e g, 3) [N] on the samples, which are taken as linear along an element.
+
+        What an element's own load adds to the uniform force follows from equilibrium: p₁ at its first end, -p₂ at its
+        second, the load's share of either.
+        """
+        along = np.einsum("ega,ea->eg", loads.reshape(len(self.axis), -1, 3), self.axis)
+        first, second = (along @ (1 - XI))[:, None], (along @ XI)[:, None]
+        own = first * (1 - 4 * XI + 3 * XI**2) + second * (2 * XI - 3 * XI**2)
+        return (self.force * displacements[self.dofs]).sum(axis=1)[:, None] + own
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Assembled beams."""
+
+    positions: Array
+    stiffness: Sparse
+    samples: Samples
+    axial: AxialForces
+
+
+def mesh(beams: Sequence[Beam]) -> Mesh:
+    """Assemble beams; they are joined rigidly where their nodes coincide."""
+    from scipy.sparse import csc_array
+
+    positions, numbering = _merged([beam.nodes() for beam in beams])
+    d = 6 * len(positions)
+    lines, samples, dofs = [], [], []
+    for beam, nodes in zip(beams, numbering, strict=True):
+        place = np.stack([nodes[:-1], nodes[1:]], axis=1)
+        columns = (6 * place[:, :, None] + np.arange(6)).reshape(-1, 12)
+        line = beam.line()
+        lines.append(line)
+        samples.append(_samples(beam, line, positions[place], columns, d))
+        dofs.append(columns)
+    where = np.concatenate(dofs)
+    stiffness = np.concatenate([line.stiffness for line in lines])
+    rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
+    K = csc_array((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=(d, d))
+    axial = AxialForces(
+        where,
+        np.concatenate([beam.axes()[:, 0].repeat(beam.elements, axis=0) for beam in beams]),
+        np.concatenate([line.axial for line in lines]),
+        np.concatenate([line.weights for line in lines]),
+        np.concatenate([line.slopes for line in lines]),
+    )
+    return Mesh(positions, (K + K.T) / 2, joined(samples), axial)
+
+
+def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int) -> Samples:
+    """Samples at the Gauss points of the elements between `ends` (e, 2, 3)."""
+    from scipy.sparse import csr_array
+
+    section = properties(beam.sections_at_ends(), XI)
+    density = beam.material.density * line.weights
+    s = density.size
+    where = np.repeat(columns, 3 * GAUSS, axis=0).ravel()
+
+    def field(matrices: Array) -> Sparse:
+        matrix = csr_array((matrices.ravel(), where, np.arange(0, 36 * s + 1, 12)), shape=(3 * s, d), copy=True)
+        matrix.eliminate_zeros()
+        return matrix
+
+    Iy, Iz = section[..., 1], section[..., 2]
+    principal = density[..., None] * np.stack([Iy + Iz, Iy, Iz], axis=-1)
+    axes = np.repeat(beam.axes(), beam.elements, axis=0)
+    rotary = np.einsum("ega,eai,eaj->egij", principal, axes, axes)
+    positions = ends[:, None, 0] * (1 - XI[:, None]) + ends[:, None, 1] * XI[:, None]
+    return Samples(
+        (density * section[..., 0]).ravel(),
+        positions.reshape(-1, 3),
+        field(line.translation),
+        rotary.reshape(-1, 3, 3),
+        field(line.rotation),
+    )
+
+
+def _merged(nodes: list[Array]) -> tuple[Array, list[Indices]]:
+    """Distinct nodes in the order of their first appearance, and the numbers of each beam's nodes."""
+    every = np.vstack(nodes)
+    near = 1e-9 * np.ptp(every, axis=0).max()
+    first = np.array([(np.abs(every - node) <= near).all(axis=1).argmax() for node in every])
+    kept = np.unique(first)
+    return every[kept], np.split(np.searchsorted(kept, first), np.cumsum([len(x) for x in nodes])[:-1])

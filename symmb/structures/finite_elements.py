@@ -1,0 +1,269 @@
+"""Structures of finite elements and their reduction to modes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Indices
+from symmb.structures.beams import AxialForces, Beam, mesh
+from symmb.structures.foreshortening import foreshortening
+from symmb.structures.inertia_invariants import cleaned, deformed_inertia, rigid_inertia
+from symmb.structures.mass_samples import Samples, Sparse, at_nodes, joined, rigid_motions
+from symmb.structures.matrices import checked, lumped, read
+from symmb.structures.mode_reduction import chosen, reduced
+from symmb.structures.modes import Modes, nearest
+from symmb.structures.validation import numbers, positive
+
+OWNER = "FiniteElements.modes"
+
+
+@dataclass(frozen=True, eq=False)
+class FiniteElements:
+    """A linear elastic structure, free in space: K u + M ü = f.
+
+    The degrees of freedom run node by node: three translations [m] and, if there are six a node, three small rotations
+    [rad], in the axes of the mesh. Make one with `FiniteElements.beams` or `FiniteElements.matrices`.
+
+    Parameters
+    ----------
+    positions : (k, 3)     nodes [m]
+    K, M : (d, d)          stiffness and mass matrix, SciPy sparse, d = 3 k or 6 k
+    samples : Samples      the point masses by which the inertia of the deformed body is integrated
+    axial : AxialForces    of beams: what geometric stiffening needs
+    """
+
+    positions: Array
+    K: Sparse
+    M: Sparse
+    samples: Samples
+    axial: AxialForces | None = None
+
+    @classmethod
+    def beams(cls, *beams: Beam) -> "FiniteElements":
+        """A mesh of beams, joined rigidly where nodes coincide; the nodes are numbered along the beams in their order.
+
+        Two-node Timoshenko or Euler-Bernoulli elements with consistent masses, which hold the sections' rotary
+        inertia; inertia is integrated along the elements exactly.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no beam.
+
+        Examples
+        --------
+        >>> from symmb import Material, Section
+        >>> steel = Material(E=2.1e11, nu=0.3, density=7850)
+        >>> elements = FiniteElements.beams(Beam([(0, 0, 0), (1, 0, 0)], Section.rectangle(0.02, 0.01), steel))
+        >>> modes = elements.modes(clamped=0, count=2)
+        >>> print(modes.frequencies.round(2))
+        [ 8.35 16.71]
+        """
+        if not beams:
+            raise DeclarationError("FiniteElements.beams: give one Beam at least.")
+        meshed = mesh(beams)
+        return cls(meshed.positions, meshed.stiffness, meshed.samples.mass_matrix(), meshed.samples, meshed.axial)
+
+    @classmethod
+    def matrices(
+        cls, positions: npt.ArrayLike, K: Sparse | str | PathLike[str], M: Sparse | str | PathLike[str]
+    ) -> "FiniteElements":
+        """A structure from elsewhere: node positions (k, 3) [m], stiffness and mass matrix.
+
+        The matrices are arrays, SciPy sparse matrices or the paths of Matrix Market files, of size 3 k or 6 k, in the
+        order that the class states, of the body free in space. Mass, centre of mass, inertia, S and G0 follow from M;
+        what is of first and second order in the deformation (J1, J2, G1), from node masses, the row sums of M.
+
+        Raises
+        ------
+        DeclarationError
+            If a matrix is not of that size, not symmetric or not positive, or if rigid motions have strain energy.
+        """
+        nodes = numbers(positions, "FiniteElements.matrices", "positions", ("k", 3))
+        stiffness, mass = read(K, "K", len(nodes)), read(M, "M", len(nodes))
+        checked(nodes, stiffness, mass)
+        return cls(nodes, stiffness, mass, lumped(nodes, mass))
+
+    @property
+    def per_node(self) -> int:
+        """Degrees of freedom a node: 3 or 6."""
+        return self.K.shape[0] // len(self.positions)
+
+    def nearest(self, x: float, y: float, z: float = 0.0) -> int:
+        """Number of the node nearest to (x, y, z) [m]; the first of equals."""
+        return nearest(self.positions, (x, y, z))
+
+    def with_mass(self, node: int, mass: float, inertia: npt.ArrayLike = 0.0) -> "FiniteElements":
+        """The structure with a rigid mass [kg] fixed to a node, of inertia (3, 3), (3,) or 0 about it [kg m^2].
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such node, the mass is not above 0, or nodes without rotations shall carry inertia.
+        """
+        owner = "FiniteElements.with_mass"
+        where = np.array(chosen((node,), len(self.positions), owner))
+        tensor = numbers(inertia, owner, "inertia", (), (3,), (3, 3))
+        tensor = np.diag(tensor * np.ones(3)) if tensor.ndim < 2 else tensor
+        if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -1e-12 * np.abs(tensor).max():
+            raise DeclarationError(f"{owner}: inertia must be symmetric and not negative, got {inertia!r}.")
+        if self.per_node == 3 and tensor.any():
+            raise DeclarationError(
+                f"{owner}: the nodes have no rotations, so that inertia cannot act. Spread the mass over several nodes."
+            )
+        added = at_nodes(where, np.array([positive(mass, owner, "mass")]), tensor[None], self.positions, self.per_node)
+        return replace(self, M=self.M + added.mass_matrix(), samples=joined([self.samples, added]))
+
+    def modes(
+        self,
+        interfaces: Sequence[int] = (),
+        count: int | None = None,
+        cutoff: float | None = None,
+        clamped: int | None = None,
+        damping: npt.ArrayLike = 0.0,
+        stiffening: bool = False,
+        planar: bool = False,
+    ) -> Modes:
+        """Reduce the structure to a few mass-normalised modes.
+
+        Without interfaces they are its natural modes. With interfaces they span the static shapes of unit motions of
+        those nodes and the natural modes with those nodes held, so that loads at interfaces deform the reduced body
+        statically as the whole one; the span is then brought to modes that are orthonormal in M.
+
+        Parameters
+        ----------
+        interfaces : nodes     where joints and forces act
+        count : int            modes in all, the lowest ones; 0 is a rigid body. With interfaces there are 6 shapes a
+                               node (3 without rotations), less 6 if the body is free; what `count` leaves is filled
+                               with fixed-interface modes. If it leaves less than none, the highest of the reduced
+                               modes are dropped too, and static loads at interfaces are then answered approximately
+        cutoff : float         [Hz] take the modes below (with interfaces: the fixed-interface modes below, besides all
+                               shapes); with `count` as well, the lowest `count` of what there is
+        clamped : int          node where the body is fixed in its frame, whose origin lies there. The default leaves
+                               the body free in a frame that rides with it: the origin is the centre of mass, and the
+                               modes move neither it nor the angular momentum (S = 0, G0 = 0)
+        damping : float, (n,)  modal damping ratio ζ, of all modes or of each
+        stiffening : bool      let beams that bend grow shorter, which needs a clamped node: all loads along them,
+                               centrifugal, of gravity or at their ends, then stiffen or soften them. Without it a fast
+                               rotor softens
+        planar : bool          only motion in the xy plane, for bodies whose pose is `Planar()`
+
+        Raises
+        ------
+        DeclarationError
+            If no number of modes is given, the mesh has fewer, none lies below the cutoff, a node is unknown, the
+            interfaces or the clamped node do not hold the body, or stiffening is asked for what is not a clamped body
+            of beams.
+
+        References
+        ----------
+        R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968) 1313-1319.
+        O. Wallrapp, R. Schwertassek, Representation of geometric stiffening in multibody system simulation, Int. J.
+        Numer. Methods Eng. 32 (1991) 1833-1850.
+        """
+        fixed = chosen(() if clamped is None else (clamped,), len(self.positions), f"{OWNER}: clamped")
+        kept = chosen(interfaces, len(self.positions), f"{OWNER}: interfaces")
+        self._check(kept, fixed, count, cutoff, stiffening)
+        held = [2, 3, 4] if planar else []
+        every = np.arange(self.K.shape[0])
+        free = np.setdiff1d(every[~np.isin(every % self.per_node, held)], self._dofs(fixed))
+        K, M, axes = (A[free][:, free] for A in (self.K, self.M, self._axes()))
+        motions = rigid_motions(self.positions, self.per_node)
+        moves = np.setdiff1d(np.arange(6), held)
+        rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
+        below = None if cutoff is None else (2 * np.pi * positive(cutoff, OWNER, "cutoff")) ** 2
+        stiffness, inner = reduced(K, M, rigid, axes, np.flatnonzero(np.isin(free, self._dofs(kept))), count, below)
+        if count is not None and cutoff is None and len(stiffness) < count:
+            raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
+        if count != 0 and not kept and not len(stiffness):
+            raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
+        X = np.zeros((self.K.shape[0], len(stiffness)))
+        X[free] = inner * self._signs(inner, free)
+        origin = rigid_inertia(motions.T @ (self.M @ motions)).center if clamped is None else self.positions[clamped]
+        zeta = np.broadcast_to(numbers(damping, OWNER, "damping", (), (len(X.T),)), len(X.T))
+        D = None
+        if stiffening and self.axial is not None:
+            D = foreshortening(self.K, free, self.samples, self.axial, X)
+        return self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
+
+    def _modes(
+        self,
+        stiffness: Array,
+        X: Array,
+        origin: Array,
+        zeta: Array,
+        D: tuple[Array, Array] | None,
+        free: Indices,
+    ) -> Modes:
+        """Invariants of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
+        k, n, placed = len(self.positions), len(stiffness), self.positions - origin
+        rigid = rigid_motions(placed, self.per_node)
+        momentum = self.M @ rigid
+        if free.size:
+            gram = rigid[:, free].T @ momentum[:, free]
+            X = X - rigid[:, free] @ np.linalg.solve(gram, momentum[:, free].T @ X)
+        whole, first = rigid_inertia(rigid.T @ momentum), momentum.T @ X
+        J1, J2, G1, S2 = deformed_inertia(self.samples, X, origin, None if D is None else D[1])
+        nodal = X.reshape(k, self.per_node, n)
+        shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
+        nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
+        # Sizes beside which a value is but rounding: of the body, and of each mode.
+        length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
+        size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
+        return Modes(
+            mass=whole.mass,
+            center=cleaned(whole.center, length),
+            J0=cleaned(whole.J0, np.trace(whole.J0)),
+            J1=cleaned(J1, root * length),
+            J2=cleaned(J2, max(1.0, np.abs(J2).max(initial=0))),
+            S=cleaned(first[:3], root),
+            S2=cleaned(S2, 1 / length),
+            G0=cleaned(first[3:], root * length),
+            G1=cleaned(G1, 1.0),
+            stiffness=stiffness,
+            damping=2 * zeta * np.sqrt(stiffness),
+            origin=origin,
+            positions=cleaned(placed, length),
+            shapes=cleaned(shapes, size),
+            rotations=cleaned(rotations, size / length),
+            shapes2=cleaned(nodal2, np.abs(nodal2).max(initial=0)),
+        )
+
+    def _check(
+        self, interfaces: list[int], fixed: list[int], count: int | None, cutoff: float | None, stiffening: bool
+    ) -> None:
+        if count is not None and (isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0):
+            raise DeclarationError(f"{OWNER}: count must be a whole number from 0 on, got {count!r}.")
+        if count is None and cutoff is None and not interfaces:
+            raise DeclarationError(f"{OWNER}: say how many modes: count=10, or cutoff=500.0 for those below 500 Hz.")
+        if set(fixed) & set(interfaces):
+            raise DeclarationError(f"{OWNER}: node {fixed[0]} is clamped and cannot be an interface too.")
+        if fixed and self.per_node == 3:
+            raise DeclarationError(
+                f"{OWNER}: node {fixed[0]} has no rotations, so that clamping it does not hold the body. "
+                "Leave clamped out and take the nodes of the clamped face as interfaces."
+            )
+        if stiffening and not (fixed and self.axial):
+            raise DeclarationError(
+                f"{OWNER}: stiffening needs a structure of beams and a clamped node about which it turns."
+            )
+
+    def _dofs(self, nodes: Sequence[int]) -> Indices:
+        return (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
+
+    def _axes(self) -> Sparse:
+        """Weights that tell motions along x, y and z apart."""
+        from scipy.sparse import diags_array
+
+        return diags_array(np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))).tocsc()
+
+    def _signs(self, X: Array, dofs: Indices) -> Array:
+        """(n,) signs that make the largest translation in each column of X, rows `dofs`, positive."""
+        shapes = X[dofs % self.per_node < 3]
+        size = np.abs(shapes)
+        first = np.argmax(size >= (1 - 1e-6) * size.max(axis=0), axis=0)
+        return np.where(np.take_along_axis(shapes, first[None], axis=0)[0] < 0, -1.0, 1.0)

@@ -1,0 +1,62 @@
+"""Inertia of a body that deforms in given shapes, as polynomials of the modal coordinates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.structures.mass_samples import Samples
+
+ROUNDING = 1e-12
+EPSILON = np.array(
+    [[[0, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, -1], [0, 0, 0], [1, 0, 0]], [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]], float
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidInertia:
+    """Mass [kg], centre of mass [m] and inertia about the origin [kg m^2]."""
+
+    mass: float
+    center: Array
+    J0: Array
+
+
+def rigid_inertia(M: Array) -> RigidInertia:
+    """Of the (6, 6) mass matrix Rᵀ M R of unit rigid translations and rotations about the origin."""
+    mass = np.trace(M[:3, :3]) / 3
+    moment = M[:3, 3:]  # -m [c ×]
+    center = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]]) / 2
+    return RigidInertia(float(mass), center / mass, (M[3:, 3:] + M[3:, 3:].T) / 2)
+
+
+def deformed_inertia(
+    samples: Samples, X: Array, origin: Array, D: Array | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n), S2 (3, n, n) of point masses moving with X (d, n), from the origin.
+
+    With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is that of
+    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is held constant. Second-order
+    displacements D (s, 3, n, n) of the masses add what is linear in them.
+    """
+    s, n = len(samples.mass), X.shape[1]
+    phi = (samples.translation @ X).reshape(s, 3, n)
+    weighted, places = samples.mass[:, None, None] * phi, samples.positions - origin
+    B = np.einsum("sa,sbj->jab", places, weighted)
+    A = (weighted.reshape(s, 3 * n).T @ phi.reshape(s, 3 * n)).reshape(3, n, 3, n).transpose(1, 3, 0, 2)
+    second, angular = (A + A.swapaxes(2, 3)) / 2, np.einsum("abc,ijbc->iaj", EPSILON, A)
+    if D is None:
+        return _inertia(B + B.swapaxes(1, 2)), _inertia(second), angular, np.zeros((3, n, n))
+    E = np.einsum("s,sa,sbij->ijab", samples.mass, places, D)
+    second, angular = second + E + E.swapaxes(2, 3), angular + 2 * np.einsum("abc,ijbc->iaj", EPSILON, E)
+    return _inertia(B + B.swapaxes(1, 2)), _inertia(second), angular, np.einsum("s,saij->aij", samples.mass, D)
+
+
+def _inertia(moments: Array) -> Array:
+    """tr(X) 1 - X of second moments X (..., 3, 3)."""
+    return np.trace(moments, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - moments
+
+
+def cleaned(array: Array, size: float | Array) -> Array:
+    """The array with 0 where its values are but rounding beside their natural size."""
+    return np.where(np.abs(array) <= ROUNDING * size, 0.0, array)

@@ -1,0 +1,70 @@
+"""Which displacements of a structure are kept: component mode synthesis after Craig and Bampton."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Indices
+from symmb.structures.eigenmodes import factorized, lowest, stiffness_scale
+from symmb.structures.mass_samples import Sparse
+
+
+def reduced(
+    K: Sparse, M: Sparse, rigid: Array, axes: Sparse, interface: Indices, count: int | None, below: float | None
+) -> tuple[Array, Array]:
+    """λ (n,) and X (d, n), orthonormal in M: fixed-interface modes and the static shapes of unit interface motions.
+
+    Parameters
+    ----------
+    K, M : (d, d)        sparse
+    rigid : (d, r)       rigid motions, left out of the modes
+    axes : (d, d)        see `lowest`
+    interface : (b,)     degrees of freedom whose unit motions are kept statically exact
+    count : int          modes in all
+    below : float        bound of the fixed-interface modes' λ
+    """
+    if count == 0:
+        return np.zeros(0), np.zeros((K.shape[0], 0))
+    if not interface.size:
+        return lowest(K, M, axes, rigid, count, np.inf if below is None else below)
+    d, b = K.shape[0], interface.size
+    inner = np.setdiff1d(np.arange(d), interface)
+    K_ii, K_ib, M_ii = K[inner][:, inner], K[inner][:, interface].toarray(), M[inner][:, inner]
+    static = -factorized(K_ii)(K_ib) if inner.size else K_ib
+    # A count below that of the interface shapes cuts them too; fixed-interface modes keep the rest accurate.
+    shapes = b - rigid.shape[1]
+    fixed = 0 if count is None else count - shapes if count >= shapes else count
+    nothing = np.zeros((inner.size, 0))
+    values, inside = np.zeros(0), nothing
+    if inner.size and (below is not None or fixed):
+        inner_axes = axes[inner][:, inner]
+        limit = (None, below) if below is not None else (fixed, np.inf)
+        values, inside = lowest(K_ii, M_ii, inner_axes, nothing, *limit)
+    basis = np.zeros((d, b + len(values)))
+    basis[interface, :b] = np.eye(b)
+    basis[np.ix_(inner, np.arange(b))] = static
+    basis[np.ix_(inner, np.arange(b, b + len(values)))] = inside
+    # The static shapes and the fixed-interface modes have no strain energy in common.
+    K_reduced = np.diag(np.concatenate([np.zeros(b), values]))
+    whole = K[interface][:, interface].toarray()
+    guyan = whole + K_ib.T @ static
+    K_reduced[:b, :b] = (guyan + guyan.T) / 2
+    motions = np.vstack([rigid[interface], np.zeros((len(values), rigid.shape[1]))])
+    # Of a single interface only rounding is left of the static stiffness, so that it does not tell the units.
+    scale = np.concatenate([stiffness_scale(whole), 1 / np.sqrt(values)])
+    basis, K_reduced, motions = basis * scale, K_reduced * np.outer(scale, scale), motions / scale[:, None]
+    M_reduced, axes_reduced = basis.T @ (M @ basis), basis.T @ (axes @ basis)
+    values, Y = lowest(K_reduced, (M_reduced + M_reduced.T) / 2, axes_reduced, motions, count)
+    return values, basis @ Y
+
+
+def chosen(nodes: Sequence[int], total: int, owner: str) -> list[int]:
+    """Node numbers, checked."""
+    for node in nodes:
+        if isinstance(node, bool) or not isinstance(node, int | np.integer) or not 0 <= node < total:
+            raise DeclarationError(
+                f"{owner}: there is no node {node!r}; they are numbered 0 to {total - 1}. "
+                "elements.nearest(x, y, z) finds one by its place."
+            )
+    return sorted({int(node) for node in nodes})

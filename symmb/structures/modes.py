@@ -1,0 +1,156 @@
+"""The modes of a flexible body: all that its equations of motion need, and the file that holds it."""
+
+from dataclasses import dataclass, fields
+from os import PathLike
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.structures.validation import numbers, positive
+
+LAYOUT = "symmb modes 1"
+SHAPES: dict[str, tuple[int | str, ...]] = {
+    "mass": (),
+    "center": (3,),
+    "J0": (3, 3),
+    "J1": ("n", 3, 3),
+    "J2": ("n", "n", 3, 3),
+    "S": (3, "n"),
+    "S2": (3, "n", "n"),
+    "G0": (3, "n"),
+    "G1": ("n", 3, "n"),
+    "stiffness": ("n",),
+    "damping": ("n",),
+    "origin": (3,),
+    "positions": ("k", 3),
+    "shapes": ("k", 3, "n"),
+    "rotations": ("k", 3, "n"),
+    "shapes2": ("k", 3, "n", "n"),
+}
+
+
+def nearest(positions: Array, point: tuple[float, float, float]) -> int:
+    """Row of the position nearest to a point, the first of equals."""
+    return int(np.argmin(np.linalg.norm(positions - numbers(point, "nearest", "point", (3,)), axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
+
+    In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
+    where D is how beams grow shorter as they bend, if that is asked for. With the frame's velocity v and angular
+    velocity ω in its own axes, the energies are
+
+        T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
+        V = ½ Σ stiffness_j η_j²
+
+        f(η) = m c + S η + Σ η_i η_j S2_ij        J(η) = J0 + Σ η_j J1_j + Σ η_i η_j J2_ij
+
+    SI units, axes of the frame; η in m √kg. Modes are of unit modal mass.
+
+    Parameters
+    ----------
+    mass : float                  [kg]
+    center : (3,)                 centre of mass of the undeformed body, from the frame's origin [m]
+    J0 : (3, 3)                   inertia of the undeformed body about the frame's origin [kg m^2]
+    J1 : (n, 3, 3)                its first derivative by η [kg^½ m]
+    J2 : (n, n, 3, 3)             its second-order part [1], J2[i, j] = J2[j, i]
+    S, S2 : (3, n), (3, n, n)     first moment's parts by η [kg^½], [1/m]; S is 0 in a frame that rides with the body
+    G0, G1 : (3, n), (n, 3, n)    angular momentum about the origin of η̇ [kg^½ m], [1]
+    stiffness : (n,)              ω_j² [1/s^2]
+    damping : (n,)                2 ζ_j ω_j [1/s]
+    origin : (3,)                 of the frame, in the axes of the mesh [m]
+    positions : (k, 3)            nodes of the undeformed body, from the frame's origin [m]
+    shapes : (k, 3, n)            translations of the nodes [kg^-½]
+    rotations : (k, 3, n)         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
+    shapes2 : (k, 3, n, n)        D of the nodes [1/(kg m)]
+
+    Raises
+    ------
+    DeclarationError
+        If an array is misshaped or not finite, J0 or J2 is not symmetric, or mass, stiffness or damping has the wrong
+        sign.
+
+    References
+    ----------
+    A. A. Shabana, Dynamics of Multibody Systems, 4th ed., Cambridge 2013, ch. 5.
+    """
+
+    mass: float
+    center: Array
+    J0: Array
+    J1: Array
+    J2: Array
+    S: Array
+    S2: Array
+    G0: Array
+    G1: Array
+    stiffness: Array
+    damping: Array
+    origin: Array
+    positions: Array
+    shapes: Array
+    rotations: Array
+    shapes2: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
+        sizes = {"n": np.size(self.stiffness), "k": len(np.atleast_1d(self.positions))}
+        for name, letters in SHAPES.items():
+            if letters:
+                shape = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in letters)
+                object.__setattr__(self, name, numbers(getattr(self, name), "Modes", name, shape))
+        for name, other in (("J0", self.J0.T), ("J2", self.J2.swapaxes(0, 1)), ("J2", self.J2.swapaxes(2, 3))):
+            array = getattr(self, name)
+            if not np.allclose(array, other, rtol=0, atol=1e-9 * np.abs(array).max(initial=0)):
+                raise DeclarationError(f"Modes: {name} must be symmetric. Give the mean of it and its transpose.")
+        if (self.stiffness <= 0).any():
+            raise DeclarationError(
+                f"Modes: stiffness must be above 0, got {self.stiffness.min():g}. "
+                "Leave out rigid modes: the frame's own motion stands for them."
+            )
+        if (self.damping < 0).any():
+            raise DeclarationError(f"Modes: damping must not be negative, got {self.damping.min():g}.")
+
+    @property
+    def frequencies(self) -> Array:
+        """(n,) natural frequencies in the frame [Hz]."""
+        return np.sqrt(self.stiffness) / (2 * np.pi)
+
+    def nearest(self, x: float, y: float, z: float = 0.0) -> int:
+        """Number of the node nearest to (x, y, z) [m] in the frame, undeformed; the first of equals."""
+        return nearest(self.positions, (x, y, z))
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write an uncompressed NumPy archive `.npz`: one array a field, by its name, and `layout`, a text."""
+        with open(path, "wb") as file:
+            np.savez(file, layout=LAYOUT, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> "Modes":
+        """Read what `save`, or any other program that keeps to the layout, has written.
+
+        Raises
+        ------
+        DeclarationError
+            If the file is no such archive, an array is missing or unknown, or the arrays do not fit together.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                arrays = dict(archive)
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            raise DeclarationError(f"Modes.load: {path} is no NumPy archive of plain arrays: {error}.") from error
+        layout = str(arrays.pop("layout", "none"))
+        if layout != LAYOUT:
+            raise DeclarationError(f"Modes.load: {path} has the layout {layout!r}, expected {LAYOUT!r}.")
+        if arrays.keys() != SHAPES.keys():
+            missing, unknown = sorted(SHAPES.keys() - arrays.keys()), sorted(arrays.keys() - SHAPES.keys())
+            raise DeclarationError(
+                f"Modes.load: {path} lacks {missing} and has {unknown} too many. One array is needed for each of "
+                f"{', '.join(SHAPES)}."
+            )
+        return cls(**arrays)

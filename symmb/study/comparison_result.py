@@ -1,0 +1,212 @@
+"""The result of a comparison: print it, plot it, save it."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb import plot
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.model import Box
+from symmb.study import report
+from symmb.study.reference import Reference
+from symmb.study.row import NotRun, Row
+from symmb.study.to_json import plain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Bounds of one scene by several methods, measured against one reference.
+
+    `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not keep the
+    reference's cost, the solver's own error, `threads`, `repeats`, `units`, `reason` and what was said of failed runs:
+    they are left out then.
+
+    Attributes
+    ----------
+    scene, solver : str             names, as given
+    times : (n_t,)                  output times [s]
+    outputs : tuple of n_y names
+    box : Box
+    reference : Reference
+    rows : tuple[Row, ...]          the methods that ran, in the order asked for
+    not_run : tuple[NotRun, ...]    those that could not
+    setup_seconds : float or None   deriving and compiling [s]
+    solver_error : (n_y,) or None   rms difference to a ten times tighter solver at the centre and at two
+                                    opposite corners of the box, in the norm of `Score.error`
+    threads, repeats : int or None  how run_seconds was measured
+    units : tuple of n_y str        units of the outputs for the picture, '' where they are not known
+    reason : str                    why this solver, if symmb chose it
+    """
+
+    scene: str
+    times: Array
+    outputs: tuple[str, ...]
+    box: Box
+    solver: str
+    reference: Reference
+    rows: tuple[Row, ...]
+    not_run: tuple[NotRun, ...] = ()
+    setup_seconds: float | None = None
+    solver_error: Array | None = None
+    threads: int | None = None
+    repeats: int | None = None
+    units: tuple[str, ...] = ()
+    reason: str = ""
+
+    def __repr__(self) -> str:
+        return f"Comparison({self.scene!r}, {len(self.rows)} methods, {len(self.outputs)} outputs)"
+
+    def __str__(self) -> str:
+        yardstick = self.reference.yardstick
+        return "\n".join(
+            [
+                *self._head(),
+                "",
+                report.table(self.rows, yardstick, self.outputs),
+                "",
+                *report.not_run(self.not_run),
+                *report.failed(self.rows),
+                *report.cautions(self.rows),
+                *report.zero_width(self.rows, yardstick, self.outputs),
+                "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
+                "of the reference's width, means over outputs. covered: share of times at which outer holds",
+                f"the reference. run [s]: {self._timing()}.",
+                "Sampled bounds are attained, not proved.",
+            ]
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The comparison as plain lists, texts and numbers, which are finite or None."""
+        layout: dict[str, Any] = {
+            "scene": self.scene,
+            "times": self.times,
+            "outputs": self.outputs,
+            "box": dict(zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)),
+            "solver": self.solver,
+            "reference": {
+                "method": self.reference.method,
+                "lower": self.reference.lower,
+                "upper": self.reference.upper,
+                "uncertainty": self.reference.uncertainty,
+            },
+            "methods": [row.to_plain() for row in self.rows],
+        }
+        if self.not_run:
+            layout["not_run"] = [{"name": method.name, "reason": method.reason} for method in self.not_run]
+        return plain(layout)
+
+    def save(self, path: str | Path) -> None:
+        """Write `to_json` to a file."""
+        Path(path).write_text(json.dumps(self.to_json(), allow_nan=False) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Comparison":
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        DeclarationError    if the file holds something else
+        """
+        try:
+            return cls._from_layout(json.loads(Path(path).read_text(encoding="utf-8")))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DeclarationError(f"{path} is not a saved comparison ({type(error).__name__}: {error}).") from error
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw bounds over time and error against run time; write the picture to `path` if given.
+
+        Bounds are shown for up to six outputs, those with the largest errors, by the most accurate setting of
+        each family of methods; the reference is the filled band.
+        """
+        reference = self.reference
+        curves = [
+            plot.Curve(
+                family=plot.family(row.name),
+                label=row.name,
+                kind=row.kind,
+                lower=row.lower,
+                upper=row.upper,
+                error=row.score.error,
+                evaluations=row.evaluations,
+                seconds=row.run_seconds,
+            )
+            for row in self.rows
+        ]
+        return plot.plot_comparison(
+            self.times,
+            plot.labels(self.outputs, self.units),
+            plot.Band(f"reference: {reference.method}", reference.lower, reference.upper),
+            curves,
+            measured=~reference.yardstick.zero_width,
+            uncertainty=reference.uncertainty,
+            title=self.scene,
+            path=path,
+        )
+
+    def _head(self) -> list[str]:
+        yardstick = self.reference.yardstick
+        names = ", ".join(
+            f"{name} [{lower:.6g}, {upper:.6g}]"
+            for name, lower, upper in zip(self.box.names, self.box.lower, self.box.upper, strict=True)
+        )
+        first, last = self.times[0], self.times[-1]
+        lines = [
+            f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
+            f"box: {names}",
+        ]
+        if self.solver:
+            lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}" + self._setup())
+        if self.solver_error is not None:
+            own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)
+            lines.append(f"solver's own error: {own}")
+        uncertainty = report.mean_and_worst(self.reference.uncertainty, yardstick, self.outputs)
+        return [report.wrapped(line) for line in [*lines, f"reference: {self._reference()}; uncertainty {uncertainty}"]]
+
+    def _setup(self) -> str:
+        return "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
+
+    def _reference(self) -> str:
+        reference = self.reference
+        text = reference.method
+        if reference.evaluations is not None:
+            text += f", {reference.evaluations} runs"
+        if reference.failed:
+            text += f", {reference.failed} failed"
+        if reference.seconds is not None:
+            text += f", {report.seconds(reference.seconds)} s"
+        return text
+
+    def _timing(self) -> str:
+        if self.repeats is None or self.threads is None:
+            return "evaluations and bounding, warm, median"
+        threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
+        return f"evaluations and bounding, warm, median of at least {self.repeats}, {threads}"
+
+    @classmethod
+    def _from_layout(cls, layout: dict[str, Any]) -> "Comparison":
+        given = layout["reference"]
+        reference = Reference(
+            method=given["method"],
+            lower=np.array(given["lower"], dtype=float),
+            upper=np.array(given["upper"], dtype=float),
+            uncertainty=np.array(given["uncertainty"], dtype=float),
+        )
+        rows = tuple(Row.from_plain(method, reference.yardstick) for method in layout["methods"])
+        return cls(
+            scene=layout["scene"],
+            times=np.array(layout["times"], dtype=float),
+            outputs=tuple(layout["outputs"]),
+            box=Box(**{name: (lower, upper) for name, (lower, upper) in layout["box"].items()}),
+            solver=layout["solver"],
+            reference=reference,
+            rows=rows,
+            not_run=tuple(NotRun(**method) for method in layout.get("not_run", ())),
+            setup_seconds=rows[0].setup_seconds if rows else None,
+        )

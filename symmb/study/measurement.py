@@ -1,0 +1,160 @@
+"""Bound a simulator's responses by several methods and measure each: its error, its cost, what it covers."""
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from symmb._errors import PropagationError, SimulationError
+from symmb._types import Array, Executor
+from symmb.bounds import Bounds, IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, propagate
+from symmb.model import Box
+from symmb.simulation import Jets, Plain, Simulator
+from symmb.study.comparison_result import Comparison
+from symmb.study.metrics import Yardstick
+from symmb.study.reference import find_reference
+from symmb.study.row import NotRun, Row
+
+_RUNS = 2000
+"""Most runs that a default method other than Monte Carlo may take."""
+_REPEATS = 3
+"""Fewest runs whose median is taken."""
+_ENOUGH = 0.1
+"""Short runs are repeated for so long [s]."""
+_WARM_UP = 0.5
+"""A first run shorter than this is not counted [s]; a longer one is: the median of three sorts it out."""
+
+Progress = Callable[[str, int, int], None]
+"""Told what runs at present, and how many of its runs are done out of how many."""
+
+
+def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
+    """Several settings of each method that suits the simulator: points of error-against-run-time curves."""
+    n_p = len(box.names)
+    budget = None if n_p <= 2 else _RUNS  # in one or two parameters no level takes as many
+    methods: list[Method] = [PolynomialChaos(tolerance=share, budget=budget) for share in (1e-1, 1e-2, 1e-3)]
+    methods += [PolynomialChaos.paper(order) for order in (2, 3, 4) if (order + 1) ** n_p <= _RUNS]
+    if isinstance(simulator, Jets):
+        methods += [Taylor(2), Taylor(3)]
+    if isinstance(simulator, Plain):
+        methods += [IntervalArithmetic()]
+    methods += [Scanning(k) for k in (3, 6, 11, 21) if k**n_p <= _RUNS]
+    methods += [MonteCarlo(100), MonteCarlo(1000), MonteCarlo(10_000)]
+    return tuple(methods)
+
+
+def compare_simulator(
+    simulator: Simulator,
+    methods: Sequence[Method] | None,
+    box: Box,
+    reference: Method | Bounds | None = None,
+    *,
+    tighter: Simulator | None = None,
+    scene: str = "simulator",
+    solver: str = "",
+    setup_seconds: float | None = None,
+    threads: int = 1,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Run each method over the box, and score its bounds with the reference's.
+
+    Parameters
+    ----------
+    methods : sequence of Method, optional      default: `default_methods`
+    reference : Method or Bounds, optional      default: see `find_reference`
+
+    Other Parameters
+    ----------------
+    tighter : Simulator, optional   the same simulator at a tolerance ten times tighter, for the reference and
+                                    the solver's own error; without it the reference shares that error
+    scene, solver : str             names to print and to save
+    setup_seconds : float           deriving and compiling [s]
+    threads : int                   number of threads that evaluations take in `simulator` and `executor`
+    progress : callable             called with what runs, runs done, runs in all
+
+    Raises
+    ------
+    PropagationError    if none of the methods can run, or the reference cannot
+    """
+    if methods is None:
+        methods = default_methods(simulator, box)
+    exact = simulator if tighter is None else tighter
+    found = find_reference(exact, box, reference, executor=executor, progress=_labelled(progress, "reference"))
+    ran: list[tuple[Bounds, float]] = []
+    not_run: list[NotRun] = []
+    for method in methods:
+        label = _labelled(progress, repr(method))
+        try:
+            bounds, seconds = _timed(partial(propagate, simulator, method, box, executor=executor, progress=label))
+        except (PropagationError, SimulationError) as error:
+            not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
+        else:
+            ran.append((bounds, seconds))
+    if not ran:
+        reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
+        raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
+    if reference is None:
+        found = found.joined([bounds.inner for bounds, _ in ran if bounds.inner is not None])
+    yardstick = found.yardstick
+    return Comparison(
+        scene=scene,
+        times=np.asarray(simulator.times, dtype=float),
+        outputs=tuple(simulator.outputs),
+        box=box,
+        solver=solver,
+        reference=found,
+        rows=tuple(_row(bounds, yardstick, setup_seconds, seconds) for bounds, seconds in ran),
+        not_run=tuple(not_run),
+        setup_seconds=setup_seconds,
+        solver_error=None if tighter is None else _solver_error(simulator, tighter, box, yardstick),
+        threads=threads,
+        repeats=_REPEATS,
+    )
+
+
+def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_seconds: float) -> Row:
+    return Row(
+        name=bounds.method,
+        kind=bounds.kind,
+        evaluations=bounds.evaluations,
+        failed=len(bounds.failed),
+        setup_seconds=setup_seconds,
+        run_seconds=run_seconds,
+        lower=bounds.lower,
+        upper=bounds.upper,
+        estimate=bounds.estimate,
+        inner=bounds.inner,
+        score=yardstick.score(bounds.lower, bounds.upper, bounds.estimate),
+        failure=str(bounds.failed[0]) if bounds.failed else "",
+        caution=bounds.caution,
+    )
+
+
+def _timed(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
+    """The bounds, and the median duration of warm runs [s]."""
+    bounds, seconds = _once(run)
+    durations = [] if seconds < _WARM_UP else [seconds]
+    while len(durations) < _REPEATS or sum(durations) < _ENOUGH:
+        durations.append(_once(run)[1])
+    return bounds, float(np.median(durations))
+
+
+def _once(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
+    start = time.perf_counter()
+    bounds = run()
+    return bounds, time.perf_counter() - start
+
+
+def _solver_error(simulator: Simulator, tighter: Simulator, box: Box, yardstick: Yardstick) -> Array:
+    """Difference of both simulators at the centre and two opposite corners of the box; (n_y,)."""
+    corners = np.array([box.center, box.lower, box.upper])
+    points = np.tile(list(simulator.parameters.values()), (len(corners), 1)).astype(float)
+    columns = [list(simulator.parameters).index(name) for name in box.names]
+    points[:, columns] = corners
+    return yardstick.relative(simulator.run(points).Y - tighter.run(points).Y)
+
+
+def _labelled(progress: Progress | None, label: str) -> Callable[[int, int], None] | None:
+    return None if progress is None else partial(progress, label)

@@ -1,0 +1,402 @@
+"""The command line from outside: what it prints and writes, and how it refuses."""
+
+import csv
+import io
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from symmb.cli.main import main
+from symmb.cli.scene_file import shipped_names
+
+PENDULUM = """
+import numpy as np
+import symmb as mb
+
+def scene():
+    p = mb.Parameters(l=1.0, damping=0.0)
+    rod = mb.Body("rod", mass=2.0, inertia=p.l**2 / 6, pose=mb.Planar())
+    system = mb.System(
+        rod,
+        mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, -p.l / 2)),
+        mb.Gravity(0, 9.81),
+        mb.Torque("friction", rod, -p.damping * rod.omega),
+        parameters=p,
+    )
+    return mb.Scene(
+        system,
+        start={"rod.theta": 0.5},
+        times=np.linspace(0.0, 0.5, 6),
+        outputs={"theta": rod.theta, "x": rod.x},
+        box=mb.Box(l=(0.9, 1.1)),
+        name="pendulum",
+    )
+"""
+CUBIC = """
+import symmb as mb
+
+def scene():
+    p = mb.Parameters(x=1.0, y=0.0)
+    return mb.Scene(
+        mb.System(parameters=p),
+        times=[0.0, 1.0, 2.0],
+        outputs={"f": p.x * mb.t + p.y},
+        box=mb.Box(x=(0.5, 1.5), y=(-1.0, 1.0)),
+        name="cubic",
+    )
+"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Writes a scene file and gives its path."""
+
+    def write(text, name="scene_file.py"):
+        path = tmp_path / name
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+def refused(capsys, *arguments):
+    """The sentence on stderr of a command that must be refused."""
+    try:
+        status = main(arguments)
+    except SystemExit as stop:  # argparse leaves on its own
+        status = stop.code
+    told = capsys.readouterr()
+    assert status == 2
+    assert told.out == ""
+    assert "Traceback" not in told.err
+    return told.err
+
+
+# --- commands -----------------------------------------------------------------
+
+
+def test_compare_prints_and_writes(scene, tmp_path, capsys):
+    json_file, picture = tmp_path / "c.json", tmp_path / "c.png"
+    methods = ["vertex", "pce:2:paper", "mc:20"]
+    arguments = [
+        "compare",
+        scene(CUBIC),
+        "--methods",
+        *methods,
+        "--json",
+        str(json_file),
+        "--plot",
+        str(picture),
+    ]
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert "PolynomialChaos.paper(order=2)" in printed and "sampled" in printed
+    layout = json.loads(json_file.read_text())
+    assert [method["name"] for method in layout["methods"]] == [
+        "Vertex()",
+        "PolynomialChaos.paper(order=2)",
+        "MonteCarlo(20)",
+    ]
+    assert layout["box"] == {"x": [0.5, 1.5], "y": [-1.0, 1.0]}
+    np.testing.assert_allclose(layout["methods"][0]["lower"], [[-1.0], [-0.5], [0.0]])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("spread", ["20%", "0.2"])
+def test_spread_replaces_the_box(scene, tmp_path, spread, capsys):
+    json_file = tmp_path / "c.json"
+    arguments = [
+        "compare",
+        scene(PENDULUM),
+        "--spread",
+        spread,
+        "--methods",
+        "vertex",
+        "--json",
+        str(json_file),
+    ]
+    assert main([*arguments, "--solver", "cvodes:1e-6"]) == 0
+    layout = json.loads(json_file.read_text())
+    assert layout["box"]["l"] == pytest.approx([0.8, 1.2])
+    assert list(layout["box"]) == ["l"]  # damping is not boxed in the scene
+    assert layout["solver"] == "CVODES(rtol=1e-06)"
+
+
+def test_simulate_prints_and_writes(scene, tmp_path, capsys):
+    json_file, table, picture = tmp_path / "t.json", tmp_path / "t.csv", tmp_path / "t.png"
+    arguments = ["simulate", scene(PENDULUM), "--set", "l=1.02", "damping=0.1", "--solver", "idas"]
+    assert main([*arguments, "--json", str(json_file), "--csv", str(table), "--plot", str(picture)]) == 0
+    layout = json.loads(json_file.read_text())
+    assert set(layout) == {
+        "scene",
+        "times",
+        "outputs",
+        "values",
+        "position_drift",
+        "velocity_drift",
+        "energy_drift",
+        "solver",
+        "statistics",
+        "setup_seconds",
+        "run_seconds",
+    }
+    rows = list(csv.reader(io.StringIO(table.read_text())))
+    assert rows[0] == ["t", "theta", "x"]
+    np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 1:], layout["values"])
+    np.testing.assert_array_equal(np.array(rows[1:], dtype=float)[:, 0], layout["times"])
+    assert layout["values"][0][0] == pytest.approx(0.5)
+    assert layout["solver"] == "IDAS()"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "l = 1.02" in capsys.readouterr().out
+
+
+def test_simulate_tells_the_extremes_of_every_output(scene, capsys):
+    assert main(["simulate", scene(CUBIC), "--set", "x=1.0", "--set", "y=-0.5"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-2].split() == ["output", "at", "0", "s", "at", "2", "s", "least", "largest"]
+    assert lines[-1].split() == ["f", "-0.5", "1.5", "-0.5", "1.5"]
+
+
+def test_rounding_is_told_as_zero(scene, capsys):
+    outputs = (
+        '{"large": 1e9 * (1 + mb.t), "from_zero": mb.t + 1e-16, "small": 1e-9 * mb.t, "nothing": 1e-49 + 0 * mb.t}'
+    )
+    assert main(["simulate", scene(CUBIC.replace('{"f": p.x * mb.t + p.y}', outputs))]) == 0
+    told = {name: numbers for name, *numbers in map(str.split, capsys.readouterr().out.splitlines()[-4:])}
+    assert told["from_zero"] == ["0", "2", "0", "2"]
+    assert told["small"] == ["0", "2e-09", "0", "2e-09"]
+    assert told["nothing"] == ["0"] * 4
+
+
+def test_equations(scene, capsys):
+    assert main(["equations", scene(PENDULUM)]) == 0
+    told = capsys.readouterr().out
+    assert "1 Revolute" in told
+    for line in (
+        "M[rod.vx, rod.vx] = 2",
+        "M[rod.omega, rod.omega] = (sq(l)/6)",
+        "Q[rod.vy] = 19.62",
+        "Q[rod.omega] = (-(damping*rod.omega))",
+        "Phi[hinge.lam[0]] = (rod.x+(sin(rod.theta)*(l/2)))",
+    ):
+        assert line in told.splitlines()
+    assert "vx, rod.vy]" not in told
+    assert main(["equations", scene(PENDULUM), "--latex"]) == 0
+    assert r"\Phi_q = " in capsys.readouterr().out
+
+
+def test_equations_too_long_to_read_are_left_to_latex(capsys):
+    assert main(["equations", "andrews"]) == 0
+    assert capsys.readouterr().out.endswith("The equations of 21 coordinates are not printed here: use --latex.\n")
+    assert main(["equations", "heavy_top"]) == 0
+    told = capsys.readouterr().out
+    assert re.search(r"^gamma\[tip\.lam\[0\]\] = \.\.\. \(\d+ characters: use --latex\)$", told, re.MULTILINE)
+    assert main(["equations", "cubic"]) == 0
+    assert "M[" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["compare", "simulate", "equations", "codegen"])
+def test_usage_has_the_scene_first(capsys, command):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert capsys.readouterr().out.startswith(f"usage: symmb {command} SCENE ")
+
+
+def test_codegen_lists_the_files_it_wrote(scene, tmp_path, capsys):
+    folder = tmp_path / "generated"
+    assert main(["codegen", scene(PENDULUM), "-o", str(folder)]) == 0
+    written = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert {path.suffix for path in written} == {".c", ".h"}
+    assert sorted(written) == sorted(folder.iterdir())
+
+
+def test_a_scene_finds_itself_and_its_neighbours(scene, tmp_path, capsys):
+    (tmp_path / "neighbour_of_scene.py").write_text("LENGTH = 2.5\n")
+    (tmp_path / "start.txt").write_text("0.25")
+    text = """
+        from pathlib import Path
+        import symmb as mb
+        from neighbour_of_scene import LENGTH
+
+        def scene():
+            start = float((Path(__file__).parent / "start.txt").read_text())
+            system = mb.System(parameters=mb.Parameters(p=1.0))
+            return mb.Scene(system, times=[0.0], outputs={"f": start * LENGTH + 0 * mb.t})
+    """
+    before = list(sys.path)
+    assert main(["simulate", scene(text.replace("\n        ", "\n"))]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].split()[:2] == ["f", "0.625"]
+    assert sys.path == before
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_scenes_go_by_name(name, capsys):
+    assert main(["equations", name]) == 0
+    assert capsys.readouterr().out.startswith("System")
+
+
+def test_the_installed_command_runs_from_a_process(scene):
+    done = subprocess.run(
+        [sys.executable, "-m", "symmb.cli", "equations", scene(PENDULUM)], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+# --- refusals -----------------------------------------------------------------
+
+EMPTY = "import symmb as mb\ndef scene():\n    "
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x = 1\n", r"defines no function scene\(\)"),
+        ("scene = 3\n", r"defines no function scene\(\)"),
+        ("def scene(:\n", r"SyntaxError: [^(]*\(scene_file\.py, line 1\)\.$"),
+        ("import no_such_module_at_all\n", r"ModuleNotFoundError: .*no_such_module_at_all.* \(line 1\)\."),
+        ("def scene():\n    x = 0\n    return 1 / x\n", r"ZeroDivisionError: division by zero \(line 3\)\."),
+        ("def scene(length):\n    pass\n", r"TypeError: .*length"),
+        ("import sys\nsys.exit(3)\n", r"SystemExit: 3 \(line 2\)\."),
+        (EMPTY + "return mb.System()\n", r"scene\(\) returned a System"),
+        (PENDULUM.replace("times=np.linspace(0.0, 0.5, 6)", "times=[]"), "times"),
+        (PENDULUM.replace("times=np.linspace(0.0, 0.5, 6)", "times=[0.0, 2.0, 1.0]"), "times"),
+        (PENDULUM.replace("times=np.linspace(0.0, 0.5, 6)", "times=[0.0, np.nan]"), "NaN"),
+        (PENDULUM.replace("l=(0.9, 1.1)", "l=(1.1, 0.9)"), "lower 1.1 above upper 0.9"),
+        (PENDULUM.replace("l=(0.9, 1.1)", "l=(0.9, np.nan)"), "finite"),
+        (PENDULUM.replace("l=(0.9, 1.1)", "length=(0.9, 1.1)"), "'length'"),
+        (PENDULUM.replace("l=1.0,", "l=np.nan,"), "nan"),
+        (PENDULUM.replace('"x": rod.x', '"x": p.length'), "length"),
+        (PENDULUM.replace('"rod.theta"', '"rod.theat"'), "Did you mean 'rod.theta'"),
+    ],
+)
+@pytest.mark.parametrize("command", ["simulate", "compare"])
+def test_scenes_that_are_wrong(scene, capsys, command, text, words):
+    path = scene(text)
+    error = refused(capsys, command, path)
+    assert re.search(words, error)
+    assert path in error and error.startswith(f"symmb {command}: ")
+
+
+def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monkeypatch, tmp_path):
+    scene("def scene():\n    x = 0\n    return 1 / x\n")
+    monkeypatch.chdir(tmp_path)
+    assert "division by zero (line 3)." in refused(capsys, "simulate", "scene_file.py")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["simulate", "no/such.py"], "no scene file no/such.py"),
+        (["simulate", "no_such_scene"], "no scene file and no shipped scene 'no_such_scene'"),
+        (["compare", "PENDULUM", "--methods", "tailor:2"], "no method 'tailor'. Did you mean 'taylor'"),
+        (["compare", "PENDULUM", "--methods", "taylor:two"], "ORDER must be a whole number, got 'two'"),
+        (["compare", "PENDULUM", "--methods", "pce:tol=small"], "TOL must be a number, got 'small'"),
+        (["compare", "PENDULUM", "--methods", "pce:2:papier"], "pce:ORDER:paper"),
+        (["compare", "PENDULUM", "--methods", "mc:0"], "samples must be an integer of at least 1"),
+        (["compare", "PENDULUM", "--methods", "pce:tol=2"], "tolerance must be between 0 and 1"),
+        (["compare", "PENDULUM", "--solver", "idaz"], "no solver 'idaz'. Did you mean 'idas'"),
+        (["compare", "PENDULUM", "--solver", "rk:4:5"], "rk"),
+        (["compare", "PENDULUM", "--spread", "many"], "--spread takes a positive share such as 5%"),
+        (["compare", "PENDULUM", "--spread", "0"], "--spread takes a positive share"),
+        (["compare", "PENDULUM", "--spread=-5%"], "--spread takes a positive share"),
+        (["compare", "PENDULUM", "--spread", "nan"], "--spread takes a positive share"),
+        (["compare", "PENDULUM", "--spread", "5"], "--spread 5 is 500 %.*Did you mean 5%"),
+        (["compare", "PENDULUM", "--spread", "150%"], "--spread 150% is 150 %.*Box by their ends"),
+        (["compare", "CUBIC", "--spread", "5%"], "'y' has nominal value 0"),
+        (["compare", "NO_BOX", "--spread", "5%"], r"no box.*box=mb\.Box\.around\(p, 0\.05\)"),
+        (["compare", "--methods", "vertex", "PENDULUM"], "required: SCENE .*comes first: --methods"),
+        (["simulate", "--set", "l=1.0", "PENDULUM"], "required: SCENE .*comes first: --methods and --set"),
+        (["compare", "NO_BOX"], "[Nn]o box"),
+        (["compare", "CUBIC", "--methods", "vertex", "--plot", "picture.doc"], r"must end in \.png"),
+        (["compare", "CUBIC", "--methods", "vertex", "--json", "no/such/folder/c.json"], "does not exist"),
+        (["simulate", "PENDULUM", "--set", "k=1.0"], "[Nn]o parameter 'k'"),
+        (["simulate", "PENDULUM", "--set", "l"], "--set takes name=number, got 'l'"),
+        (["simulate", "PENDULUM", "--set", "l=long"], "--set takes name=number, got 'l=long'"),
+        (["simulate", "PENDULUM", "--set", "l=nan"], "finite"),
+        (["simulate", "PENDULUM", "--csv", "table.doc"], r"must end in \.csv"),
+        (["codegen", "PENDULUM", "-o", "PENDULUM"], "is a file"),
+        (["codegen", "PENDULUM"], "required: -o"),
+        (["fly", "PENDULUM"], "invalid choice: 'fly'"),
+        ([], "required: COMMAND"),
+    ],
+)
+def test_arguments_that_are_wrong(scene, capsys, arguments, words):
+    files = {
+        "PENDULUM": PENDULUM,
+        "CUBIC": CUBIC,
+        "NO_BOX": CUBIC.replace("box=mb.Box(x=(0.5, 1.5), y=(-1.0, 1.0)),", ""),
+    }
+    given = [scene(files[word]) if word in files else word for word in arguments]
+    error = refused(capsys, *given)
+    assert re.search(words, error)
+    assert len(error.splitlines()) == 1
+
+
+def test_a_run_that_breaks_down_is_told_in_a_sentence(scene, capsys):
+    text = PENDULUM.replace("-p.damping * rod.omega", "1e4 * rod.omega**3")
+    assert main(["simulate", scene(text), "--solver", "rk"]) == 1
+    error = capsys.readouterr().err
+    assert "Traceback" not in error and "t = " in error
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_file_that_cannot_be_written_is_told_in_a_sentence(scene, capsys):
+    assert main(["simulate", scene(CUBIC), "--json", "/dev/full"]) == 2
+    assert "No space left" in capsys.readouterr().err
+
+
+def test_an_interrupt_leaves_quietly(scene, capsys):
+    assert main(["simulate", scene("def scene():\n    raise KeyboardInterrupt\n")]) == 130
+    assert capsys.readouterr().err == ""
+
+
+# --- compiled models ------------------------------------------------------------
+
+
+def test_cache_tells_and_clears(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = (tmp_path / "symmb").resolve()
+    assert main(["cache"]) == 0
+    assert capsys.readouterr().out == f"{folder}\n0 models, 0.0 MB\n"
+    for name, size in (("a-1.so", 700_000), ("b-2.so", 700_000), ("half.part", 100_000), ("notes.txt", 9)):
+        (folder / name).write_bytes(bytes(size))
+    assert main(["cache"]) == 0
+    assert capsys.readouterr().out == f"{folder}\n2 models, 1.5 MB\n"
+    assert main(["cache", "--clear"]) == 0
+    assert capsys.readouterr().out == f"{folder}\nremoved 2 models, 1.5 MB\n"
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]  # not ours
+
+
+def test_cache_says_why_a_folder_is_not_used(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "symmb").mkdir()
+    (tmp_path / "symmb").chmod(0o777)
+    assert re.search(r"^symmb cache: .*others can write to .*chmod go-w", refused(capsys, "cache", "--clear"))
+
+
+def test_cache_takes_no_scene(capsys):
+    assert "unrecognized arguments: SCENE" in refused(capsys, "cache", "SCENE")
+
+
+def test_a_scene_with_impacts(capsys, tmp_path):
+    file = tmp_path / "run.json"
+    main(["simulate", "bouncing_ball", "--json", str(file), "--plot", str(tmp_path / "run.png")])
+    assert "impacts     6 of 'floor'" in capsys.readouterr().out
+    run = json.loads(file.read_text(), parse_constant=pytest.fail)
+    assert [event["what"] for event in run["events"]] == ["impact"] * 6 and run["energy_drift"] < 1e-10
+    file = tmp_path / "bounds.json"
+    main(["compare", "bouncing_ball", "--methods", "pce:2:paper", "taylor:2", "--json", str(file)])
+    shown = capsys.readouterr().out
+    assert "Taylor(order=2) did not run" in shown and "not valid" in shown
+    found = json.loads(file.read_text(), parse_constant=pytest.fail)
+    assert [method["name"] for method in found["methods"]] == ["PolynomialChaos.paper(order=2)"]
+    main(["equations", "bouncing_ball"])
+    assert "impacts      floor" in capsys.readouterr().out
+    main(["codegen", "bouncing_ball", "-o", str(tmp_path / "c")])
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == ["model.c", "model.h"]
+    assert "impulses" in (tmp_path / "c" / "model.h").read_text()

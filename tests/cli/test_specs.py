@@ -1,0 +1,104 @@
+"""The table of methods and solvers that the command line knows, and its line of progress."""
+
+import inspect
+import io
+import re
+import sys
+import time
+
+import pytest
+
+import symmb as mb
+from symmb.bounds.method import Method
+from symmb.cli import specs
+from symmb.cli.main import main
+from symmb.cli.progress import Progress
+from symmb.integrate.solver import Solver
+
+# --- the table of methods and solvers -----------------------------------------
+
+
+def written(form, number="3"):
+    """A text of a form, everything in brackets given."""
+    return re.sub(
+        r"[A-Z]+",
+        lambda name: "0.125" if "TOL" in name[0] else number,
+        form.replace("[", "").replace("]", ""),
+    )
+
+
+def concrete(kind):
+    for child in kind.__subclasses__():
+        yield from concrete(child)
+        if child.__module__.startswith("symmb.") and not inspect.isabstract(child):
+            yield child
+
+
+def test_every_method_and_solver_has_a_spec():
+    made = {type(specs.method(written(spec.form))) for spec in specs.METHODS}
+    made |= {type(specs.solver(written(spec.form))) for spec in specs.SOLVERS}
+    assert made == {*concrete(Method), *concrete(Solver)}
+
+
+@pytest.mark.parametrize("spec", specs.METHODS, ids=lambda spec: spec.form)
+def test_a_methods_spec_reads_as_its_text_says(spec):
+    text = re.sub(r"(R?TOL)|[A-Z]{4,}", lambda name: "0.125" if name[1] else "3", spec.text)
+    read = repr(specs.method(written(spec.form)))
+    assert text.removesuffix(", adaptive") in (read, read.replace("(3)", "(order=3)"))
+
+
+def test_help_prints_the_table(capsys):
+    for arguments in (["--help"], ["compare", "--help"]):
+        with pytest.raises(SystemExit) as stop:
+            main(arguments)
+        assert stop.value.code == 0
+        shown = capsys.readouterr().out
+        for spec in (*specs.METHODS, *specs.SOLVERS):
+            assert spec.form in shown and spec.text in shown
+
+
+@pytest.mark.parametrize(
+    ("text", "method"),
+    [
+        ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
+        ("pce:4", mb.PolynomialChaos(order=4)),
+        ("pce", mb.PolynomialChaos()),
+        ("pce:tol=1e-3", mb.PolynomialChaos(tolerance=1e-3)),
+        ("pce:budget=200", mb.PolynomialChaos(budget=200)),
+        ("taylor:2", mb.Taylor(order=2)),
+        ("mc:10000", mb.MonteCarlo(10_000, seed=0)),
+        ("scan:21", mb.Scanning(21)),
+    ],
+)
+def test_documented_specs(text, method):
+    assert specs.method(text) == method
+
+
+# --- progress -----------------------------------------------------------------
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("stream", "shown"), [(Terminal(), True), (io.StringIO(), False)])
+def test_progress_is_for_terminals(monkeypatch, stream, shown):
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr("symmb.cli.progress._PATIENCE", 0.0)
+    monkeypatch.setattr("symmb.cli.progress._PERIOD", 0.001)
+    with Progress("working") as progress:
+        progress("MonteCarlo(100)", 25, 100)
+        deadline = time.monotonic() + 5.0
+        while shown and "MonteCarlo" not in stream.getvalue() and time.monotonic() < deadline:
+            time.sleep(0.001)
+    assert ("MonteCarlo(100): 25 of 100 runs" in stream.getvalue()) is shown
+    assert stream.getvalue().endswith("\x1b[K") is shown
+
+
+def test_what_is_done_at_once_shows_no_progress(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with Progress("working"):
+        pass
+    assert stream.getvalue() == ""

@@ -1,0 +1,353 @@
+"""Impacts: times and speeds against closed forms, what a jump keeps and what it takes, contacts that stay closed."""
+
+import json
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+from models import bouncing_ball
+from symmb.simulation.simulator import run_blocks
+
+G = 9.81
+KNOWN = json.loads((Path(__file__).parents[1] / "data" / "bouncing_ball.json").read_text(encoding="utf-8"))
+
+
+def dropped(e, times, gravity=G, **start):
+    """A particle above y = 0."""
+    ball = mb.Body("ball", 2.0, pose=mb.Particle())
+    forces = [mb.Gravity(0, -gravity)] if gravity else []
+    floor = mb.Impact("floor", ball.y, e)
+    system = mb.System(ball, *forces, floor)
+    start = {f"ball.{key}": value for key, value in start.items()}
+    return mb.Scene(system, start, times, outputs={"y": ball.y, "y_dot": ball.vy, "closed": floor.closed})
+
+
+def rods(e, wall, times, ground_angle=0.9):
+    """Two hinged rods of 1 m and 1 kg, the tip of the second in front of a wall."""
+    ground = mb.Ground()
+    first, second = (mb.Body(name, 1.0, 1 / 12, mb.Planar()) for name in ("first", "second"))
+    tip = second.point(0, -0.5)
+    system = mb.System(
+        first,
+        second,
+        mb.Revolute("shoulder", ground.point(0, 0), first.point(0, 0.5)),
+        mb.Revolute("elbow", first.point(0, -0.5), second.point(0, 0.5)),
+        mb.Gravity(0, -G),
+        mb.Impact("wall", tip.x - wall, e),
+    )
+    return mb.Scene(system, {"first.theta": ground_angle, "second.theta": ground_angle}, times)
+
+
+def mass_of_rods(theta):
+    """Mass matrix in the angles, by Lagrange."""
+    c = np.cos(theta[0] - theta[1]) / 2
+    return np.array([[4 / 3, c], [c, 1 / 3]])
+
+
+def impacts(run):
+    return [event for event in run.events if event.what == "impact"]
+
+
+# --- a ball ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("e", ["0.8", "0.99"])
+def test_times_speeds_and_apexes_of_a_bouncing_ball(e):
+    known = np.array(KNOWN["cases"][e]["values"])[:30]
+    apexes = known[:, 0] + known[:, 1] / G
+    scene = bouncing_ball.scene(restitution=float(e)).with_times([0.0, 0.4, *apexes])
+    run = mb.simulate(scene)
+    found = np.array([[event.time, event.after, -event.before] for event in impacts(run)[:30]])
+    assert_allclose(found[:, 0], known[:, 0], rtol=0, atol=1e-9)
+    assert_allclose(found[:, 1], known[:, 1], rtol=1e-9)
+    assert_allclose(found[:, 2], known[:, 1] / float(e), rtol=1e-9)
+    assert_allclose(run["y"][2:], known[:, 2], rtol=1e-8)
+    assert run.energy_drift < 1e-10
+
+
+def test_bouncing_ends_in_a_contact_that_stays_closed():
+    end = KNOWN["cases"]["0.8"]["zeno_time"]
+    run = mb.simulate(dropped(0.8, np.linspace(0, 6, 13), y=1.0, vx=3.0))
+    last = run.events[-1]
+    assert (last.name, last.what) == ("floor", "closes") and abs(last.time - end) < 1e-6
+    assert_array_equal(run["closed"], run.t > end)
+    assert_array_equal(run["y"][run.t > end], 0.0)
+    assert_allclose(run.energy.work[-1], -2.0 * G, rtol=1e-9)  # all of the potential is lost
+    assert run.energy_drift < 1e-10
+    assert "'floor' closes at 4.06371 s" in str(run)
+
+
+def test_without_restitution_it_sticks_at_once():
+    run = mb.simulate(dropped(0.0, [0.0, 1.0, 2.0], y=1.0))
+    assert [event.what for event in run.events] == ["impact", "closes"]
+    assert_allclose([run.events[0].time, run.events[0].after], [np.sqrt(2 / G), 0.0], rtol=1e-12, atol=1e-15)
+    assert_array_equal(run.values[1:], [[0.0, 0.0, 1.0]] * 2)
+
+
+def test_full_restitution_keeps_the_energy():
+    run = mb.simulate(dropped(1.0, np.linspace(0, 20, 201), y=1.0))
+    assert_allclose([event.time for event in run.events], np.sqrt(2 / G) * np.arange(1, 2 * len(run.events), 2))
+    assert len(run.events) == 22 and run.energy.work[-1] == 0.0
+    assert run.energy_drift < 1e-10
+
+
+def test_a_ball_that_lies_on_the_floor_stays_there():
+    run = mb.simulate(dropped(0.8, [0.0, 1.0], y=0.0))
+    assert [(event.time, event.what) for event in run.events] == [(0.0, "closes")]
+    assert_array_equal(run.values, [[0.0, 0.0, 1.0]] * 2)
+
+
+def test_at_the_time_of_an_impact_an_output_tells_what_is_after_it():
+    fall = np.sqrt(2 / G)
+    event = mb.simulate(dropped(0.5, [0.0, 1.0], y=1.0)).events[0]
+    run = mb.simulate(dropped(0.5, [0.0, event.time - 1e-9, event.time], y=1.0))
+    assert_allclose(run["y_dot"], [0.0, -G * fall, 0.5 * G * fall], rtol=1e-8)
+
+
+def test_a_short_dip_below_zero_is_found():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    spring = mb.Force("spring", ball.point(0, 0), (-ball.x, 0))
+    system = mb.System(ball, spring, mb.Impact("stop", ball.x + 1 - 1e-6, 1.0))
+    run = mb.simulate(mb.Scene(system, {"ball.x": 1.0}, [0.0, 5.0]))
+    assert_allclose([event.time for event in run.events], [np.arccos(1e-6 - 1)], rtol=1e-9)
+    assert abs(run.events[0].after / np.sin(np.arccos(1e-6 - 1)) - 1) < 1e-6
+
+
+# --- what a jump keeps and what it takes -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
+def test_jump_of_jointed_rods(e):
+    first = mb.simulate(rods(e, -0.3, [0.0, 1.2])).events[0]
+    run = mb.simulate(rods(e, -0.3, [0.0, first.time - 1e-9, first.time]))
+    theta = np.column_stack([run["first.theta"], run["second.theta"]])[-1]
+    before, after = np.column_stack([run["first.omega"], run["second.omega"]])[1:]
+    M, W = mass_of_rods(theta), np.cos(theta)  # the tip is at sin(theta_1) + sin(theta_2)
+    assert_allclose(np.sin(theta).sum(), -0.3, atol=1e-10)
+    assert_allclose([first.before, first.after], [W @ before, -e * (W @ before)], atol=1e-7)
+    assert abs(np.linalg.det([M @ (after - before), W])) < 1e-6  # the momentum across the gap's gradient is kept
+    effective = 1 / (W @ np.linalg.solve(M, W))
+    assert_allclose(first.work, -effective * (1 - e**2) * first.before**2 / 2, rtol=1e-9, atol=1e-12)
+    assert run.position_drift < 1e-9 and run.velocity_drift < 1e-9
+
+
+def test_run_of_jointed_rods_as_by_an_integrator_in_minimal_coordinates():
+    e, wall, end = 0.6, 0.0, 4.0
+    run = mb.simulate(rods(e, wall, np.linspace(0, end, 31)))
+
+    def rates(t, y):
+        a, b = y[:2]
+        s = np.sin(a - b) / 2
+        force = np.array([-1.5 * G * np.sin(a) - s * y[3] ** 2, -0.5 * G * np.sin(b) + s * y[2] ** 2])
+        return [*y[2:], *np.linalg.solve(mass_of_rods(y[:2]), force)]
+
+    def gap(t, y):
+        return np.sin(y[:2]).sum() - wall
+
+    gap.terminal, gap.direction = True, -1
+    t, y, times = 0.0, np.array([0.9, 0.9, 0.0, 0.0]), []
+    while t < end:
+        found = solve_ivp(rates, (t, end), y, "DOP853", events=gap, rtol=1e-12, atol=1e-13)
+        t, y = found.t[-1], found.y[:, -1]
+        if found.status == 1:
+            times.append(t)
+            W = np.cos(y[:2])
+            B = np.linalg.solve(mass_of_rods(y[:2]), W)
+            y[2:] -= (1 + e) * (W @ y[2:]) / (W @ B) * B
+    assert len(times) >= 3
+    assert_allclose([event.time for event in run.events], times, atol=1e-7)
+    assert_allclose([run["first.theta"][-1], run["second.omega"][-1]], [y[0], y[3]], atol=1e-6)
+    assert run.energy_drift < 1e-8 and run.position_drift < 1e-9 and run.velocity_drift < 1e-9
+
+
+def test_rod_dropped_on_its_end():
+    e, theta, m, length, height = 0.7, 0.4, 3.0, 2.0, 1.5
+    J, arm, speed = m * length**2 / 12, length / 2 * np.cos(theta), np.sqrt(2 * G * height)
+    rod = mb.Body("rod", m, J, mb.Planar())
+    system = mb.System(rod, mb.Gravity(0, -G), mb.Impact("end", rod.point(-length / 2, 0).y, e))
+    y = length / 2 * np.sin(theta) + height
+    fall = speed / G
+    run = mb.simulate(mb.Scene(system, {"rod.y": y, "rod.theta": theta, "rod.vx": 1.0}, [0.0, fall, fall * 1.01]))
+    impulse = (1 + e) * speed / (1 / m + arm**2 / J)
+    (event,) = run.events
+    assert_allclose(event.time, fall, rtol=1e-12)
+    assert_allclose(event.work, -(1 - e**2) * speed**2 / (1 / m + arm**2 / J) / 2, rtol=1e-10)
+    assert_allclose(run["rod.omega"][1:], -arm * impulse / J, rtol=1e-10)
+    assert_allclose(run["rod.vy"][2], -speed + impulse / m - 0.01 * G * fall, rtol=1e-10)
+    assert_allclose(run["rod.vx"], 1.0, rtol=1e-12)
+
+
+def test_corner_of_a_body_in_space():
+    """The impulse n P at r from the centre changes the angular momentum by r x n P."""
+    e, inertia, corner = 0.5, np.array([0.02, 0.05, 0.04]), np.array([0.3, 0.2, -0.1])
+    turned = mb.rotation(axis=(1, 2, -1), angle=0.7)
+    box = mb.Body("box", 2.0, tuple(inertia), mb.Spatial())
+    system = mb.System(box, mb.Impact("corner", box.point(*corner).z, e))
+    z = 0.5
+    start = {"box.z": z, "box.vz": -2.0, "box.rotation": turned}
+    probe = mb.simulate(mb.Scene(system, start, [0.0, 1.0], outputs={"z": box.point(*corner).z}))
+    (event, *_) = probe.events
+    outputs = (
+        {"vz": box.vz} | {f"w{i}": box.omega[i] for i in range(3)} | {f"R{i}": box.rotation[2, i] for i in range(3)}
+    )
+    run = mb.simulate(mb.Scene(system, start, [0.0, event.time], outputs=outputs))
+    n = run.values[-1, 4:]  # the vertical in body axes
+    lever = np.cross(corner, n)
+    impulse = (1 + e) * 2.0 / (1 / 2.0 + lever @ (lever / inertia))
+    assert_allclose(event.time, (z + corner @ n) / 2.0, rtol=1e-10)
+    assert_allclose(run.values[-1, :4], [-2.0 + impulse / 2.0, *(lever * impulse / inertia)], rtol=1e-9)
+
+
+# --- several contacts --------------------------------------------------------------------------------------
+
+
+def test_a_rod_that_falls_flat_on_both_ends_comes_to_rest():
+    rod = mb.Body("rod", 1.0, 1 / 12, mb.Planar())
+    ends = [mb.Impact(name, rod.point(x, 0).y, 0.0) for name, x in (("left", -0.5), ("right", 0.5))]
+    system = mb.System(rod, mb.Gravity(0, -G), *ends)
+    run = mb.simulate(mb.Scene(system, {"rod.y": 1.0}, [0.0, 1.0]))
+    assert [event.name for event in run.events if event.what == "closes"] == ["left", "right"]
+    assert_allclose(run.values[-1], 0.0, atol=1e-12)
+    assert_allclose(run.energy.work[-1], -G, rtol=1e-9)
+
+
+def test_a_ball_between_two_walls():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    walls = mb.Impact("left", ball.x, 0.5), mb.Impact("right", 1 - ball.x, 1.0)
+    run = mb.simulate(mb.Scene(mb.System(ball, *walls), {"ball.x": 0.5, "ball.vx": -1.0}, [0.0, 10.0]))
+    assert [event.name for event in run.events] == ["left", "right"] * 2
+    assert_allclose([event.time for event in run.events], [0.5, 2.5, 4.5, 8.5])
+    assert_allclose([event.before for event in run.events], [-1.0, -0.5, -0.5, -0.25])
+    assert_allclose(run["ball.x"][-1], 1 - 1.5 * 0.25)
+
+
+def test_a_table_that_swings_throws_what_lies_on_it_when_its_acceleration_passes_gravity():
+    amplitude, rate = 0.1, 15.0
+    ball = mb.Body("ball", 2.0, pose=mb.Particle())
+    table = amplitude * ca.sin(rate * mb.t)
+    system = mb.System(ball, mb.Gravity(0, -G), mb.Impact("table", ball.y - table, 0.0))
+    times = np.linspace(0, 0.6, 61)
+    run = mb.simulate(mb.Scene(system, {"ball.y": 0.0, "ball.vy": amplitude * rate}, times))
+    closes, opens, lands = run.events[:3]
+    assert (closes.time, closes.what, opens.what, lands.what) == (0.0, "closes", "opens", "impact")
+    leaves = np.arcsin(G / (amplitude * rate**2)) / rate
+    assert_allclose(opens.time, leaves, rtol=1e-9)
+    s = times - leaves
+    flight = np.sin(rate * leaves) * amplitude + rate * amplitude * np.cos(rate * leaves) * s - G * s**2 / 2
+    before = times < lands.time
+    flying = (times > leaves) & (times < lands.time)
+    assert flying.sum() > 5
+    expected = np.where(flying, flight, amplitude * np.sin(rate * times))
+    assert_allclose(run["ball.y"][before], expected[before], atol=1e-9)
+    assert run.energy_drift < 1e-9  # the table's work is counted, and what the landing loses
+
+
+def test_reactions_of_joints_know_of_closed_contacts():
+    ground = mb.Ground()
+    rod = mb.Body("rod", 2.0, 2 / 12, mb.Planar())
+    pivot = mb.Revolute("pivot", ground.point(0, 0), rod.point(-0.5, 0))
+    system = mb.System(rod, pivot, mb.Gravity(0, -G), mb.Impact("stop", rod.point(0.5, 0).y, 0.3))
+    run = mb.simulate(mb.Scene(system, {"rod.theta": 0.5}, [0.0, 0.1, 3.0]))
+    force, _ = run.reaction("pivot")
+    assert run.events[-1].what == "closes" and abs(run["rod.theta"][-1]) < 1e-12
+    assert_allclose(force[-1], [0.0, G, 0.0], atol=1e-9)  # the stop bears the other half
+    assert run.energy_drift < 1e-9
+
+
+# --- many samples ------------------------------------------------------------------------------------------
+
+
+def test_samples_have_events_of_their_own_and_threads_change_nothing():
+    scene = bouncing_ball.scene()
+    simulator = mb.DAESimulator(scene)
+    assert simulator.solver == mb.EventDriven() and "floor" in simulator.reason
+    e = np.linspace(0.5, 1.0, 200)
+    P = np.column_stack([e, np.linspace(0.5, 1.5, 200)])
+    serial = run_blocks(simulator, P)
+    with ThreadPoolExecutor(2) as pool:
+        assert_array_equal(run_blocks(simulator, P, pool).Y, serial.Y)
+    assert_allclose(serial.Y, closed_form(scene.times, *P.T), atol=2e-9)
+    copy = pickle.loads(pickle.dumps(simulator))
+    assert_array_equal(copy.run(P[:3]).Y, simulator.run(P[:3]).Y)
+    assert_allclose(simulator.run(P[17:18]).Y[0], serial.Y[17], atol=1e-12)
+
+
+def closed_form(times, e, height):
+    """Heights and rates (N, n_t, 2) of dropped balls."""
+    t, e, height = times[None, :], e[:, None], height[:, None]
+    fall, speed = np.sqrt(2 * height / G), np.sqrt(2 * G * height)
+    y, v, hit, up = height - G * t**2 / 2, -G * t + 0 * e, fall + 0 * e, speed * e
+    for _ in range(300):
+        since = np.where(t >= hit, t - hit, 0.0)
+        y, v = np.where(t >= hit, up * since - G * since**2 / 2, y), np.where(t >= hit, up - G * since, v)
+        hit, up = hit + 2 * up / G, up * e
+    rest = t >= np.divide(fall * (1 + e), 1 - e, out=np.full(e.shape, np.inf), where=e < 1)
+    return np.stack([np.where(rest, 0.0, y), np.where(rest, 0.0, v)], axis=2)
+
+
+def test_a_sample_with_an_impossible_restitution_fails_alone():
+    simulator = mb.DAESimulator(bouncing_ball.scene())
+    found = simulator.run(np.array([[0.8, 1.0], [1.2, 1.0], [0.8, -0.5]]))
+    assert_array_equal(found.ok, [True, False, False])
+    assert "Impact 'floor': restitution 1.2 is not between 0 and 1" in found.messages[0]
+    assert "the gap is -0.5 at the start" in found.messages[1]
+
+
+# --- what is refused ---------------------------------------------------------------------------------------
+
+
+def test_other_solvers_do_not_locate_events():
+    with pytest.raises(mb.DeclarationError, match=r"CVODES\(\) does not locate the events of Impact 'floor'"):
+        mb.simulate(bouncing_ball.scene(), mb.CVODES())
+    with pytest.raises(mb.DeclarationError, match=r"Use EventDriven\(\)"):
+        mb.DAESimulator(bouncing_ball.scene(), mb.DormandPrince())
+
+
+def test_taylor_is_not_valid_across_events():
+    with pytest.raises(mb.PropagationError, match="not valid across the events of Impact 'floor'"):
+        mb.propagate(bouncing_ball.scene(), mb.Taylor(2))
+    with pytest.raises(mb.PropagationError, match="fixed step"):
+        mb.propagate(bouncing_ball.scene(), mb.PolynomialChaos.paper(2, lockstep=True))
+
+
+def test_impacts_without_end_are_an_error_that_names_them():
+    """Between walls that meet, impacts come faster and faster."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    walls = mb.Impact("left", ball.x + 1 - mb.t, 0.5), mb.Impact("right", 1 - mb.t - ball.x, 0.5)
+    scene = mb.Scene(mb.System(ball, *walls), {"ball.vx": 1.0}, [0.0, 2.0])
+    with pytest.raises(mb.SimulationError, match=r"t = 1 s.*'(left|right)'"):
+        mb.simulate(scene)
+
+
+def test_a_gap_that_constraints_close_cannot_rebound():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Motion("drive", ball.x, 1 - mb.t), mb.Impact("stop", ball.x, 0.5))
+    with pytest.raises(mb.SimulationError, match=r"t = 1 s.*Impact 'stop' cannot rebound"):
+        mb.simulate(mb.Scene(system, times=[0.0, 2.0]))
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        (lambda ball, p: (ball.vy, 0.5), "must not contain velocities"),
+        (lambda ball, p: (p.e + 0, 0.5), "contains no coordinate"),
+        (lambda ball, p: (ca.vertcat(ball.x, ball.y), 0.5), "gap has 2 components"),
+        (lambda ball, p: (ball.y, 1.5), "restitution 1.5 is not between 0 and 1"),
+        (lambda ball, p: (ball.y, p.e + 0.8), "restitution 1.3 is not between 0 and 1 at the nominal parameters"),
+        (lambda ball, p: (ball.y, ball.y), "may depend on parameters only"),
+        (lambda ball, p: (mb.Body("other", 1.0, pose=mb.Particle()).y, 0.5), "belongs to no parameter and no body"),
+    ],
+)
+def test_faults_of_the_declaration(law, told):
+    p = mb.Parameters(e=0.5)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    with pytest.raises(mb.DeclarationError, match=told) as raised:
+        mb.System(ball, mb.Impact("floor", *law(ball, p)), parameters=p)
+    assert "Impact 'floor'" in str(raised.value)

@@ -1,0 +1,196 @@
+"""Kinks, jumps and pulses: runs against closed forms, and what is told of them."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.events.switches import longest_step
+
+G, HEIGHT, STIFFNESS = 9.81, 0.1, 1e5
+TIMES = np.linspace(0, 10, 21)
+CONTROLLED = (
+    mb.DormandPrince(),
+    mb.CVODES(rtol=1e-8),
+    mb.CVODES(rtol=1e-8, stiff=True),
+    mb.IDAS(rtol=1e-8),
+    mb.StabilizedIndex2(),
+    mb.Rosenbrock(),
+    mb.NSTIFFSI2(step=10.0, rtol=1e-7),
+)
+
+
+def driven(law, times=TIMES):
+    """A bead on a spring of 1 rad/s, from rest, with a force along x."""
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 1.0, 0.0)
+    system = mb.System(bead, spring, mb.Force("drive", bead.point(0, 0), (law, 0)))
+    return mb.Scene(system, times=times, outputs={"x": bead.x, "vx": bead.vx}, name="driven")
+
+
+def box_pulse(width, times=TIMES):
+    """An impulse of 1 N s from 5.0123 s on, and the motion that it makes."""
+    begin = 5.0123
+    law = ca.if_else(ca.logic_and(mb.t > begin, mb.t < begin + width), 1 / width, 0)
+    after = np.where(times > begin + width, 1.0, 0.0)
+    x = after * (np.cos(times - begin - width) - np.cos(times - begin)) / width
+    vx = after * (np.sin(times - begin) - np.sin(times - begin - width)) / width
+    return driven(law, times), np.column_stack([x, vx])
+
+
+@pytest.mark.parametrize("solver", [*CONTROLLED, None], ids=repr)
+def test_pulses_are_not_stepped_over(solver):
+    scene, exact = box_pulse(0.01)
+    run = mb.simulate(scene, solver)
+    np.testing.assert_allclose(run.values, exact, atol=1e-4)
+    assert "pulses      in laws of time: steps of at most 0.0" in str(run)
+
+
+def test_smooth_pulses_are_not_stepped_over_by_the_state_space_method():
+    scene = driven(ca.exp(-(((mb.t - 5) / 0.01) ** 2)) / (0.01 * np.sqrt(np.pi)))
+    run = mb.simulate(scene, mb.StateSpace())
+    np.testing.assert_allclose(run["x"][11:], np.sin(TIMES[11:] - 5) * np.exp(-(0.005**2)), atol=1e-6)
+
+
+def test_pulses_are_not_stepped_over_without_a_compiler(monkeypatch):
+    monkeypatch.setattr("symmb.integrate.explicit.has_compiler", lambda: False)
+    scene, exact = box_pulse(0.1)
+    run = mb.simulate(scene, mb.DormandPrince())
+    np.testing.assert_allclose(run.values, exact, atol=1e-5)
+
+
+def test_output_times_show_pulses_too_short_to_be_looked_for():
+    width = 1e-5
+    scene, exact = box_pulse(width, np.sort(np.append(np.linspace(5.0, 8.0, 4), 5.0123 + width / 2)))
+    run = mb.simulate(scene, mb.Rosenbrock())
+    np.testing.assert_allclose(np.delete(run.values, 1, axis=0), np.delete(exact, 1, axis=0), atol=1e-4)
+
+
+def test_a_study_steps_on_pulses_for_every_sample():
+    bead = driven(0 * mb.t)
+    p = mb.Parameters(impulse=1.0)
+    body = bead.system.bodies[0]
+    law = p.impulse * ca.exp(-(((mb.t - 5) / 0.01) ** 2)) / (0.01 * np.sqrt(np.pi))
+    system = mb.System(body, mb.Force("drive", body.point(0, 0), (law, 0)), parameters=p)
+    study = mb.DAESimulator(mb.Scene(system, times=TIMES, outputs={"vx": body.vx}))
+    found = study.run(np.array([[0.5], [1.0], [2.0]])).Y[:, -1, 0]
+    np.testing.assert_allclose(found, [0.5, 1.0, 2.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("law", "shortest"),
+    [
+        (ca.exp(-(((mb.t - 5) / 0.1) ** 2)), 2 * 0.1 * np.sqrt(np.log(4))),  # between the quarters of its height
+        (ca.if_else(ca.logic_and(mb.t > 2, mb.t < 2.5), 3, 7), 0.5),
+        (ca.sin(2 * np.pi * mb.t), 0.5 - 2 * np.arcsin(0.25) / (2 * np.pi)),
+        (ca.exp(-mb.t / 1e-3), np.inf),  # under way at the start
+        (ca.tanh((mb.t - 5) / 1e-3), np.inf),  # a step is met by whatever comes after it
+        (ca.sin(mb.t) ** 2 + ca.cos(mb.t) ** 2, np.inf),  # rounding
+    ],
+    ids=("bell", "gap", "sine", "decay", "step", "constant"),
+)
+def test_pulses_are_as_short_as_they_are(law, shortest):
+    scene = driven(law)
+    assert longest_step(mb.compile_dae(scene.system), TIMES) == pytest.approx(shortest / 2, rel=0.01)
+
+
+def bouncing(damping=0.0):
+    """A bead that falls onto a stiff stop and rises again; with the time from top to top."""
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    law = ca.if_else(bead.y < 0, -STIFFNESS * bead.y - damping * bead.vy, 0)
+    rate = np.sqrt(STIFFNESS)
+    # In contact y = g/k (cos - 1) - v0/rate sin, which is back at 0 after the angle pi + 2 atan(g / (rate v0)) ...
+    speed = np.sqrt(2 * G * HEIGHT)
+    contact = (np.pi + 2 * np.arctan(G / (rate * speed))) / rate
+    # ... since gravity makes a contact longer than half a swing.
+    period = 2 * speed / G + contact
+    system = mb.System(bead, mb.Gravity(0, -G), mb.Force("stop", bead.point(0, 0), (0, law)))
+    times = period * np.arange(5)
+    return mb.Scene(system, {"bead.y": HEIGHT}, times, {"y": bead.y, "vy": bead.vy}, name="bouncing")
+
+
+@pytest.mark.parametrize("solver", [mb.CVODES(), mb.CVODES(stiff=True), mb.DormandPrince(), mb.Rosenbrock()], ids=repr)
+def test_a_stiff_stop_is_met_by_every_solver(solver):
+    run = mb.simulate(bouncing(), solver)
+    np.testing.assert_allclose(run.values, np.tile([HEIGHT, 0.0], (5, 1)), atol=1e-5)
+
+
+def test_kinks_are_told_where_symmb_chooses():
+    scene = bouncing().with_times(np.linspace(0, 1, 2001))
+    run = mb.simulate(scene)
+    below = np.count_nonzero(np.diff(run["y"] > 0))
+    assert below >= 6 and f"kinks or jumps (comparison) met {below} times or more" in run.reason
+    assert "; kinks or jumps (comparison)" in mb.DAESimulator(scene).reason
+    assert "kinks" not in mb.simulate(scene, mb.CVODES()).reason
+
+
+def test_a_motion_that_sticks_to_a_jump_ends_with_advice():
+    """A slider on a spring comes to rest by dry friction: no steps follow a law that jumps there; a steep one does."""
+    bead = mb.Body("bead", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 100.0, 0.0)
+
+    def scene(law):
+        friction = mb.Force("friction", bead.point(0, 0), (-5.0 * law, 0))
+        system = mb.System(bead, spring, friction)
+        return mb.Scene(system, {"bead.x": 0.5}, np.linspace(0, 2, 41), {"x": bead.x}, name="slider")
+
+    with pytest.raises(mb.SimulationError, match=r"have kinks or jumps \(sign\), at which no motion can stay: .*tanh"):
+        mb.simulate(scene(ca.sign(bead.vx)), mb.CVODES())
+    run = mb.simulate(scene(ca.tanh(bead.vx / 1e-4)))
+    # Each half swing is shorter by 2 F/k at both ends: 0.5, -0.4, 0.3, -0.2, 0.1, and 0 after five.
+    assert abs(run["x"][-1]) < 1e-3 and abs(run["x"][np.argmin(abs(run.t - np.pi / 10))] + 0.4) < 0.01
+
+
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.CVODES(rtol=1e-8, stiff=True)], ids=repr)
+def test_pulses_beside_larger_motions_of_a_law_are_not_stepped_over(solver):
+    """10 ms of a force beside a sine of its size, and beside a longer pulse ten times as high."""
+    short = ca.if_else(mb.t > 7.5, ca.if_else(mb.t < 7.51, 1.0, 0.0), 0.0)
+    long = ca.if_else(mb.t > 1, ca.if_else(mb.t < 3, 1.0, 0.0), 0.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    for force, gained in ((10 * ca.sin(2 * np.pi * mb.t / 10) + 10 * short, 0.1), (100 * long + 10 * short, 200.1)):
+        push = mb.Force("push", ball.point(0, 0), (force, 0))
+        run = mb.simulate(mb.Scene(mb.System(ball, push), {}, np.linspace(0, 10, 11), {"v": ball.vx}), solver)
+        assert run["v"][-1] == pytest.approx(gained, abs=1e-5 * max(gained, 1))
+
+
+# -- Drives ------------------------------------------------------------------------------------------------
+
+
+def led_by(*laws):
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    drives = [mb.Motion(f"drive{i}", ball.x, law) for i, law in enumerate(laws)]
+    return mb.Scene(mb.System(ball, *drives), times=np.linspace(0, 2, 9), outputs={"x": ball.x}, name="driven")
+
+
+@pytest.mark.parametrize(
+    ("law", "text"),
+    [
+        (ca.fmax(mb.t - 1, 0), "velocities that jump at t = 1 s"),
+        (100 * ca.sin(20 * mb.t) + 0.01 * ca.fabs(mb.t - 0.7), "velocities that jump at t = 0.7 s"),
+        (ca.if_else(mb.t > 1.3, 0.1, 0.0), "positions that jump at t = 1.3 s"),
+    ],
+)
+def test_drives_that_break_are_told_by_all_who_integrate_accelerations(law, text):
+    scene = led_by(law)
+    for run in (mb.simulate, mb.DAESimulator, lambda scene: mb.simulate(scene, mb.IDAS())):
+        with pytest.raises(mb.DeclarationError, match=f"'drive0' asks for {text}.*such as NSTIFFSI2"):
+            run(scene)
+    keeps = mb.simulate(scene, mb.NSTIFFSI2(step=0.01))
+    np.testing.assert_allclose(keeps["x"], keeps(law), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "law", [ca.if_else(mb.t > 1, (mb.t - 1) ** 2, 0), ca.sin(1e3 * mb.t), ca.tanh((mb.t - 1) / 1e-6), 0.5 * mb.t**2]
+)
+def test_drives_that_turn_sharply_are_no_breaks(law):
+    run = mb.simulate(led_by(law))
+    np.testing.assert_allclose(run["x"], run(law), atol=1e-6)
+
+
+def test_drives_that_contradict_each_other_are_told():
+    with pytest.raises(mb.AssemblyError, match=r"accelerations that 'drive0', 'drive1' ask for .* contradict"):
+        mb.simulate(led_by(mb.t + mb.t**2, mb.t + 3 * mb.t**2))
+    agree = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2))
+    assert agree.position_drift < 1e-9 and "doubtful" not in str(agree)
+    later = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2 + mb.t**3))
+    assert "doubtful    constraints are left" in str(later)

@@ -1,0 +1,131 @@
+"""Runs that break down: an error with time and parameters, a failed sample whose neighbours are untouched."""
+
+import re
+
+import numpy as np
+import problems
+import pytest
+from conftest import ALL_SOLVERS
+from mechanisms import double_pendulum, explosion
+from numpy.testing import assert_allclose, assert_array_equal
+
+import symmb as mb
+from symmb.bounds.reductions import failures
+from symmb.simulation.dae_simulator import NAMED
+
+ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]
+
+
+@pytest.mark.parametrize("solver", ADAPTIVE, ids=repr)
+def test_a_blow_up_is_an_error_with_time_and_parameters(solver):
+    with pytest.raises(mb.SimulationError, match=r"explosion: the run breaks down at t = 0\.9 s \(a = 1\): ."):
+        mb.simulate(explosion(), solver)
+
+
+def test_a_blow_up_with_a_fixed_step_is_an_error_where_the_state_leaves_the_numbers():
+    with pytest.raises(
+        mb.SimulationError, match=r"breaks down at t = 1\.?\d* s \(a = 1\): the state became infinite or NaN"
+    ):
+        mb.simulate(explosion(), mb.RungeKutta(steps=400))
+
+
+@pytest.mark.parametrize("solver", ADAPTIVE, ids=repr)
+def test_a_failed_sample_leaves_its_neighbours_alone(solver):
+    simulator = mb.DAESimulator(explosion(), solver)
+    ensemble = simulator.run(np.array([[0.3], [1.0], [0.25], [2.0], [0.0]]))
+    assert_array_equal(ensemble.ok, [True, False, True, False, True])
+    assert_allclose(ensemble.t_failed, [np.nan, 0.9, np.nan, 0.4, np.nan], atol=1e-12)
+    first, second = ensemble.messages
+    assert first.startswith("t = 0.9 s, a = 1: ") and second.startswith("t = 0.4 s, a = 2: ")
+    alone = simulator.run(np.array([[0.3], [0.25], [0.0]]))
+    assert alone.ok.all() and alone.messages == ()
+    assert_array_equal(ensemble.Y[[0, 2, 4]], alone.Y)
+    t = simulator.times
+    assert_allclose(ensemble.Y[0, :, 0], 1 / (1 - 0.3 * t), rtol=1e-7)
+    assert np.isnan(ensemble.Y[1, 10:]).all()
+    assert_allclose(ensemble.Y[1, :10, 0], 1 / (1 - t[:10]), rtol=1e-6)  # up to where it failed, it is a run
+
+
+def test_a_failed_run_says_nothing_on_the_terminal(capfd):
+    mb.DAESimulator(explosion()).run(np.array([[1.0], [0.5]]))
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "")
+
+
+def test_an_output_that_is_not_finite_fails_the_sample():
+    scene = explosion().with_outputs({"root": (1 - mb.t) ** 0.5})
+    ensemble = mb.DAESimulator(scene).run(np.array([[0.0]]))
+    assert not ensemble.ok[0]
+    assert_allclose(ensemble.t_failed, [1.1])
+    assert ensemble.messages == ("t = 1.1 s, a = 0: an output is not finite",)
+
+
+def test_a_sample_that_cannot_be_assembled_fails_at_the_start():
+    """A rod of length 1 from the origin reaches a wall at x = w only for w < 1."""
+    p = mb.Parameters(w=0.5)
+    rod = mb.Body("rod", 1.0, 0.1, mb.Planar())
+    system = mb.System(
+        rod,
+        mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0)),
+        mb.Motion("wall", rod.point(1, 0).x, p.w + 0 * mb.t),
+        parameters=p,
+    )
+    scene = mb.Scene(system, times=[0.0, 1.0], guess={"rod.theta": 1.0}, outputs={"angle": rod.theta})
+    ensemble = mb.DAESimulator(scene).run(np.array([[0.5], [1.5], [0.9]]))
+    assert_array_equal(ensemble.ok, [True, False, True])
+    assert_allclose(ensemble.Y[[0, 2], :, 0], np.arccos([[0.5, 0.5], [0.9, 0.9]]))
+    assert ensemble.t_failed[1] == 0.0
+    assert ensemble.messages[0].startswith("t = 0 s, w = 1.5: the start could not be solved for")
+    with pytest.raises(mb.SimulationError, match=r"t = 0 s \(w = 1\.5\): the start could not be solved for"):
+        mb.simulate(scene, parameters={"w": 1.5})
+
+
+def lines_up():
+    """Two windows, whose bars lie on one line at 0.7143555 s; an output ends right before."""
+    scene = problems.n_four_bar(2).make().with_times(np.linspace(0, 0.72, 73))
+    return scene.with_outputs({"root": (0.715 - mb.t) ** 0.5}), mb.CVODES(rtol=1e-8), "an output is not finite", "foot0"
+
+
+def beyond_reach():
+    """The end of a bar of length 1 from the origin is drawn to x = 0.5 + t; it is as far as it reaches at 0.5 s."""
+    p = mb.Parameters(length=1.0)
+    bar = mb.Body("bar", 1.0, 0.1, mb.Planar())
+    end = bar.point(p.length, 0).x
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), bar.point(0, 0))
+    system = mb.System(bar, hinge, mb.Motion("pull", end, 0.5 + mb.t), parameters=p)
+    scene = mb.Scene(system, times=np.linspace(0, 1, 9), guess={"bar.theta": 1.0}, outputs={"angle": bar.theta})
+    return scene, mb.DormandPrince(), "the step became too short", "hinge"
+
+
+@pytest.mark.parametrize(("make", "time"), [(lines_up, r"0\.7[12]\d*"), (beyond_reach, r"0\.(5|49)\d*")])
+def test_the_first_samples_that_fail_near_a_singular_position_name_its_joints(make, time):
+    scene, solver, why, joint = make()
+    simulator = mb.DAESimulator(scene, solver)
+    ensemble = simulator.run(np.tile(simulator.dae.p_nominal, (NAMED + 2, 1)))
+    start = rf"t = {time} s, length = 1.*: {why}"
+    assert len(ensemble.messages) == NAMED + 2
+    for message in ensemble.messages[:NAMED]:
+        assert re.match(rf"{start}.*; near t = {time} s rows of '{joint}', .* nearly depend on each other", message)
+    assert re.match(start, ensemble.messages[NAMED]) and "near t" not in ensemble.messages[NAMED]
+
+
+def test_a_run_that_fails_between_outputs_names_the_joints_of_a_singular_position():
+    scene, solver, _, _ = beyond_reach()
+    with pytest.raises(mb.SimulationError, match=r"may be singular: near t = 0\.(5|49)\d* s rows of 'hinge', 'pull'"):
+        mb.simulate(scene.with_times([0.0, 0.4, 1.0]), solver)
+
+
+def test_derivatives_of_a_failing_run_are_an_error():
+    with pytest.raises(mb.SimulationError, match=r"derivatives break down at t = [01]\.?\d* s"):
+        mb.DAESimulator(explosion()).jets(np.array([1.0]), np.array([[1.0]]), 1)
+
+
+def test_wrong_parameters_are_told():
+    with pytest.raises(mb.DeclarationError, match=r"No parameter 'l11'\. Did you mean 'l1'\?"):
+        mb.simulate(double_pendulum(), parameters={"l11": 1.0})
+    with pytest.raises(mb.DeclarationError, match="Parameter 'l1': nan is not a finite number"):
+        mb.simulate(double_pendulum(), parameters={"l1": np.nan})
+    with pytest.raises(
+        mb.SimulationError, match=r"samples must have shape \(N, 2\), one column for each of l1, l2; got \(3, 1\)"
+    ):
+        mb.DAESimulator(double_pendulum()).stream(np.zeros((3, 1)), failures())

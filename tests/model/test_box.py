@@ -1,0 +1,59 @@
+"""Box: declaration, faults, the map to the unit box."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from symmb import Box, DeclarationError
+
+
+@pytest.mark.parametrize(
+    ("intervals", "message"),
+    [
+        ({}, "at least one interval"),
+        ({"a": (2, 1)}, "'a' has lower 2.0 above upper 1.0"),
+        ({"a": (0, float("nan"))}, "'a' must be finite"),
+        ({"a": (0, float("inf"))}, "'a' must be finite"),
+        ({"a": 1.0}, "'a' must be a pair"),
+        ({"a": (1, 2, 3)}, "'a' must be a pair"),
+    ],
+)
+def test_faults(intervals, message):
+    with pytest.raises(DeclarationError, match=message):
+        Box(**intervals)
+
+
+def test_around():
+    box = Box.around({"a": 2.0, "b": -1.0, "c": 0.0}, 0.1, names=["b", "a"])
+    assert box.names == ("b", "a")
+    np.testing.assert_allclose(box.bounds, [(-1.1, -0.9), (1.8, 2.2)])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (({"a": 0.0}, 0.1), "'a' has nominal value 0"),
+        (({"alpha": 1.0}, 0.1, ["alpa"]), "unknown parameter 'alpa'.*'alpha'"),
+        (({"a": 1.0}, -0.1), "spread must be a share between 0 and 1"),
+        (({"a": 1.0}, float("nan")), "spread must be a share between 0 and 1"),
+        (({"a": 1.0}, 1.0), r"spread must be a share.*got 1\.0.*Box\(name=\(lower, upper\)\)"),
+    ],
+)
+def test_around_faults(arguments, message):
+    with pytest.raises(DeclarationError, match=message):
+        Box.around(*arguments)
+
+
+def test_unit_box_and_back():
+    box = Box(a=(0.1, 0.7), b=(-3, 5), fixed=(2, 2))
+    unit = np.random.default_rng(0).uniform(-1, 1, (20, 3))
+    unit[:, 2] = 0
+    np.testing.assert_allclose(box.to_unit(box.from_unit(unit)), unit, atol=1e-14)
+    np.testing.assert_array_equal(box.from_unit([[-1, -1, -1], [1, 1, 1]]), [box.lower, box.upper])
+
+
+def test_equal_by_value_and_picklable():
+    assert Box(a=(0, 1)) == Box(a=(0.0, 1.0)) != Box(a=(0, 2))
+    assert pickle.loads(pickle.dumps(Box(a=(0, 1)))) == Box(a=(0, 1))
+    assert repr(Box(a=(0, 1), b=(0.95, 1.05))) == "Box(a=(0, 1), b=(0.95, 1.05))"

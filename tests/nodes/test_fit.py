@@ -1,0 +1,147 @@
+"""Fits of every nodes class and basis; coefficients against chaospy's."""
+
+import chaospy
+import numpoly
+import numpy as np
+import pytest
+from conftest import ALL_BASES, ALL_NODES
+
+from symmb import ClenshawCurtis, Gauss, Leja, PropagationError, SparseGrid, TensorDegree, TotalDegree
+from symmb.nodes.fit import Fit
+from symmb.polynomials.legendre import basis_values
+
+# -- Every nodes class and every basis ---------------------------------------------------------------------
+
+
+def recovered(fit, coefficients, ok):
+    values = basis_values(fit.alpha, fit.nodes) @ coefficients
+    return fit.coefficients(fit.functionals[:, ok] @ values[ok], ok)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+@pytest.mark.parametrize("basis", ALL_BASES, ids=repr)
+@pytest.mark.parametrize("nodes", ALL_NODES, ids=repr)
+def test_polynomials_of_the_basis_are_their_own_fit(nodes, basis, d):
+    for order in range(1, 7):
+        if isinstance(nodes, SparseGrid) and basis == TensorDegree() and d > 1:
+            with pytest.raises(PropagationError, match=r"nodes of SparseGrid\(.*do not determine the .* TensorDegree"):
+                Fit.of(nodes, basis, d, order)
+            continue
+        fit = Fit.of(nodes, basis, d, order)
+        coefficients = np.random.default_rng(order).uniform(-1, 1, (len(fit.alpha), 3))
+        ok = np.ones(len(fit.nodes), dtype=bool)
+        np.testing.assert_allclose(recovered(fit, coefficients, ok), coefficients, atol=1e-12)
+
+
+@pytest.mark.parametrize("basis", ALL_BASES, ids=repr)
+@pytest.mark.parametrize("nodes", [n for n in ALL_NODES if isinstance(n, SparseGrid)], ids=repr)
+def test_sparse_grids_of_too_low_a_level_are_refused(nodes, basis):
+    with pytest.raises(PropagationError, match=r"do not determine the .* of order 4 in 2 parameters\. Use TotalDegree"):
+        Fit.of(SparseGrid(nodes.rule, level=2), basis, 2, 4)
+
+
+@pytest.mark.parametrize("nodes", [n for n in ALL_NODES if not isinstance(n, SparseGrid)], ids=repr)
+def test_a_fit_around_a_failed_node_or_none(nodes):
+    fit = Fit.of(nodes, TotalDegree(), 2, 3)
+    ok = np.arange(len(fit.nodes)) != 5
+    assert fit.determined(ok)
+    coefficients = np.arange(10.0)[:, None]
+    np.testing.assert_allclose(recovered(fit, coefficients, ok), coefficients, atol=1e-12)
+    assert not Fit.of(nodes, TensorDegree(), 2, 3).determined(ok)
+
+
+def test_nodes_that_interpolation_cannot_tell_apart_are_refused():
+    class Twice:
+        projects = False
+
+        def points(self, d, order):
+            return np.array([[-1.0], [0.5], [0.5]]), np.full(3, 1 / 3)
+
+    with pytest.raises(PropagationError, match=r"3 nodes of .* do not determine the 3 polynomials"):
+        Fit.of(Twice(), TotalDegree(), 1, 2)
+
+
+# -- Another program ---------------------------------------------------------------------------------------
+
+
+def responses(points):
+    """Six smooth functions (N, 6) of points (N, d)."""
+    d = points.shape[1]
+    phase = points @ (1 + 0.5 * np.arange(d))
+    return np.stack(
+        [
+            np.exp(0.7 * phase),
+            np.cos(3 * points).prod(axis=1),
+            1 / (2.5 + points.mean(axis=1)),
+            np.sin(phase + 0.3) * np.exp(-(points[:, 0] ** 2)),
+            np.arctan(phase),
+            np.full(len(points), 2.0),
+        ],
+        axis=1,
+    )
+
+
+def distribution(d):
+    return chaospy.J(*(chaospy.Uniform(-1, 1) for _ in range(d)))
+
+
+def as_ours(fit, expansion, coefficients):
+    """Coefficients (n_b, m) of chaospy's polynomials, whose leading coefficient is 1, for ours, which are 1 at
+    1."""
+    exponents = numpoly.lead_exponent(expansion, graded=True, reverse=True)
+    scaled = coefficients * np.array([float(p(*np.ones(fit.alpha.shape[1]))) for p in expansion])[:, None]
+    theirs = dict(zip(map(tuple, exponents.tolist()), scaled, strict=True))
+    assert len(theirs) == len(fit.alpha)
+    return np.array([theirs[tuple(row)] for row in fit.alpha.tolist()])
+
+
+def coefficients(fit):
+    return fit.coefficients(fit.functionals @ responses(fit.nodes), np.ones(len(fit.nodes), dtype=bool))
+
+
+CASES = pytest.mark.parametrize("order", [2, 3, 4, 5])
+PARAMETERS = pytest.mark.parametrize("d", [1, 2, 3])
+
+
+@PARAMETERS
+@CASES
+@pytest.mark.parametrize("sparse", [False, True])
+def test_gauss_nodes_give_chaospy_s_coefficients(d, order, sparse):
+    fit = Fit.of(SparseGrid() if sparse else Gauss(), TotalDegree(), d, order)
+    expansion = chaospy.generate_expansion(order, distribution(d))
+    nodes, weights = chaospy.generate_quadrature(order, distribution(d), rule="gaussian", sparse=sparse)
+    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
+    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+
+
+@PARAMETERS
+@CASES
+def test_sparse_clenshaw_curtis_gives_chaospy_s_coefficients(d, order):
+    fit = Fit.of(SparseGrid(ClenshawCurtis()), TotalDegree(), d, order)
+    expansion = chaospy.generate_expansion(order, distribution(d))
+    nodes, weights = chaospy.generate_quadrature(order, distribution(d), rule="clenshaw_curtis", sparse=True)
+    assert len(weights) == len(fit.nodes)
+    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
+    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+
+
+@PARAMETERS
+@CASES
+def test_clenshaw_curtis_of_twice_the_order_projects_as_chaospy(d, order):
+    # Exact for products of two basis polynomials, so that least squares is projection.
+    fit = Fit(TotalDegree().indices(d, order), *ClenshawCurtis().points(d, 2 * order), projects=False)
+    expansion = chaospy.generate_expansion(order, distribution(d))
+    nodes, weights = chaospy.generate_quadrature(2 * order, distribution(d), rule="clenshaw_curtis")
+    _, theirs = chaospy.fit_quadrature(expansion, nodes, weights, responses(nodes.T), retall=1)
+    np.testing.assert_allclose(coefficients(fit), as_ours(fit, expansion, theirs), atol=1e-10)
+
+
+@PARAMETERS
+@CASES
+@pytest.mark.parametrize("nodes", [ClenshawCurtis(), Leja()], ids=repr)
+def test_interpolants_have_the_values_of_chaospy_s(nodes, d, order):
+    fit = Fit.of(nodes, TensorDegree(), d, order)
+    expansion = chaospy.generate_expansion(order, distribution(d), cross_truncation=np.inf)
+    theirs = chaospy.fit_regression(expansion, fit.nodes.T, responses(fit.nodes))
+    points = np.random.default_rng(3).uniform(-1, 1, (50, d))
+    np.testing.assert_allclose(basis_values(fit.alpha, points) @ coefficients(fit), theirs(*points.T).T, atol=1e-10)

@@ -1,0 +1,131 @@
+"""Mean, variance and Sobol indices of expansions: closed forms and chaospy's."""
+
+import chaospy
+import numpy as np
+import pytest
+from oscillators import BOX, TIMES, Wave
+
+from symmb import (
+    Box,
+    ClenshawCurtis,
+    FunctionSimulator,
+    Gauss,
+    Leja,
+    MonteCarlo,
+    PolynomialChaos,
+    PropagationError,
+    SparseGrid,
+    Vertex,
+    propagate,
+)
+
+
+def ishigami_bounds(method, a=7.0, b=0.1):
+    """sin x1 + a sin^2 x2 + b x3^4 sin x1 over [-pi, pi]^3, and -2 times that plus 5."""
+
+    def f(x1, x2, x3):
+        y = np.sin(x1) + a * np.sin(x2) ** 2 + b * x3**4 * np.sin(x1)
+        return [[y, 5 - 2 * y]]
+
+    simulator = FunctionSimulator(f, {"x1": 0.0, "x2": 0.0, "x3": 0.0}, [0.0], ["y", "z"])
+    return propagate(simulator, method, Box(**dict.fromkeys(("x1", "x2", "x3"), (-np.pi, np.pi))))
+
+
+@pytest.mark.parametrize(("nodes", "error"), [(Gauss(), 1e-6), (ClenshawCurtis(), 1e-5), (Leja(), 2e-5)], ids=repr)
+def test_ishigami(nodes, error):
+    """Sobol' and Levitan (1999): variances of the parts of the function of Ishigami and Homma (1990)."""
+    a, b = 7.0, 0.1
+    alone1 = 0.5 * (1 + b * np.pi**4 / 5) ** 2
+    alone2 = a**2 / 8
+    with3 = 8 * b**2 * np.pi**8 / 225
+    variance = alone1 + alone2 + with3
+    found = ishigami_bounds(PolynomialChaos(order=12, nodes=nodes)).moments()
+    np.testing.assert_allclose(found.mean[0], [a / 2, 5 - a], rtol=error)
+    np.testing.assert_allclose(found.variance[0], [variance, 4 * variance], rtol=error)
+    for k in range(2):
+        np.testing.assert_allclose(found.first[:, 0, k], np.array([alone1, alone2, 0]) / variance, atol=error)
+        np.testing.assert_allclose(
+            found.total[:, 0, k], np.array([alone1 + with3, alone2, with3]) / variance, atol=error
+        )
+    assert found.names == ("y", "z") and found.parameters == ("x1", "x2", "x3")
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_an_oscillator_over_time(lockstep):
+    bounds = propagate(Wave(), PolynomialChaos.paper(order=8, lockstep=lockstep), BOX)
+    found = bounds.moments()
+    (a_low, a_high), (w_low, w_high) = BOX.bounds
+    t = TIMES[1:]
+    cosine = (np.sin(w_high * t) - np.sin(w_low * t)) / (t * (w_high - w_low))
+    square = 0.5 + (np.sin(2 * w_high * t) - np.sin(2 * w_low * t)) / (4 * t * (w_high - w_low))
+    a, a_square = (a_low + a_high) / 2, (a_high**3 - a_low**3) / (3 * (a_high - a_low))
+    variance = a_square * square - (a * cosine) ** 2
+    first = np.array([(a_square - a**2) * cosine**2, a**2 * (square - cosine**2)]) / variance
+    np.testing.assert_array_equal(found.t, TIMES)
+    np.testing.assert_allclose(found.mean[1:, 0], a * cosine, atol=1e-12)
+    np.testing.assert_allclose(found.variance[1:, 0], variance, atol=1e-12)
+    np.testing.assert_allclose(found.first[:, 1:, 0], first, atol=1e-9)
+    np.testing.assert_allclose(found.total[:, 1:, 0], 1 - first[::-1], atol=1e-9)
+    # At rest only the amplitude counts.
+    np.testing.assert_allclose(found.first[:, 0, 0], [1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("d", "order"), [(1, 5), (2, 4), (3, 3)])
+def test_moments_are_chaospy_s(d, order):
+    def f(points):
+        phase = points @ (1 + 0.5 * np.arange(d))
+        return np.stack([np.exp(phase), np.cos(2 * points).prod(axis=1), 1 / (4 + phase)], axis=1)
+
+    distribution = chaospy.J(*(chaospy.Uniform(-1, 1) for _ in range(d)))
+    nodes, weights = chaospy.generate_quadrature(order, distribution, rule="gaussian")
+    theirs = chaospy.fit_quadrature(chaospy.generate_expansion(order, distribution), nodes, weights, f(nodes.T))
+    names = tuple(f"x{k}" for k in range(d))
+    simulator = FunctionSimulator(
+        lambda **p: f(np.array([[p[name] for name in names]])), dict.fromkeys(names, 0.0), [0.0], ["a", "b", "c"]
+    )
+    box = Box(**dict.fromkeys(names, (-1.0, 1.0)))
+    found = propagate(simulator, PolynomialChaos.paper(order), box).moments()
+    np.testing.assert_allclose(found.mean[0], chaospy.E(theirs, distribution), atol=1e-10)
+    np.testing.assert_allclose(found.variance[0], chaospy.Var(theirs, distribution), atol=1e-10)
+    np.testing.assert_allclose(found.first[:, 0], chaospy.Sens_m(theirs, distribution), atol=1e-10)
+    np.testing.assert_allclose(found.total[:, 0], chaospy.Sens_t(theirs, distribution), atol=1e-10)
+
+
+def test_no_variance_no_indices():
+    def f(x, y):
+        return [[2.0, 0.0, x / 3 * 3 - x + 5, x + 1e3, y], [2.0, 1.0, 5.0, 1e-9 * x, 0.0]]
+
+    simulator = FunctionSimulator(f, {"x": 0.0, "y": 0.0}, [0.0, 1.0], ["two", "step", "five", "falls", "y"])
+    for method in (PolynomialChaos(order=4), PolynomialChaos.paper(order=3, nodes=SparseGrid())):
+        found = propagate(simulator, method, Box(x=(0.1, 0.7), y=(0, 1))).moments()
+        assert np.isnan(found.first[:, :, :3]).all() and np.isnan(found.total[:, :, :3]).all()
+        np.testing.assert_allclose(found.first[:, :, 3], [[1, np.nan], [0, np.nan]], atol=1e-9)
+        np.testing.assert_allclose(found.total[:, :, 4], [[0, np.nan], [1, np.nan]], atol=1e-9)
+        np.testing.assert_allclose(found.mean[:, 2], 5, rtol=1e-14)
+
+
+@pytest.mark.parametrize("method", [MonteCarlo(20), Vertex()], ids=repr)
+def test_bounds_without_an_expansion_have_no_moments(method):
+    with pytest.raises(PropagationError, match=r"hold no expansion .* Use PolynomialChaos\(order=4\)"):
+        propagate(Wave(), method, BOX).moments()
+
+
+def test_moments_print_as_a_table_of_shares():
+    """2 + 3 a + 4 a b over [-1, 1]: a alone explains 3, the product 16 / 9 of the variance; nothing of a constant."""
+    simulator = FunctionSimulator(
+        lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, {"a": 0.0, "b": 0.0}, [0.0, 1.0], ["f", "one"]
+    )
+    found = propagate(simulator, PolynomialChaos(order=2), Box(a=(-1.0, 1.0), b=(-1.0, 1.0))).moments()
+    assert repr(found) == "Moments(2 outputs x 2 times, 2 parameters)"
+    assert str(found).split("\n")[1:] == [
+        "                 a              b",
+        "f    0.628 / 1.000  0.000 / 0.372",
+        "one      nan / nan      nan / nan",
+    ]
+
+
+def test_boxes_cut_into_pieces_leave_no_moments():
+    simulator = FunctionSimulator(lambda x: [[float(x > 0.123)]], {"x": 0.0}, [0.0], ["f"])
+    bounds = propagate(simulator, PolynomialChaos(), Box(x=(-1.0, 1.0)))
+    with pytest.raises(PropagationError, match="kinks or jumps"):
+        bounds.moments()

@@ -1,0 +1,195 @@
+"""Searches for extremes, compiled and not, against samples, rigorous enclosures, closed forms and each other."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import minimize
+
+import symmb as mb
+from models import double_pendulum
+from symmb import Bernstein, ChebyshevInclusion, Exact, LegendreInclusion
+from symmb.codegen import build
+from symmb.nodes.fit import Fit
+from symmb.polynomials.chebyshev import LowerSet
+from symmb.polynomials.legendre import basis_values, tensor_degree, total_degree
+
+CUBIC = np.arange(4)[:, None], np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
+SPARSE = np.array([[0, 0, 0, 0], [5, 0, 0, 0], [0, 3, 0, 1], [2, 0, 2, 0], [0, 0, 0, 8], [1, 1, 1, 1]])
+BASES = [tensor_degree(1, 1), tensor_degree(1, 32), tensor_degree(2, 4), tensor_degree(2, 16), tensor_degree(3, 4),
+         total_degree(6, 3), total_degree(10, 2), SPARSE]  # fmt: skip
+
+
+@pytest.fixture(params=["compiled", "arrays"])
+def either(request, monkeypatch):
+    """With and without a compiler."""
+    if request.param == "compiled":
+        return
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    build._compiler.cache_clear()
+    request.addfinalizer(build._compiler.cache_clear)
+
+
+def random(alpha, m, decay=0.4):
+    rng = np.random.default_rng(len(alpha))
+    return rng.normal(size=(len(alpha), m)) * decay ** alpha.sum(axis=1)[:, None]
+
+
+def values(alpha, coefficients, points):
+    """Of each polynomial at its own point (m, d)."""
+    return np.einsum("mb,bm->m", basis_values(alpha, points), coefficients)
+
+
+def local_minimum(alpha, a, start):
+    """The least value that L-BFGS finds from the best of some samples."""
+    f = lambda x: (basis_values(alpha, x[None]) @ a)[0]  # noqa: E731
+    return minimize(f, start, bounds=[(-1, 1)] * alpha.shape[1], tol=1e-14).fun
+
+
+@pytest.mark.parametrize("alpha", BASES, ids=lambda a: f"{a.shape[1]} of {a.max()}")
+def test_bounds_lie_around_all_samples_and_near_their_points(alpha, either):
+    coefficients = random(alpha, 20)
+    found = Exact(1e-3).search(alpha, coefficients)
+    width = found.upper - found.lower
+    assert (width > 0).all() and (np.abs([found.at_lower, found.at_upper]) <= 1).all()
+    at_lower, at_upper = (values(alpha, coefficients, x) for x in (found.at_lower, found.at_upper))
+    rounding = 1e-12 * np.abs(coefficients).sum(axis=0)
+    excess = np.maximum(1.01e-3 * width, found.gap) + rounding
+    assert (found.lower <= at_lower + rounding).all() and (at_lower <= found.lower + excess).all()
+    assert (found.upper >= at_upper - rounding).all() and (at_upper >= found.upper - excess).all()
+    points = np.random.default_rng(1).uniform(-1, 1, (3000, alpha.shape[1]))
+    points[:1000] = np.sign(points[:1000])
+    Y = basis_values(alpha, points) @ coefficients
+    assert (found.lower <= Y.min(axis=0) + rounding).all() and (found.upper >= Y.max(axis=0) - rounding).all()
+    for k in range(5):
+        a, rows = coefficients[:, k], Y[:, k]
+        assert local_minimum(alpha, a, points[rows.argmin()]) >= found.lower[k] - rounding[k]
+        assert -local_minimum(alpha, -a, points[rows.argmax()]) <= found.upper[k] + rounding[k]
+    if alpha.shape[1] < 10:
+        assert (found.gap == 0).all()
+
+
+@pytest.mark.parametrize(("d", "order", "boxes"), [(1, 8, 64), (2, 4, 32), (2, 8, 32), (3, 2, 8)])
+def test_within_bernstein_coefficients_of_many_boxes(d, order, boxes, either):
+    alpha = tensor_degree(d, order)
+    coefficients = random(alpha, 30)
+    low, high = Bernstein(boxes).bounds(alpha, coefficients)
+    lower, upper = Exact(1e-6).bounds(alpha, coefficients)
+    width = upper - lower
+    assert (lower >= low - 1.01e-6 * width).all() and (upper <= high + 1.01e-6 * width).all()
+    assert (high - low <= 1.05 * width).all()
+
+
+def test_the_cubic_to_twelve_digits(either):
+    found = Exact(1e-12).search(*CUBIC)
+    assert_allclose([found.lower[0], found.upper[0]], [0, 4 / 27], rtol=0, atol=1e-12)
+    assert_allclose([found.at_lower[0, 0] ** 2, found.at_upper[0, 0]], [1, -1 / 3], rtol=0, atol=1e-5)
+    assert found.gap[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("matrix", "least"), [([[3, 1], [1, 2]], 0.0), ([[1, 2], [2, 1]], -2.0), ([[1, 1], [1, 1]], 0.0)]
+)
+def test_quadratic_forms(matrix, least, either):
+    alpha = total_degree(2, 2)
+    points = np.random.default_rng(0).uniform(-1, 1, (30, 2))
+    coefficients = np.linalg.solve(
+        basis_values(alpha, points).T @ basis_values(alpha, points),
+        basis_values(alpha, points).T @ np.einsum("ni,ij,nj->n", points, np.array(matrix), points),
+    )
+    found = Exact(1e-9).search(alpha, coefficients[:, None])
+    assert_allclose([found.lower[0], found.upper[0]], [least, np.sum(matrix)], rtol=0, atol=1e-7)
+
+
+def test_constants_and_what_is_not_finite(either):
+    alpha = tensor_degree(2, 3)
+    coefficients = np.zeros((len(alpha), 4))
+    coefficients[0] = [0.0, 3.0, 1e9, np.nan]
+    coefficients[:, 2] += 1e-9 * np.random.default_rng(0).normal(size=len(alpha))
+    found = Exact().search(alpha, coefficients)
+    assert_allclose(found.lower[:3], [0, 3, 1e9], rtol=1e-12)
+    assert_allclose(found.upper[:3], [0, 3, 1e9], rtol=1e-12)
+    assert np.isnan([found.lower[3], found.upper[3]]).all()
+    assert_allclose(found.gap[:3], 0)
+
+
+def test_what_the_budget_leaves_open_is_told(either):
+    alpha = total_degree(8, 3)
+    coefficients = random(alpha, 10, 0.7)
+    small, large = (Exact(1e-3, budget).search(alpha, coefficients) for budget in (30, 20_000))
+    assert (large.gap == 0).all() and (small.gap > 0).all()
+    width = large.upper - large.lower
+    assert (small.lower <= large.lower + 1e-3 * width).all() and (small.upper >= large.upper - 1e-3 * width).all()
+    for x, bound, sign in ((small.at_lower, small.lower, 1), (small.at_upper, small.upper, -1)):
+        assert (sign * (values(alpha, coefficients, x) - bound) <= small.gap + 1e-3 * width + 1e-12).all()
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_double_pendulum_compiled_or_not(share, monkeypatch):
+    scene = double_pendulum.scene().with_times(np.linspace(0, 10, 41))
+    simulator, box = mb.DAESimulator(scene), mb.Box.around(scene.system.parameters, share)
+    fit = Fit.of(mb.ClenshawCurtis(), mb.TensorDegree(), 2, 4)
+    Y = simulator.run(box.from_unit(fit.nodes)).Y.reshape(len(fit.nodes), -1)
+    coefficients = fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))
+    compiled = Exact(1e-3).search(fit.alpha, coefficients)
+    monkeypatch.setattr("symmb.polynomials.ranges.exact.has_compiler", lambda: False)
+    arrays = Exact(1e-3).search(fit.alpha, coefficients)
+    line = np.cos(np.linspace(0, np.pi, 101))
+    grid = basis_values(fit.alpha, np.array(np.meshgrid(line, line)).reshape(2, -1).T) @ coefficients
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    slack = (1e-3 + (4 * np.pi / 101) ** 2 / 2) * (high - low) + 1e-11
+    for found in (compiled, arrays):
+        assert (found.lower <= low + 1e-12).all() and (found.upper >= high - 1e-12).all()
+        assert (found.lower >= low - slack).all() and (found.upper <= high + slack).all()
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "low", "high"),
+    [
+        (LegendreInclusion(), -1 / 10, 9 / 40),
+        (ChebyshevInclusion(), -1 / 16, 3 / 16),
+        (Bernstein(), 0, 1 / 3),
+        (Bernstein(2), 0, 1 / 6),
+        (Bernstein(200), 0, 4 / 27),
+    ],
+)
+def test_the_cubic_by_every_inclusion(inclusion, low, high):
+    lower, upper = inclusion.bounds(*CUBIC)
+    assert_allclose([lower[0], upper[0]], [low, high], rtol=0, atol=1e-12 if inclusion != Bernstein(200) else 1e-5)
+    chaos = mb.PolynomialChaos(order=3, range=inclusion)
+    simulator = mb.FunctionSimulator(lambda x: [x**3 - 2 * x**2 + x], {"x": 0.5}, [0.0], ["f"])
+    bounds = mb.propagate(simulator, chaos, mb.Box(x=(0, 1)))
+    assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], [lower[0], upper[0]], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("alpha", BASES[:6], ids=lambda a: f"{a.shape[1]} of {a.max()}")
+def test_inclusions_contain_exact_ranges(alpha):
+    coefficients = random(alpha, 50)
+    lower, upper = Exact(1e-6).bounds(alpha, coefficients)
+    for inclusion in (LegendreInclusion(), ChebyshevInclusion(), Bernstein()):
+        low, high = inclusion.bounds(alpha, coefficients)
+        slack = 1e-5 * (upper - lower)  # orders of 32 lose digits on the way to Bernstein coefficients
+        assert (low <= lower + slack).all() and (high >= upper - slack).all()
+
+
+def test_chebyshev_coefficients_are_those_of_numpy():
+    coefficients = random(SPARSE, 7)
+    products = LowerSet.of(SPARSE)
+    C = products.from_legendre(coefficients)
+    points = np.random.default_rng(0).uniform(-1, 1, (9, 4))
+    T = np.prod(
+        [np.polynomial.chebyshev.chebvander(points[:, k], 8)[:, products.alpha[:, k]] for k in range(4)], axis=0
+    )
+    assert_allclose(T @ C, basis_values(SPARSE, points) @ coefficients, rtol=0, atol=1e-13)
+
+
+def test_too_many_bernstein_coefficients():
+    alpha = total_degree(20, 2)
+    with pytest.raises(mb.DeclarationError, match=r"20 parameters.*Use Exact\(\)"):
+        Bernstein().bounds(alpha, np.ones((len(alpha), 1)))
+
+
+@pytest.mark.parametrize("make", [lambda: Exact(budget=0), lambda: Bernstein(0), lambda: Bernstein(1.5)])
+def test_options_out_of_range(make):
+    with pytest.raises(mb.DeclarationError, match="integer of at least 1"):
+        make()

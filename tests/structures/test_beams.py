@@ -1,0 +1,144 @@
+"""Beam elements against closed forms: frequencies to the mesh's order, static deflections, sections."""
+
+import numpy as np
+import pytest
+from structures import LIGHT, SLENDER, STEEL, cantilever, data, dofs, frame, frequencies, slope
+
+from symmb import Beam, FiniteElements, Section
+
+BETA = data("beam_modes")
+MESHES = (8, 12, 16, 24)
+
+
+def bending(elements, first, last, tip=0.0):
+    """ω of bending in x-z with directions of the first and the last node held."""
+    beam = cantilever(elements)
+    if tip:
+        beam = beam.with_mass(elements, tip)
+    # Deflection z and rotation about y are left free.
+    return frequencies(beam, dofs(range(elements + 1), (0, 1, 3, 5)) + dofs([0], first) + dofs([elements], last))
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "tip", "roots", "rigid"),
+    [
+        ((2, 4), (), 0.0, BETA["clamped_free"], 0),
+        ((), (), 0.0, BETA["free_free_and_clamped_clamped"], 2),
+        ((2, 4), (2, 4), 0.0, BETA["free_free_and_clamped_clamped"], 0),
+        ((2, 4), (2,), 0.0, BETA["clamped_pinned_and_pinned_free"], 0),
+        ((2,), (), 0.0, BETA["clamped_pinned_and_pinned_free"], 1),
+        ((2,), (2,), 0.0, np.pi * np.arange(1, 5), 0),
+        ((2, 4), (), 1.0, BETA["clamped_free_tip_mass_ratio_1"], 0),
+    ],
+    ids=["clamped-free", "free-free", "clamped-clamped", "clamped-pinned", "pinned-free", "pinned-pinned", "tip mass"],
+)
+def test_bending_converges_with_fourth_order(first, last, tip, roots, rigid):
+    found = np.array([bending(n, first, last, tip)[rigid : rigid + 3] for n in MESHES])
+    errors = found / np.array(roots[:3]) ** 2 - 1
+    for mode in (1, 2):  # the first one's error of 1e-8 is lost in the dense solver's rounding
+        assert slope(MESHES, errors[:, mode]) == pytest.approx(4, abs=0.15)
+    assert np.abs(errors[-1]).max() < 4e-5
+
+
+@pytest.mark.parametrize(("direction", "speed"), [(0, 1e5), (3, 1e5)], ids=["axial", "torsion"])
+def test_waves_along_the_beam_converge_with_second_order(direction, speed):
+    """ω = (2n - 1) π/2 √(E/ρ)/L, and the same with G where J is the polar moment."""
+    others = [k for k in range(6) if k != direction]
+    exact = (2 * np.arange(1, 4) - 1) * np.pi / 2 * speed
+    found = [frequencies(cantilever(n), dofs(range(n + 1), others) + dofs([0]))[:3] for n in (8, 16, 32)]
+    errors = np.array(found) / exact - 1
+    assert slope((8, 16, 32), errors[:, 0]) == pytest.approx(2, abs=0.05)
+    assert np.abs(errors[-1]).max() < 3e-3
+
+
+def test_timoshenko_frequencies_of_a_pinned_deep_beam():
+    """Lower branch of ρI ρA/κGA ω⁴ - (ρA + ρI λ² + EI ρA λ²/κGA) ω² + EI λ⁴ = 0 with λ = nπ/L (Timoshenko 1921)."""
+    deep = Section.rectangle(0.1, 0.2)
+    rho_A, rho_I = STEEL.density * deep.area, STEEL.density * deep.Iy
+    EI, shear = STEEL.E * deep.Iy, STEEL.shear_modulus * deep.shear_z
+    wave = np.arange(1, 4) * np.pi
+    b = rho_A + rho_I * wave**2 + EI * rho_A * wave**2 / shear
+    exact = np.sqrt((b - np.sqrt(b**2 - 4 * rho_I * rho_A / shear * EI * wave**4)) / (2 * rho_I * rho_A / shear))
+    meshes = (16, 32, 64)
+    held = [dofs(range(n + 1), (0, 1, 3, 5)) + dofs([0, n], (2,)) for n in meshes]
+    found = [frequencies(cantilever(n, deep, STEEL), h)[:3] for n, h in zip(meshes, held, strict=True)]
+    errors = np.array(found) / exact - 1
+    assert slope(meshes, errors[:, 2]) == pytest.approx(2, abs=0.05)
+    assert np.abs(errors[-1]).max() < 5e-4
+    assert (wave**2 * np.sqrt(EI / rho_A) / exact > 1.05).all()  # Euler and Bernoulli's are far off
+
+
+@pytest.mark.parametrize("shear", [False, True])
+def test_tip_of_a_cone_under_a_force(shear):
+    """δ = F L³/(3 E I₀) d₀/d₁ + F L/(κ G A₀) d₀/d₁, of the integrals of (L - x)²/EI and 1/κGA."""
+    sections = [Section.circle(0.05), Section.circle(0.02)]
+    sections = sections if shear else [section.without_shear() for section in sections]
+    across = np.cross([0.6, 0.3, 0.2], [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    beam = cantilever(8, sections, STEEL, end=(0.6, 0.3, 0.2))
+    tip = np.linalg.solve(beam.K.toarray()[6:, 6:], np.concatenate([np.zeros(42), across, np.zeros(3)]))[-6:-3]
+    root, length = sections[0], 0.7
+    exact = 2.5 * length**3 / (3 * STEEL.E * root.Iy)
+    exact += 2.5 * length / (STEEL.shear_modulus * root.shear_z)
+    assert tip == pytest.approx(exact * across, rel=1e-9, abs=1e-9 * exact)
+
+
+def test_tip_of_a_cone_pulled_and_twisted():
+    """u = F L/(E A₀) d₀/d₁ and φ = T ∫ dx/GJ = T L/(3 G J₀) (d₀/d₁ + (d₀/d₁)² + (d₀/d₁)³)."""
+    root, tip = Section.circle(0.05), Section.circle(0.02)
+    beam = cantilever(8, [root, tip], STEEL, end=(0.0, 0.0, 0.7))
+    load = np.zeros(48)
+    load[[-4, -1]] = 1.0
+    moved = np.linalg.solve(beam.K.toarray()[6:, 6:], load)
+    assert moved[-4] == pytest.approx(0.7 / (STEEL.E * root.area) * 2.5, rel=1e-9)
+    twist = 0.7 / (3 * STEEL.shear_modulus * root.J) * (2.5 + 2.5**2 + 2.5**3)
+    assert moved[-1] == pytest.approx(twist, rel=1e-7)
+
+
+def test_the_section_stands_as_oriented():
+    flat = Section(area=1.0, Iy=1.0, Iz=4.0, J=1.0)
+    stiff = {"default": (1, None), "y along z": (2, (0, 0, 1)), "y along z, leaning": (2, (5, 0, 1))}
+    for direction, orientation in stiff.values():
+        K = cantilever(1, flat, orientation=orientation).K.toarray()
+        ratio = K[6 + direction, 6 + direction] / K[9 - direction, 9 - direction]
+        assert ratio == pytest.approx(4.0)
+
+
+def test_mass_of_a_meshed_cylinder_is_that_of_the_solid():
+    radius, inner, length = 0.05, 0.02, 0.8
+    modes = cantilever(3, Section.circle(radius, inner), STEEL, end=(length, 0, 0)).modes(count=0)
+    mass = STEEL.density * np.pi * (radius**2 - inner**2) * length
+    assert modes.mass == pytest.approx(mass)
+    across = mass * (3 * (radius**2 + inner**2) + length**2) / 12
+    assert modes.J0 == pytest.approx(np.diag([mass * (radius**2 + inner**2) / 2, across, across]))
+    assert not modes.center.any()
+    assert modes.positions[[0, -1]] == pytest.approx(np.array([[-0.4, 0, 0], [0.4, 0, 0]]))
+
+
+def test_mass_of_a_cone():
+    """V = π L (R² + R r + r²)/3, centroid at L/4 (R² + 2 R r + 3 r²)/(R² + R r + r²) from the wide end."""
+    R, r, length = 0.06, 0.02, 0.5
+    modes = cantilever(2, [Section.circle(R), Section.circle(r)], STEEL, end=(length, 0, 0)).modes(clamped=0, count=0)
+    sum2 = R**2 + R * r + r**2
+    assert modes.mass == pytest.approx(STEEL.density * np.pi * length * sum2 / 3)
+    assert modes.center[0] == pytest.approx(length / 4 * (R**2 + 2 * R * r + 3 * r**2) / sum2)
+
+
+def test_beams_meet_at_their_nodes():
+    structure = frame(elements=4)
+    assert len(structure.positions) == 9 + 4
+    assert structure.nearest(0.9, 0.5, 0.2) == 8
+    assert len(np.unique(structure.positions.round(9), axis=0)) == 13
+
+
+def test_torsion_constants_of_rectangles():
+    """Of a square 0.140577 a⁴, of 2 : 1 0.228682 a b³ (Timoshenko and Goodier, table of art. 109: 0.1406, 0.229)."""
+    assert Section.rectangle(1.0, 1.0).J == pytest.approx(0.1405770, rel=1e-6)
+    assert Section.rectangle(1.0, 2.0).J == pytest.approx(2 * 0.2286816, rel=1e-6)
+    assert Section.rectangle(2.0, 1.0).J == Section.rectangle(1.0, 2.0).J
+    assert Section.circle(1.0, 1 - 1e-9).shear_y / Section.circle(1.0, 1 - 1e-9).area == pytest.approx(0.53, abs=0.005)
+
+
+def test_elements_of_a_polyline_run_from_corner_to_corner():
+    line = FiniteElements.beams(Beam([(0, 0, 0), (1, 0, 0), (1, 2, 0)], SLENDER, LIGHT, elements=2))
+    assert line.positions == pytest.approx(np.array([[0, 0, 0], [0.5, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0.0]]))

@@ -1,0 +1,80 @@
+"""The modal file and the checks of its arrays."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from structures import frame
+
+from symmb import DeclarationError, Modes
+
+MODES = frame().modes(clamped=0, count=3, damping=0.01)
+ARRAYS = {field.name: getattr(MODES, field.name) for field in fields(MODES)}
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_file_round_trip(tmp_path, count):
+    modes = frame().modes(clamped=0, count=count)
+    modes.save(tmp_path / "frame.npz")
+    again = Modes.load(tmp_path / "frame.npz")
+    for field in fields(modes):
+        assert np.array_equal(getattr(again, field.name), getattr(modes, field.name))
+
+
+def test_a_file_by_others_needs_arrays_and_layout_only(tmp_path):
+    np.savez(tmp_path / "own.npz", layout="symmb modes 1", **ARRAYS)
+    assert Modes.load(tmp_path / "own.npz").frequencies == pytest.approx(MODES.frequencies)
+
+
+def test_nearest_node():
+    place = MODES.positions[7]
+    assert MODES.nearest(*(place + 1e-3)) == 7
+
+
+def test_values_cannot_be_changed():
+    with pytest.raises(ValueError, match="read-only"):
+        MODES.J0[0, 0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"S": np.zeros((3, 2))}, r"S must be an array \(3, 3\), got the shape \(3, 2\)"),
+        ({"shapes": MODES.shapes[1:]}, r"shapes must be an array \(13, 3, 3\), got the shape \(12, 3, 3\)"),
+        ({"stiffness": np.array([0.0, 1, 2])}, "stiffness must be above 0, got 0. Leave out rigid modes"),
+        ({"damping": np.array([-1.0, 1, 2])}, "damping must not be negative, got -1"),
+        ({"mass": 0.0}, "mass must be above 0, got 0"),
+        ({"J0": np.triu(np.ones((3, 3)))}, "J0 must be symmetric"),
+        ({"J2": MODES.J2 + np.arange(3.0)[:, None, None, None] * np.eye(3)}, "J2 must be symmetric"),
+        ({"center": [0.0, np.nan, 0.0]}, "center must be finite"),
+    ],
+)
+def test_wrong_arrays(change, message):
+    with pytest.raises(DeclarationError, match=message):
+        replace(MODES, **change)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({**ARRAYS}, "has the layout 'none', expected 'symmb modes 1'"),
+        ({**ARRAYS, "layout": "symmb modes 0"}, "has the layout 'symmb modes 0'"),
+        ({"layout": "symmb modes 1", "mass": 1.0, "extra": 2.0}, r"lacks \['G0', .*\] and has \['extra'\] too many"),
+        ({**ARRAYS, "layout": "symmb modes 1", "J0": np.eye(2)}, r"J0 must be an array \(3, 3\)"),
+    ],
+    ids=["no layout", "another layout", "names", "shape"],
+)
+def test_wrong_files(tmp_path, content, message):
+    np.savez(tmp_path / "wrong.npz", **content)
+    with pytest.raises(DeclarationError, match=message):
+        Modes.load(tmp_path / "wrong.npz")
+
+
+def test_a_file_that_is_no_archive(tmp_path):
+    (tmp_path / "text.npz").write_text("modes", encoding="utf-8")
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    for name in ("text.npz", "array.npy"):
+        with pytest.raises(DeclarationError, match="is no NumPy archive of plain arrays"):
+            Modes.load(tmp_path / name)
+    with pytest.raises(FileNotFoundError):
+        Modes.load(tmp_path / "none.npz")
