@@ -67,7 +67,7 @@ class _Study(ctypes.Structure):
 
 
 @dataclass(frozen=True)
-class Losses:
+class FailedSamples:
     """Samples that failed: t_failed (N,) [s], nan where not, and of what (N,), an index of `REASONS`.
 
     The state where the last step of a failed sample began stands in the first columns of x_failed (N, ...).
@@ -147,32 +147,32 @@ class Engine:
         self.__dict__.update(state)
         self._open()
 
-    def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Losses]:
+    def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
         """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine starts by itself, and may be short.
 
         Returns
         -------
         (N, n_t, n_y) array        nan from the time on at which a sample stopped
-        Losses
+        FailedSamples
         """
         Y = np.full((len(p), len(self.times), self.n_y), np.nan)
         return Y, self._run(x0, p, Y, [None] * threads)
 
-    def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, Losses]:
+    def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail, and those that did."""
         found = np.full((threads, 2, len(self.times), self.n_y), np.inf)
         found[:, 1] = -np.inf
-        losses = self._run(x0, p, None, list(found))
+        failed_samples = self._run(x0, p, None, list(found))
         lower, upper = found[:, 0].min(axis=0), found[:, 1].max(axis=0)
-        return lower + 0.0, upper + 0.0, losses  # -0 and 0 are equal: which is met first depends on the threads
+        return lower + 0.0, upper + 0.0, failed_samples  # -0 and 0 are equal: which is met first depends on the threads
 
-    def _run(self, x0: Array, p: Array, Y: Array | None, found: list[Array | None]) -> Losses:
+    def _run(self, x0: Array, p: Array, Y: Array | None, found: list[Array | None]) -> FailedSamples:
         """Blocks of W samples, fixed by sample index, dealt to threads; values go to Y, or each thread's extremes."""
         N = len(p)
         if not self.starts and x0.shape[1] < self.n_x:  # a history, which follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
+        failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
         control = self.control
         tolerances = (0.0, 0.0) if isinstance(control, FixedStep) else (control.rtol, control.atol)
         study = _Study(
@@ -186,9 +186,9 @@ class Engine:
             self.newton,
             MOST_STEPS,
             0,
-            losses.t_failed.ctypes.data,
-            losses.failure.ctypes.data,
-            losses.x_failed.ctypes.data,
+            failed_samples.t_failed.ctypes.data,
+            failed_samples.failure.ctypes.data,
+            failed_samples.x_failed.ctypes.data,
             None if Y is None else Y.ctypes.data,
             0,
             0,
@@ -202,7 +202,7 @@ class Engine:
         if not all(side_by_side(work, found[: max(1, -(-N // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
         self.counts = Counts(study.steps, study.iterations, study.most)
-        return losses
+        return failed_samples
 
 
 def model_function(

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.arrays import programs
-from symmb.codegen.engine import MOST_STEPS, Counts, Losses, Tolerances
+from symmb.codegen.engine import MOST_STEPS, Counts, FailedSamples, Tolerances
 from symmb.codegen.graph import graph_of
 from symmb.schemes import dop853
 
@@ -35,13 +35,13 @@ class ArrayEngine:
         self.prepare, (self.rates, self.outputs, *project) = programs(graph_of(f))
         self.project = project[0] if project else None
 
-    def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Losses]:
+    def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
         """Outputs of N samples, x0 (N, n_x), p (N, n_p).
 
         Returns
         -------
         (N, n_t, n_y) array        nan from the time on at which a sample stopped
-        Losses
+        FailedSamples
         """
         Y = np.full((len(x0), len(self.times), self.n_y), np.nan)
 
@@ -50,7 +50,7 @@ class ArrayEngine:
 
         return Y, self._run(x0, p, keep)
 
-    def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, Losses]:
+    def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail, and those that did."""
         shape = len(self.times), self.n_y
         lower, upper = [np.full(shape, np.inf)], [np.full(shape, -np.inf)]
@@ -60,27 +60,32 @@ class ArrayEngine:
             lower.append(part.min(axis=2, initial=np.inf))
             upper.append(part.max(axis=2, initial=-np.inf))
 
-        losses = self._run(x0, p, keep)
-        return np.min(lower, axis=0), np.max(upper, axis=0), losses
+        failed_samples = self._run(x0, p, keep)
+        return np.min(lower, axis=0), np.max(upper, axis=0), failed_samples
 
-    def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> Losses:
+    def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> FailedSamples:
         """Blocks of samples, fixed by sample index, some together; `keep` takes (n_t, n_y, m), and whether m ended."""
         N = len(x0)
-        losses = Losses(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.full(x0.shape, np.nan))
-        losses.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
+        failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.full(x0.shape, np.nan))
+        failed_samples.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
         blocks = [np.arange(start, min(start + WIDTH, N)) for start in range(0, N, WIDTH)]
         with np.errstate(all="ignore"):
             for k in range(0, len(blocks), _TOGETHER):
                 part = blocks[k : k + _TOGETHER]
                 while part:
-                    part = self._part(x0, p, part, losses, keep)
-        return losses
+                    part = self._part(x0, p, part, failed_samples, keep)
+        return failed_samples
 
     def _part(
-        self, x0: Array, p: Array, blocks: list[Indices], losses: Losses, keep: Callable[[Array, Indices, Mask], None]
+        self,
+        x0: Array,
+        p: Array,
+        blocks: list[Indices],
+        failed_samples: FailedSamples,
+        keep: Callable[[Array, Indices, Mask], None],
     ) -> list[Indices]:
         """Some blocks, and those of them that run again, as if the samples that were lost had not been there."""
-        alive = [b[np.isnan(losses.t_failed[b])] for b in blocks]
+        alive = [b[np.isnan(failed_samples.t_failed[b])] for b in blocks]
         alive = [b for b in alive if b.size]
         if not alive:
             return []
@@ -92,10 +97,10 @@ class ArrayEngine:
         irregular = ~np.logical_and.reduce(finite | ~passed, axis=0)
         # What happens first counts; what else would have happened shows when the block runs again.
         lost &= ~irregular.any(axis=1)[:, None]
-        losses.failure[lanes[irregular]] = 1
-        losses.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
-        losses.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
-        losses.x_failed[lanes[lost]] = x.T[lost.ravel()]
+        failed_samples.failure[lanes[irregular]] = 1
+        failed_samples.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
+        failed_samples.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
+        failed_samples.x_failed[lanes[lost]] = x.T[lost.ravel()]
         failed = lost | irregular
         again = failed.any(axis=1)
         told = (failed | ~again[:, None]) & (np.arange(WIDTH) < np.array([[b.size] for b in alive]))

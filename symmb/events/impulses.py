@@ -135,7 +135,7 @@ class Rebounds:
         W, B = W.reshape(-1, n, n_v), B.reshape(-1, n_v, n)
         D = W @ B
         own = np.einsum("ekk->ek", D)
-        movable = own * dae.scales.energy > SMALL * np.square(W * dae.displacements).sum(axis=2)
+        movable = own * dae.scales.energy > SMALL * np.square(W * dae.displacement_scales).sum(axis=2)
         rate, touching, impulse = rate.copy(), touching.copy(), np.zeros(rate.shape)
         for _ in range(_MOST):
             hit = touching & (rate < -rest)

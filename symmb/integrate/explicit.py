@@ -188,10 +188,10 @@ class CompiledIntegration(Integration):
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
-        Y, losses = self._engine.values(x0, p, threads)
+        Y, failed_samples = self._engine.values(x0, p, threads)
         return [
             Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
-            for y, t, why in zip(Y, losses.t_failed.tolist(), losses.reasons, strict=True)
+            for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
         ]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:

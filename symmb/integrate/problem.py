@@ -94,19 +94,19 @@ def build_problem(
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
     if algebraic and dae.n_r and dae.G is not None:
         M, G = dae.M(*at), dae.G(*at)
-        of_v, of_rows = ca.DM(dae.displacements), ca.DM(dae.of_rows)
-        unit = dae.scales.energy / of_rows  # unknowns and rows in terms of the motion's size, whatever the units
+        of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+        unit = dae.scales.energy / row_scales  # unknowns and rows in terms of the motion's size, whatever the units
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
             z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
             vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]
             balance = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
-            alg = ca.vertcat(balance, (G @ vdot - right) / of_rows)
+            alg = ca.vertcat(balance, (G @ vdot - right) / row_scales)
         else:
             z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
             # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
             lam = unit * z
             vdot = ca.solve(M, dae.Q(*at) - G.T @ lam)
-            alg = (G @ vdot - right) / of_rows
+            alg = (G @ vdot - right) / row_scales
     if isinstance(stabilization, Projection):
         projected = _project(dae, x, p, time, projections)
     else:
@@ -162,15 +162,15 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
     p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, time)
     rates = dae.rhs.call(list(at))
-    of_v, of_rows = ca.DM(dae.displacements), ca.DM(dae.of_rows)
-    unit = dae.scales.energy / of_rows  # unknowns and rows in terms of the motion's size, whatever the units
+    of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+    unit = dae.scales.energy / row_scales  # unknowns and rows in terms of the motion's size, whatever the units
     z, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
     lam = unit * z
     qdot, vdot, guess, rows = rates[0], rates[1], ca.SX(0, 1), ca.SX(0, 1)
     if dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None:
         first, guess = dae.forward(*at, dae.gamma(*at))
         guess = guess / unit
-        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at) / of_rows
+        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at) / row_scales
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
             a = ca.SX.sym("a", dae.n_v)
             vdot = of_v * a
@@ -179,7 +179,7 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
         else:
             vdot = ca.solve(M, force)
     if dae.Phi is not None and dae.Phi_q is not None:
-        of_c, of_q = of_rows[: dae.n_c, :], ca.DM(dae.coordinates)
+        of_c, of_q = row_scales[: dae.n_c, :], ca.DM(dae.coordinate_scales)
         qdot = qdot - of_q**2 * (dae.Phi_q(*at).T @ (mu / of_c))
         rows = ca.vertcat(rows, dae.Phi(*at) / of_c)
     return Problem(
@@ -203,7 +203,7 @@ def _normalized(dae: DAE, x: ca.SX) -> ca.SX | None:
 
 def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
     """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
-    if dae.shift is None or dae.Phi_dot is None:
+    if dae.min_norm_correction is None or dae.Phi_dot is None:
         return _normalized(dae, x)
     x = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
     at = dae.arguments(x, p, time)
@@ -211,7 +211,7 @@ def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.
         for _ in range(projections):
             at = dae.arguments(x, p, time)
             violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
-            x = ca.vertcat(dae.retract(at[0], dae.shift(*at, -violation)), x[dae.n_q :])
+            x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :])
     # Velocities keep the matrix of the last step: what it is off by is multiplied with what they are off by.
-    change = dae.shift(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
+    change = dae.min_norm_correction(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
     return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

@@ -103,7 +103,7 @@ class _Partitioned(Integration):
         """Velocities that depend on the others: as many as rows."""
         if self._dae.G is None:
             return np.arange(0)
-        return independent(_matrix(self._dae, x, p, t) * self._dae.displacements)[1]
+        return independent(_matrix(self._dae, x, p, t) * self._dae.displacement_scales)[1]
 
 
 class _Motion:
@@ -118,7 +118,7 @@ class _Motion:
         if not self._dependent.size:
             return 0.0
         dae = self._dae
-        G = (_matrix(dae, y, self._p, t) * dae.displacements)[:, self._dependent]
+        G = (_matrix(dae, y, self._p, t) * dae.displacement_scales)[:, self._dependent]
         found = float(np.linalg.cond(G / np.linalg.norm(G, axis=1, keepdims=True)))
         if self.first_condition == np.inf:
             self.first_condition = found
@@ -149,7 +149,7 @@ class _Motion:
             G = _matrix(dae, y, self._p, t)[: dae.n_c, which]
             delta[which] = np.linalg.lstsq(G, -violation, rcond=None)[0]
             y[: dae.n_q] = batch(dae.retract, y[: dae.n_q], delta)[0][0]
-            if np.abs(delta / dae.displacements).max() < 1e-9:  # Newton is quadratic
+            if np.abs(delta / dae.displacement_scales).max() < 1e-9:  # Newton is quadratic
                 break
         (rate,) = batch(dae.Phi_dot, *self._at(y, t))[0]
         y[dae.n_q + which] -= np.linalg.solve(_matrix(dae, y, self._p, t)[:, which], rate)

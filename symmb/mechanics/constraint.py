@@ -37,7 +37,7 @@ class Constraint(Element):
         """Rows of Psi, linear in the velocities, (n,)."""
         return ca.SX(0, 1)
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         """Cosines that are 1 in the meant assembly and -1 at the flipped root of the rows, (n,)."""
         return ca.SX(0, 1)
 
@@ -131,7 +131,7 @@ class AxisJoint(Joint):
         A, _ = self.frames
         return ca.vertcat(ca.dot(A[:, 0], self.d), ca.dot(A[:, 1], self.d))
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         A, B = self.frames
         return ca.dot(A[:, 2], B[:, 2])
 
@@ -190,7 +190,7 @@ class Prismatic(AxisJoint):
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self._across(), self._locked())
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         A, B = self.frames
         return ca.vertcat(ca.dot(A[:, 0], B[:, 0]), ca.dot(A[:, 2], B[:, 2]))
 
@@ -201,7 +201,7 @@ class Weld(AxisJoint):
     def position_rows(self, bind: Bind) -> ca.SX:
         return ca.vertcat(self.d, self._locked())
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         A, B = self.frames
         return ca.vertcat(ca.dot(A[:, 0], B[:, 0]), ca.dot(A[:, 2], B[:, 2]))
 
@@ -220,7 +220,7 @@ class Universal(AxisJoint):
         a, b = self.axes
         return ca.vertcat(self.d, ca.dot(self.point_a.body.frame.R @ a, self.point_b.body.frame.R @ b))
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         return ca.SX(0, 1)
 
 
@@ -251,7 +251,7 @@ class PointOnLine(AxisJoint):
     def position_rows(self, bind: Bind) -> ca.SX:
         return self._across()
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         return ca.SX(0, 1)
 
 
@@ -307,7 +307,7 @@ class Gear(AxisJoint):
         (angle_a, _), (angle_b, _) = self._angles
         return angle_b - bind(self.ratio, f"{self.title}: ratio") * angle_a
 
-    def upright(self) -> ca.SX:
+    def assembly_cosines(self) -> ca.SX:
         return ca.SX(0, 1)
 
 

@@ -59,10 +59,10 @@ class Collected:
     rows: dict[str, slice]
     row_names: tuple[str, ...]
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
-    upright: ca.SX
+    assembly_cosines: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # what must be above 0 at every parameter value, with its name
-    drifting: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
-    written: int  # rows written by the joints, those that vanish included
+    decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
+    n_declared_rows: int  # rows written by the joints, those that vanish included
 
     def keeping(self, numbers: Sequence[int]) -> "Collected":
         """A copy with the rows of these numbers only, in rising order."""
@@ -154,10 +154,10 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         rows=_row_slices(positions, velocities),
         row_names=_row_names(positions) + _row_names(velocities),
         impacts=tuple((name, *law) for name, law in laws.items()),
-        upright=_vertcat([c.upright() for c in constraints]),
+        assembly_cosines=_vertcat([c.assembly_cosines() for c in constraints]),
         positive=tuple(_positive(inertial, constraints, bind)),
-        drifting=(),
-        written=sum(rows.numel() for rows in written.values()),
+        decoupled=(),
+        n_declared_rows=sum(rows.numel() for rows in written.values()),
     )
     return _without_untouched(draft)
 
@@ -261,5 +261,5 @@ def _without_untouched(c: Collected) -> Collected:
         M_flow=c.M_flow[v_keep, v_keep],
         Q=c.Q[v_keep],
         Q_work=c.Q_work[v_keep],
-        drifting=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in drop),
+        decoupled=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in drop),
     )

@@ -60,13 +60,13 @@ class DAE:
     Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
     Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
     forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
-    shift                  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
+    min_norm_correction  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
     energy                 -> T, V [J]
     power                  (..., lam) -> power of forces without potential and of drives [W]
-    shared                 (..., lam) -> multipliers of all rows of the system, the smallest in sum of squares that
-                           have the same effect; where redundant rows are left out
+    distribute_multipliers  (..., lam) -> multipliers of all rows of the system: of those with the same effect the ones
+                           of least norm; where redundant rows are left out
     retract                (q, delta) -> q moved by delta
-    upright                (q, p) -> cosines of the joints, 1 in the meant assembly
+    assembly_cosines  (q, p) -> cosines of the joints, 1 in the meant assembly
     s_start                (q, p) -> start of the first-order states
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
     impacts : Impacts      gaps that close, and velocities that jump then
@@ -91,12 +91,12 @@ class DAE:
     G: ca.Function | None
     gamma: ca.Function | None
     forward: ca.Function
-    shift: ca.Function | None
+    min_norm_correction: ca.Function | None
     energy: ca.Function
     power: ca.Function | None
-    shared: ca.Function | None
+    distribute_multipliers: ca.Function | None
     retract: ca.Function
-    upright: ca.Function | None
+    assembly_cosines: ca.Function | None
     s_start: ca.Function | None
     positive: ca.Function
     positive_names: tuple[str, ...]
@@ -114,17 +114,17 @@ class DAE:
         return len(self.v_names)
 
     @property
-    def displacements(self) -> Array:
+    def displacement_scales(self) -> Array:
         """Scales of displacements along v (n_v,) [m, rad]."""
         return self._sized(self.v_names)
 
     @property
-    def coordinates(self) -> Array:
+    def coordinate_scales(self) -> Array:
         """Scales of q (n_q,) [m, rad, -]."""
         return self._sized(self.q_names)
 
     @property
-    def of_rows(self) -> Array:
+    def row_scales(self) -> Array:
         """Scales of the rows (n_r,)."""
         return np.ones(self.n_r) if self.scales.rows is None else self.scales.rows
 
@@ -242,15 +242,20 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
     if constrained:
         outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
-        outputs["shift"] = {"delta": ca.densify(delta)}
+        outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
     if ca.sparsify(power).nnz():
         outputs["power"] = {"power": power}
     if rows is not None:
-        outputs["shared"] = {"lam": _shared(whole.G, rows, lam)}
+        outputs["distribute_multipliers"] = {"lam": _distribute_multipliers(whole.G, rows, lam)}
     functions = _functions(
         states,
         outputs,
-        {"forward": ("gamma", right), "shift": ("r", right), "power": ("lam", lam), "shared": ("lam_kept", lam)},
+        {
+            "forward": ("gamma", right),
+            "min_norm_correction": ("r", right),
+            "power": ("lam", lam),
+            "distribute_multipliers": ("lam_kept", lam),
+        },
     )
     return DAE(
         q_names=c.q_names,
@@ -271,12 +276,14 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         G=functions.get("G"),
         gamma=functions.get("gamma"),
         forward=functions["forward"],
-        shift=functions.get("shift"),
+        min_norm_correction=functions.get("min_norm_correction"),
         energy=functions["energy"],
         power=functions.get("power"),
-        shared=functions.get("shared"),
+        distribute_multipliers=functions.get("distribute_multipliers"),
         retract=retract,
-        upright=ca.Function("upright", [q, p], [c.upright]) if c.upright.numel() else None,
+        assembly_cosines=ca.Function("assembly_cosines", [q, p], [c.assembly_cosines])
+        if c.assembly_cosines.numel()
+        else None,
         s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
         if c.states
         else None,
@@ -302,7 +309,7 @@ def _functions(
     return functions
 
 
-def _shared(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
+def _distribute_multipliers(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
     """Least multipliers (n_r,) of all rows of G with the effect of lam (k,) on some that are independent."""
     numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
     kept, left = G[numbers, :], G[others, :]

@@ -139,7 +139,7 @@ class Scene:
         """Any expression of the scene as SX of q, v, v', s, lam, p and t; untouched coordinates move uniformly."""
         bound = self.system.bind(expression, what, also=self.system.solved_hashes)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
-        for x_name, x, v_name, vx in self.system.collected.drifting:
+        for x_name, x, v_name, vx in self.system.collected.decoupled:
             v0 = self.held.drift.get(v_name, ca.SX(0))
             bound = ca.substitute(bound, vx, v0)
             bound = ca.substitute(bound, x, self.held.drift.get(x_name, ca.SX(0)) + v0 * elapsed)
@@ -185,10 +185,10 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
     c = system.collected
     q_at = {name: i for i, name in enumerate(c.q_names)}
     v_at = {name: i for i, name in enumerate(c.v_names)}
-    drifting = {name for x, _, vx, _ in c.drifting for name in (x, vx)}
+    decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
     spatial = {b.name for b in c.bodies if isinstance(b.pose, Spatial)}
     known = [n for n in (*q_at, *v_at) if not _is_quaternion(n, spatial)]
-    known += [f"{b}.{part}" for b in spatial for part in ("rotation", "omega")] + sorted(drifting)
+    known += [f"{b}.{part}" for b in spatial for part in ("rotation", "omega")] + sorted(decoupled)
     q: dict[int, ca.SX] = {}
     v: dict[int, ca.SX] = {}
     displacements: set[int] = set()
@@ -212,7 +212,7 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
                 displacements.update(v_at[f"{body}.omega_{c}"] for c in "xyz")
             elif body in spatial and part == "omega":
                 v.update({v_at[f"{body}.omega_{c}"]: bind(w, name) for c, w in zip("xyz", value, strict=True)})
-            elif name in drifting:
+            elif name in decoupled:
                 drift[name] = bind(value, name)
             elif name in q_at and not _is_quaternion(name, spatial):
                 q[q_at[name]] = bind(value, name)

@@ -32,7 +32,7 @@ def system_text(
     """
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
-    dropped = c.written - c.Phi.numel()
+    dropped = c.n_declared_rows - c.Phi.numel()
     lines = [
         f"bodies       {_count([_kind(b) for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
@@ -46,8 +46,8 @@ def system_text(
         f"M            {_mass_structure(M, block_sizes)}",
     ]
     if dropped:
-        lines.append(f"fell away    {dropped} of {c.written} rows of Phi vanish by structure")
-    lines += [f"fell away    {x} moves uniformly, nothing touches it" for x, *_ in c.drifting]
+        lines.append(f"fell away    {dropped} of {c.n_declared_rows} rows of Phi vanish by structure")
+    lines += [f"fell away    {x} moves uniformly, nothing touches it" for x, *_ in c.decoupled]
     lines.append(f"left out     {'; '.join(_left_out(c, Phi_t, power)) or 'nothing'}")
     return "System\n" + "\n".join("  " + line for line in lines)
 

@@ -165,7 +165,7 @@ class System:
         accelerations = dict(
             zip((v.element_hash() for v in ca.vertsplit(self.v)), ca.vertsplit(self.vdot), strict=True)
         )
-        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.drifting}  # untouched: it moves uniformly
+        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.decoupled}  # untouched: it moves uniformly
         return rate(self.bind(expression, "ddt"), accelerations)
 
     @property

@@ -31,8 +31,8 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
 
     # Unknowns and residuals are displacements, as shares of the motion's size: else rounding in Phi over h^2 keeps
     # Newton from ending, and the matrix depends on units.
-    scale, of_v, of_rows = beta * h**2, ca.DM(dae.displacements), ca.DM(dae.of_rows)
-    unit_v, unit_lam = of_v / scale, dae.scales.energy / of_rows / scale
+    scale, of_v, row_scales = beta * h**2, ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+    unit_v, unit_lam = of_v / scale, dae.scales.energy / row_scales / scale
     unknown, unknown_lam, s_new = ca.SX.sym("vdot", n_v), ca.SX.sym("lam", dae.n_r), ca.SX.sym("s", n_s)
     vdot_new, lam = unit_v * unknown, unit_lam * unknown_lam
     a_new = ((1 - alpha_f) * vdot_new + alpha_f * vdot - alpha_m * a) / (1 - alpha_m)
@@ -42,8 +42,8 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     at = At(dae, new, p, t)
     residual = ca.vertcat(
         scale * of_v / dae.scales.energy * at.unbalance(vdot_new, lam),
-        at.Phi() / of_rows[: dae.n_c, :],
-        h * at.Phi_dot()[dae.n_c :, :] / of_rows[dae.n_c :, :],
+        at.Phi() / row_scales[: dae.n_c, :],
+        h * at.Phi_dot()[dae.n_c :, :] / row_scales[dae.n_c :, :],
         s_new - s - h * (at.sdot + sdot) / 2,
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)

@@ -36,10 +36,10 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     heads = quaternions(dae) if stabilized else []
     # Unknowns and residuals are shares of what a step can change: the matrix is as good with any units and any step.
     tau, length, energy = b * h, dae.scales.length, dae.scales.energy
-    of_q, of_v, of_rows = ca.DM(dae.coordinates), ca.DM(dae.displacements), ca.DM(dae.of_rows)
-    of_positions = ca.vertcat(of_rows[: dae.n_c, :], ca.DM.ones(len(heads)))
+    of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+    of_positions = ca.vertcat(row_scales[: dae.n_c, :], ca.DM.ones(len(heads)))
     unit_x = ca.vertcat(of_q / tau, of_v / tau**2, ca.DM.ones(dae.n_s) / tau)
-    unit_lam = energy / of_rows / tau**2
+    unit_lam = energy / row_scales / tau**2
     unit_mu = length**2 / of_positions / tau if stabilized else ca.SX(0, 1)
     units = ca.vertcat(unit_x, unit_lam, unit_mu)
     z = ca.SX.sym("z", units.numel())
@@ -58,7 +58,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
         tau / of_q * (at.qdot - rate[:n_q] + towards),
         tau * (at.sdot - rate[n_q + n_v :]),
         positions / of_positions,
-        tau * (at.Phi_dot() / of_rows if stabilized else at.Phi_dot()[dae.n_c :, :] / of_rows[dae.n_c :, :]),
+        tau * (at.Phi_dot() / row_scales if stabilized else at.Phi_dot()[dae.n_c :, :] / row_scales[dae.n_c :, :]),
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
     first = At(dae, x, p, t)

@@ -13,7 +13,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Mask
-from symmb.codegen import REASONS, Losses, cores
+from symmb.codegen import REASONS, FailedSamples, cores
 from symmb.events import Kinks, broken, kinks
 from symmb.integrate import AnyEngine, CompiledSolver, EventDriven, Integration, Run, Solver, impacts_text
 from symmb.model import DAE, Scene, compile_dae, unit_of
@@ -201,11 +201,11 @@ class DAESimulator:
             P = np.hstack([np.tile(p0, (m, 1)), directions])
             shape = (m, len(self.times), order + 1, len(self.outputs))
             if self.compiled:
-                Y, losses = self.engine(order).values(x0, P, self.threads)
-                t_failed = losses.t_failed
+                Y, failed_samples = self.engine(order).values(x0, P, self.threads)
+                t_failed = failed_samples.t_failed
                 if not np.isnan(t_failed).all():
                     k = int(np.nanargmin(t_failed))
-                    raise SimulationError(self._no_derivatives(p0, t_failed[k], losses.reasons[k]))
+                    raise SimulationError(self._no_derivatives(p0, t_failed[k], failed_samples.reasons[k]))
                 return Y.reshape(shape).transpose(2, 0, 1, 3)
             runs = self.integration(order).run(x0, P, self.threads)
             for run in runs:
@@ -268,8 +268,8 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
     if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
         multipliers = dae.forward(*at, dae.gamma(*at))[1]
-        if dae.shared is not None:
-            multipliers = dae.shared(*at, multipliers)
+        if dae.distribute_multipliers is not None:
+            multipliers = dae.distribute_multipliers(*at, multipliers)
     if any(ca.which_depends(y, vdot, 1, True) or []):
         accelerations = dae.rhs(*at)[1]
     return ca.Function("y", [x, p, t], [plain(*at, multipliers, accelerations)], {"cse": True})
@@ -336,7 +336,7 @@ class CompiledEnsemble:
     def __init__(self, simulator: DAESimulator, engine: AnyEngine, P: Array) -> None:
         self._simulator, self._engine, self._P = simulator, engine, P
         self._x0 = np.empty((len(P), 0)) if engine.starts else simulator.start.states(P)[0]
-        self._losses: Losses | None = None
+        self._losses: FailedSamples | None = None
 
     @property
     def Y(self) -> Array:
@@ -355,10 +355,10 @@ class CompiledEnsemble:
         lower, upper, self._losses = self._engine.extremes(self._x0, self._P, self._simulator.threads)
         return lower, upper
 
-    def _lost(self) -> Losses:
+    def _lost(self) -> FailedSamples:
         if self._losses is None:
             _ = self._values
-        return cast(Losses, self._losses)
+        return cast(FailedSamples, self._losses)
 
     @property
     def t_failed(self) -> Array:

@@ -25,7 +25,7 @@ def balance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, 
     Q = dae.Q(q, *at, p, t0)
     if dae.G is None or dae.Phi is None:
         return Q[free.tolist()]
-    G, Phi = dae.G(q, *at, p, t0)[rows.tolist(), :], dae.Phi(q, *at, p, t0) / dae.of_rows[: dae.n_c]
+    G, Phi = dae.G(q, *at, p, t0)[rows.tolist(), :], dae.Phi(q, *at, p, t0) / dae.row_scales[: dae.n_c]
     return ca.densify(ca.vertcat((Q - G.T @ lam)[free.tolist()], Phi[rows.tolist()]))
 
 
@@ -45,7 +45,7 @@ def settle(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple
     z = ca.vertcat(delta, lam)
     at_zero = [ca.substitute(e, delta, ca.SX.zeros(n, 1)) for e in (left, ca.jacobian(left, z))]
     f = ca.Function("balance", [at, lam], at_zero)
-    size = float(np.abs(q / dae.coordinates).max(initial=0.0)) or 1.0
+    size = float(np.abs(q / dae.coordinate_scales).max(initial=0.0)) or 1.0
     names = [coordinate_of(dae, int(i)) for i in free]
     for thick in (False, True):
         found = _sink(dae, f, q, t0, free, m, size, thick)
@@ -76,7 +76,7 @@ def _sink(
     n, lam = len(free), np.zeros(m)
     s = (np.zeros(dae.n_s),) if dae.n_s else ()
     M = dae.M(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full()[np.ix_(free, free)]
-    scales = dae.displacements[free] * size
+    scales = dae.displacement_scales[free] * size
     drag, before, reach = 0.0, np.inf, np.inf
     for step in range(_STEPS if thick else _NEWTON):
         r, J = (part.full() for part in f(q, lam))

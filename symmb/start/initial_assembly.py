@@ -55,14 +55,14 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
     if Phi is None or G is None:
         return q
     dae = in_units(dae, q, t0)
-    units, of_rows = dae.displacements[free], dae.of_rows[: dae.n_c]
-    r = at_rest(Phi, dae, q, t0).ravel() / of_rows
-    scale = max(float(np.abs(q / dae.coordinates).max(initial=0.0)), float(np.abs(r).max()), 1e-300)
+    units, row_scales = dae.displacement_scales[free], dae.row_scales[: dae.n_c]
+    r = at_rest(Phi, dae, q, t0).ravel() / row_scales
+    scale = max(float(np.abs(q / dae.coordinate_scales).max(initial=0.0)), float(np.abs(r).max()), 1e-300)
     for _ in range(100):
         if np.abs(r).max() <= 1e-15 * scale or not free.size:
             break
         # G holds the position rows first; the least-norm step moves the coordinates least.
-        J = at_rest(G, dae, q, t0)[: dae.n_c, free] * units / of_rows[:, None]
+        J = at_rest(G, dae, q, t0)[: dae.n_c, free] * units / row_scales[:, None]
         irregular = ~(np.isfinite(J).all(axis=1) & np.isfinite(r))
         if irregular.any():
             raise AssemblyError(
@@ -74,7 +74,7 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
             delta = np.zeros(dae.n_v)
             delta[free] = damping * step * units
             q_new = np.asarray(dae.retract(q, delta)).ravel()
-            r_new = at_rest(Phi, dae, q_new, t0).ravel() / of_rows
+            r_new = at_rest(Phi, dae, q_new, t0).ravel() / row_scales
             if np.linalg.norm(r_new) < np.linalg.norm(r):
                 break
         else:
@@ -82,7 +82,7 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
         q, r = q_new, r_new
     worst = float(np.abs(r).max())
     if not worst <= _TOLERANCE * scale:
-        name, worst = owner(dae, int(np.abs(r).argmax())), float(np.abs(r * of_rows).max())
+        name, worst = owner(dae, int(np.abs(r).argmax())), float(np.abs(r * row_scales).max())
         raise AssemblyError(
             f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}. {_remedy(scene, dae, name, free)}"
         )
@@ -116,7 +116,7 @@ def aligned(scene: Scene, dae: DAE, q: Array, free: Indices) -> Array:
     """
     system = scene.system
     for joint in system.elements:
-        if not isinstance(joint, AxisJoint) or joint.axis_b is None or not joint.upright().numel():
+        if not isinstance(joint, AxisJoint) or joint.axis_b is None or not joint.assembly_cosines().numel():
             continue
         A, B = joint.frames
         axes = ca.Function("axes", [system.q, system.p], [A[:, 2], B[:, 2]])
@@ -144,15 +144,15 @@ def _turns_freely(scene: Scene, dae: DAE, body: str, free: Indices) -> bool:
     return not guessed and dae.v_names.index(f"{body}.omega_x") in free
 
 
-def check_upright(scene: Scene, dae: DAE, q: Array) -> None:
+def check_assembly_cosines(scene: Scene, dae: DAE, q: Array) -> None:
     """Raise AssemblyError if frames that a joint locks parallel are antiparallel at q."""
-    if dae.upright is None:
+    if dae.assembly_cosines is None:
         return
-    cosines = np.asarray(dae.upright(q, dae.p_nominal)).ravel()
+    cosines = np.asarray(dae.assembly_cosines(q, dae.p_nominal)).ravel()
     if cosines.min(initial=1.0) < 0:
         at = int(cosines.argmin())
         constraints = [e for e in scene.system.elements if isinstance(e, Constraint)]
-        owners = [e.name for e in constraints for _ in range(e.upright().numel())]
+        owners = [e.name for e in constraints for _ in range(e.assembly_cosines().numel())]
         raise AssemblyError(
             f"Joint {owners[at]!r} is assembled the wrong way round: frames that it locks parallel end antiparallel. "
             f"Give a guess nearer to the meant position, such as guess={{'{_turned(scene, owners[at])}': ...}}."
@@ -175,12 +175,12 @@ def kept_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     """
     if dae.G is None:
         return None
-    G = at_rest(dae.G, dae, q, t0) * dae.displacements
+    G = at_rest(dae.G, dae, q, t0) * dae.displacement_scales
     rows, _ = independent(G)
     if len(rows) == dae.n_r:
         return None
     for position in _nearby(dae, dae.G, q, t0):
-        rank = len(independent(at_rest(dae.G, dae, position, t0) * dae.displacements)[0])
+        rank = len(independent(at_rest(dae.G, dae, position, t0) * dae.displacement_scales)[0])
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G, dae.rows)))
             raise AssemblyError(

@@ -73,7 +73,10 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     if dae.G is None or not len(X):
         return None
     cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
-    G = batch(dae.G, *np.split(X, cuts, axis=1), p, times[:, None])[0].reshape(len(X), -1, dae.n_v) * dae.displacements
+    G = (
+        batch(dae.G, *np.split(X, cuts, axis=1), p, times[:, None])[0].reshape(len(X), -1, dae.n_v)
+        * dae.displacement_scales
+    )
     scale = np.linalg.norm(G, axis=2, keepdims=True)
     G /= np.where(scale > 0, scale, 1.0)
     sigma = np.linalg.svd(G, compute_uv=False)

@@ -37,7 +37,7 @@ def in_units(dae: DAE, q: Array, t0: float) -> DAE:
     """The DAE with coarse scales at coordinates q (n_q,), at rest: all 1 in scenes of usual size."""
     G = at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
     sized = replace(dae, scales=Scales(_unit(length_of(dae, q, G))))
-    rows = np.array([_unit(row) for row in np.abs(G * sized.displacements).max(axis=1, initial=0.0)])
+    rows = np.array([_unit(row) for row in np.abs(G * sized.displacement_scales).max(axis=1, initial=0.0)])
     return replace(sized, scales=Scales(sized.scales.length, rows=rows))
 
 

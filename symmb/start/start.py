@@ -18,7 +18,7 @@ from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, Scene, is_linear
 from symmb.start.equilibrium import balance, settle
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.initial_assembly import assemble, check_upright, coordinate_of, kept_rows, owner, placed, rest
+from symmb.start.initial_assembly import assemble, check_assembly_cosines, coordinate_of, kept_rows, owner, placed, rest
 from symmb.start.rank import independent, left_out, redundant_names
 from symmb.start.scales import at_rest, in_units, length_of
 from symmb.symbolic import batch, jet_function, saddle_solver, symmetric_solver
@@ -115,7 +115,7 @@ class Start:
             way = np.abs(at["v"]) * span + np.abs(dae.rhs(*x)[1].full().ravel()) * span**2 / 2
             length = max((s for name, s in zip(dae.v_names, way.tolist(), strict=True) if is_linear(name)), default=0.0)
         length = _power(length)
-        scaled = replace(dae, scales=Scales(length)).displacements
+        scaled = replace(dae, scales=Scales(length)).displacement_scales
         energy = _power(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)
         return Scales(length, energy, np.array([_power(float(row)) for row in rows]))
@@ -123,7 +123,7 @@ class Start:
     @property
     def units(self) -> Array:
         """What states are measured by, (n_x,)."""
-        return np.concatenate([self.dae.coordinates, self.dae.displacements, np.ones(self.dae.n_s)])
+        return np.concatenate([self.dae.coordinate_scales, self.dae.displacement_scales, np.ones(self.dae.n_s)])
 
     def _contradiction(self, x: Array, P: Array) -> Mask:
         """Whether samples violate rows that were not needed to solve for the start, (N,)."""
@@ -134,7 +134,7 @@ class Start:
         for f in (self.dae.Phi, self.dae.Phi_dot):
             if f is not None:
                 r = batch(f, *arguments, P, np.array([self.t0]))[0]
-                bad = bad | ~(np.abs(r / self.dae.of_rows[: r.shape[1]]).max(axis=1) <= limit)
+                bad = bad | ~(np.abs(r / self.dae.row_scales[: r.shape[1]]).max(axis=1) <= limit)
         return bad
 
     def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -166,7 +166,7 @@ class Start:
         state = ca.densify(ca.vertcat(q, v, *s))
         arguments = self.dae.arguments(state, p, ca.SX(self.t0))
         rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
-        rows = [row / self.dae.of_rows[: row.numel()] for row in rows]
+        rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
         limit = _CONTRADICTION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.units)), ca.SX(1))
         tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
         good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
@@ -218,16 +218,16 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     listed_q = ca.vertcat(*[held.q.get(i, before[i]) for i in range(dae.n_q)]) if dae.n_q else before
     listed_v = ca.vertcat(*[held.v.get(i, ca.SX(0)) for i in range(dae.n_v)]) if dae.n_v else ca.SX(0, 1)
     reference = ca.Function("reference", [p, before], [listed_q])
-    free = np.array([i for i in range(dae.n_v) if i not in held.displacements], dtype=np.intp)
+    free = np.array([i for i in range(dae.n_v) if i not in held.displacement_scales], dtype=np.intp)
     guess = dae.q_neutral.copy()
     for i, value in scene.guesses.items():
         guess[i] = float(ca.Function("guess", [p], [value])(p0))
 
     modes = [i for i in free if dae.v_names[i].endswith("_dot") and not scene.guess] if scene.equilibrium else []
     q0 = assemble(scene, dae, reference, guess, np.setdiff1d(free, modes), t0)
-    check_upright(scene, dae, q0)
+    check_assembly_cosines(scene, dae, q0)
     dae = in_units(dae, q0, t0)
-    G0 = at_rest(dae.G, dae, q0, t0) * dae.displacements if dae.G is not None else np.zeros((0, dae.n_v))
+    G0 = at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     kept = kept_rows(dae, q0, t0)
     rows, columns = independent(G0[: dae.n_c, free])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
@@ -236,7 +236,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         q0, lam0, stiffness = settle(dae, q0, t0, free, rows)
     u = ca.SX.sym("u", len(solved))
     places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
-    delta = ca.SX(ca.DM(places, dae.displacements[solved])) @ u
+    delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
     q = dae.retract(reference(p, ca.DM(q0)), delta)
     place = ca.Function("place", [u, p], [q], {"cse": True})
     position = None
@@ -246,7 +246,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         position = ImplicitMap.of(balance(dae, place(u, p), lam, p, t0, free, rows), z, p)
         place = ca.Function("place", [z, p], [q], {"cse": True})
     elif len(solved) and dae.Phi is not None:
-        residual = (dae.Phi(*rest(dae, place(u, p)), p, t0) / dae.of_rows[: dae.n_c])[rows.tolist()]
+        residual = (dae.Phi(*rest(dae, place(u, p)), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)
     velocity, spread = _velocities(dae, listed_v, p, [i for i in range(dae.n_v) if i not in held.v], q0, t0)
     start = Start(
@@ -271,7 +271,7 @@ def _velocities(
     """Velocities v = listed + E G' mu with G v + Phi_t = 0; mu for independent rows only."""
     if dae.G is None or dae.Phi_dot is None:
         return None, None
-    A = (at_rest(dae.G, dae, q0, t0) * dae.displacements)[:, free]
+    A = (at_rest(dae.G, dae, q0, t0) * dae.displacement_scales)[:, free]
     rows, _ = independent(A)
     if not rows.size:
         return None, None
@@ -279,11 +279,11 @@ def _velocities(
     mu = ca.SX.sym("mu", len(rows))
     s = (ca.SX(dae.n_s, 1),) if dae.n_s else ()
     keep = np.zeros(dae.n_v)
-    keep[free] = dae.displacements[free] ** 2
-    G = dae.G(q, ca.SX(dae.n_v, 1), *s, p, t0) / dae.of_rows
+    keep[free] = dae.displacement_scales[free] ** 2
+    G = dae.G(q, ca.SX(dae.n_v, 1), *s, p, t0) / dae.row_scales
     v = listed + keep * (G[rows.tolist(), :].T @ mu)
     w = ca.vertcat(q, p)
-    residual = (dae.Phi_dot(q, v, *s, p, t0) / dae.of_rows)[rows.tolist()]
+    residual = (dae.Phi_dot(q, v, *s, p, t0) / dae.row_scales)[rows.tolist()]
     return ImplicitMap.of(residual, mu, w), ca.Function("spread", [mu, w], [ca.densify(v)], {"cse": True})
 
 
@@ -315,8 +315,8 @@ def _check_accelerations(start: Start, G: Array) -> None:
     if dae.gamma is None:
         return
     x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], start.t0)
-    gamma = dae.gamma(*x).full().ravel() / dae.of_rows
-    off = np.abs(left_out(G / dae.of_rows[:, None]).T @ gamma)
+    gamma = dae.gamma(*x).full().ravel() / dae.row_scales
+    off = np.abs(left_out(G / dae.row_scales[:, None]).T @ gamma)
     if off.max(initial=0.0) > _CONTRADICTION * max(np.abs(gamma).max(initial=0.0), 1.0):
         names = ", ".join(map(repr, start.redundant))
         raise AssemblyError(f"The accelerations that {names} ask for at the start contradict each other.")

@@ -17,8 +17,8 @@ both = pytest.mark.parametrize("kind", [Engine, ArrayEngine])
 def values(kind, outputs, x0, p, times=(0.5,)):
     """Outputs at rest: an engine whose state does not move."""
     engine = kind(model_function(X, P, T, ca.SX.zeros(2), outputs, None), np.array(times), STEPS)
-    Y, losses = engine.values(np.asarray(x0), np.asarray(p))
-    assert np.isnan(losses.t_failed).all()
+    Y, failed_samples = engine.values(np.asarray(x0), np.asarray(p))
+    assert np.isnan(failed_samples.t_failed).all()
     return Y
 
 
@@ -89,6 +89,6 @@ def test_sines_and_cosines_of_any_angle(kind):
     assert (np.abs(found - exact) <= 3 * np.spacing(np.abs(exact))).all()
     chosen = ca.if_else(P[0] > 0, ca.sin(P[1]), 7.0)
     engine = kind(model_function(X, P, T, ca.SX.zeros(2), chosen, None), np.zeros(1), STEPS)
-    Y, losses = engine.values(np.zeros((3, 2)), np.array([[1.0, np.inf], [1.0, np.nan], [1.0, 0.5]]))
-    assert np.isnan(Y[:2]).all() and np.isfinite(losses.t_failed[:2]).all()
+    Y, failed_samples = engine.values(np.zeros((3, 2)), np.array([[1.0, np.inf], [1.0, np.nan], [1.0, 0.5]]))
+    assert np.isnan(Y[:2]).all() and np.isfinite(failed_samples.t_failed[:2]).all()
     assert_allclose(Y[2], np.sin(0.5), rtol=1e-15)

@@ -30,8 +30,8 @@ def duffing(rtol=1e-9, times=TIMES):
 
 def test_runs_are_those_of_scipy_s_dop853():
     x0, p = np.array([[1.0, 0.0], [0.5, -1.0], [2.0, 1.0]]), np.array([[0.5], [1.0], [2.0]])
-    Y, losses = duffing().values(x0, p)
-    assert np.isnan(losses.t_failed).all()
+    Y, failed_samples = duffing().values(x0, p)
+    assert np.isnan(failed_samples.t_failed).all()
     for start, k, y in zip(x0, p[:, 0], Y, strict=True):
         run = solve_ivp(spring(k), (0, 5), start, "DOP853", TIMES, rtol=1e-12, atol=1e-13)
         assert_allclose(y, run.y.T, atol=2e-8)
@@ -51,10 +51,10 @@ def test_extremes_are_those_of_the_values_whatever_the_threads():
     Y, _ = engine.values(x0, p)
     for threads in (1, 2, 3):
         assert_array_equal(engine.values(x0, p, threads)[0], Y)
-        lower, upper, losses = engine.extremes(x0, p, threads)
+        lower, upper, failed_samples = engine.extremes(x0, p, threads)
         assert_array_equal(lower, Y.min(axis=0))
         assert_array_equal(upper, Y.max(axis=0))
-        assert np.isnan(losses.t_failed).all()
+        assert np.isnan(failed_samples.t_failed).all()
 
 
 def test_a_lost_sample_leaves_its_neighbours_as_if_it_had_not_been_there():
@@ -131,9 +131,9 @@ def test_compiled_lanes_start_where_newton_s_method_says(model):
     nominal = np.array(list(simulator.parameters.values()))
     P = nominal * np.random.default_rng(0).uniform(0.97, 1.03, (11, len(nominal)))
     x, reasons = simulator.start.states(P)
-    Y, losses = engine.values(np.empty((11, 0)), P)
-    assert_array_equal(np.isnan(losses.t_failed), [not why for why in reasons])
-    good = np.isnan(losses.t_failed)
+    Y, failed_samples = engine.values(np.empty((11, 0)), P)
+    assert_array_equal(np.isnan(failed_samples.t_failed), [not why for why in reasons])
+    good = np.isnan(failed_samples.t_failed)
     expected = simulator.y.map(int(good.sum()))(x[good].T, P[good].T, simulator.times[0]).full().T
     assert_allclose(Y[good, 0], expected, rtol=1e-12, atol=1e-12 * max(1.0, np.abs(expected).max()))
 

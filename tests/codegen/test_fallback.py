@@ -1,4 +1,4 @@
-"""The engine without a compiler: the compiled one's values, losses and bounds; and the lanes of narrower processors."""
+"""The engine without a compiler: the compiled one's values, failed samples and bounds; and the lanes of narrower processors."""
 
 import math
 import os
@@ -91,9 +91,9 @@ def test_extremes_are_those_of_the_values():
     x0, p = rng.uniform(-1, 1, (2100, 2)), rng.uniform(0.5, 1.5, (2100, 1))
     engine = pickle.loads(pickle.dumps(swing(ArrayEngine, np.linspace(0, 1, 4))))
     Y, _ = engine.values(x0, p)
-    lower, upper, losses = engine.extremes(x0, p, threads=2)
+    lower, upper, failed_samples = engine.extremes(x0, p, threads=2)
     assert_array_equal([lower, upper], [Y.min(axis=0), Y.max(axis=0)])
-    assert np.isnan(losses.t_failed).all()
+    assert np.isnan(failed_samples.t_failed).all()
 
 
 def test_the_same_samples_are_lost_at_the_same_time():
@@ -127,15 +127,15 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
     x0, compiled, arrays = both(simulator, P)
     for expected, found in zip(compiled.extremes(x0, P)[:2], arrays.extremes(x0, P)[:2], strict=True):
         assert_allclose(found, expected, rtol=1e-9)
-    losses = arrays.extremes(x0, P)[2]
-    assert_array_equal(losses.failure, [0, 1, 0])
-    assert_allclose(losses.t_failed, [np.nan, 1.2, np.nan])
+    failed_samples = arrays.extremes(x0, P)[2]
+    assert_array_equal(failed_samples.failure, [0, 1, 0])
+    assert_allclose(failed_samples.t_failed, [np.nan, 1.2, np.nan])
 
 
 def test_too_many_steps_fail_the_block(monkeypatch):
     monkeypatch.setattr("symmb.codegen.fallback.MOST_STEPS", 3)
-    Y, losses = swing(ArrayEngine, [0.0, 100.0]).values(np.ones((3, 2)), np.ones((3, 1)))
-    assert np.isnan(Y[:, 1]).all() and (losses.t_failed < 100.0).all()
+    Y, failed_samples = swing(ArrayEngine, [0.0, 100.0]).values(np.ones((3, 2)), np.ones((3, 1)))
+    assert np.isnan(Y[:, 1]).all() and (failed_samples.t_failed < 100.0).all()
 
 
 def test_remainders_are_those_of_c():

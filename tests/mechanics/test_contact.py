@@ -104,7 +104,7 @@ def test_two_colliding_bodies_keep_their_momentum(solver):
 
 @solvers
 def test_a_pin_flies_across_its_bush_and_back(solver):
-    """Along a diameter, without losses: from wall to wall at constant speed, half a Hertz contact at each."""
+    """Along a diameter, without failed_samples: from wall to wall at constant speed, half a Hertz contact at each."""
     clearance, speed, k = 0.01, 2.0, 1e8
     pin = mb.Body("pin", 1.0, 0.1, mb.Planar())
     bush = mb.BushContact(

@@ -23,7 +23,7 @@ def test_the_functions_fit_together(scene, p):
     assert_allclose(M @ a + G.T @ lam, Q, atol=1e-11)
     assert_allclose(G @ a, gamma, atol=1e-11)
     right = rng.uniform(-1, 1, dae.n_r)
-    delta = numbers(dae.shift, *at, right)
+    delta = numbers(dae.min_norm_correction, *at, right)
     assert_allclose(G @ delta, right, atol=1e-12)
     inverse = np.linalg.inv(M)  # the least of all such displacements in the norm of M
     assert_allclose(delta, inverse @ G.T @ np.linalg.solve(G @ inverse @ G.T, right), atol=1e-11)
