@@ -218,7 +218,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     listed_q = ca.vertcat(*[held.q.get(i, before[i]) for i in range(dae.n_q)]) if dae.n_q else before
     listed_v = ca.vertcat(*[held.v.get(i, ca.SX(0)) for i in range(dae.n_v)]) if dae.n_v else ca.SX(0, 1)
     reference = ca.Function("reference", [p, before], [listed_q])
-    free = np.array([i for i in range(dae.n_v) if i not in held.displacement_scales], dtype=np.intp)
+    free = np.array([i for i in range(dae.n_v) if i not in held.displacements], dtype=np.intp)
     guess = dae.q_neutral.copy()
     for i, value in scene.guesses.items():
         guess[i] = float(ca.Function("guess", [p], [value])(p0))

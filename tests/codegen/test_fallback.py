@@ -1,4 +1,4 @@
-"""The engine without a compiler: the compiled one's values, failed samples and bounds; and the lanes of narrower processors."""
+"""The engine without a compiler gives the values, failed samples and bounds of the compiled one."""
 
 import math
 import os
