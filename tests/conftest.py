@@ -23,54 +23,11 @@ from models import (
     spin_up_beam,
     stick_slip,
 )
-from symmb import (
-    BDFI3,
-    CVODES,
-    HHT,
-    IDAS,
-    NSTIFFSI2,
-    ChebyshevGauss,
-    ClenshawCurtis,
-    Collocation,
-    DormandPrince,
-    Gauss,
-    GeneralizedAlpha,
-    HyperbolicCross,
-    IntervalArithmetic,
-    LatinHypercube,
-    Leja,
-    MonteCarlo,
-    Newmark,
-    Optimization,
-    PolynomialChaos,
-    Rosenbrock,
-    RungeKutta,
-    Scanning,
-    Sobol,
-    SparseGrid,
-    StabilizedIndex2,
-    Swarm,
-    Taylor,
-    TensorDegree,
-    TotalDegree,
-    Vertex,
-)
+from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
+from symmb.bounds import METHODS
+from symmb.integrate import SOLVERS
 
-ALL_SOLVERS = (
-    DormandPrince(rtol=1e-11),
-    CVODES(rtol=1e-11),
-    CVODES(rtol=1e-11, stiff=True),
-    IDAS(rtol=1e-11),
-    RungeKutta(steps=2000),
-    Collocation(steps=100),
-    NSTIFFSI2(step=1e-3),
-    GeneralizedAlpha(step=1e-3),
-    HHT(step=1e-3),
-    Newmark(step=2e-4),
-    BDFI3(step=1e-3),
-    Rosenbrock(rtol=1e-9),
-    StabilizedIndex2(rtol=1e-9),
-)
+ALL_SOLVERS = tuple(entry.accurate for entry in SOLVERS if entry.accurate is not None)
 
 ALL_RULES = (Gauss(), ClenshawCurtis(), ChebyshevGauss(), Leja())
 
@@ -78,29 +35,7 @@ ALL_NODES = (*ALL_RULES, *(SparseGrid(rule) for rule in ALL_RULES))
 
 ALL_BASES = (TotalDegree(), TensorDegree(), HyperbolicCross(), HyperbolicCross(q=0.75))
 
-ALL_METHODS = (
-    PolynomialChaos(),
-    PolynomialChaos(budget=30),
-    PolynomialChaos(order=4),
-    PolynomialChaos(order=4, nodes=Gauss(), basis=TotalDegree()),
-    PolynomialChaos(order=4, nodes=Leja()),
-    PolynomialChaos(order=6, nodes=ChebyshevGauss(), basis=HyperbolicCross(q=0.75)),
-    PolynomialChaos.paper(order=2),
-    PolynomialChaos.paper(order=4, lockstep=True),
-    PolynomialChaos.paper(order=3, nodes=SparseGrid()),
-    Taylor(order=2),
-    Taylor(order=5),
-    Taylor(order=2, subintervals=4),
-    MonteCarlo(2000),
-    MonteCarlo(500, sampler=Sobol()),
-    MonteCarlo(500, sampler=LatinHypercube()),
-    Scanning(21),
-    Vertex(),
-    Optimization(),
-    Optimization(budget=30),
-    Swarm(particles=5, steps=10),
-    IntervalArithmetic(),
-)
+ALL_METHODS = tuple(method for entry in METHODS for method in entry.examples)
 
 ALL_MODELS = (
     cubic,

@@ -17,6 +17,7 @@ FLOORS = {
     "_types": 0,
     "_names": 0,
     "_options": 0,
+    "_specs": 0,
     "_table": 0,
     "plot": 1,
     "structures": 1,

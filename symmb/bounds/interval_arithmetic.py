@@ -41,6 +41,7 @@ class IntervalArithmetic(Method):
     Moore, Kearfott and Cloud (2009), Introduction to Interval Analysis, chapter 5.
     """
 
+    requires: ClassVar[str] = "expression"
     kind: ClassVar[Kind] = "enclosure"
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:

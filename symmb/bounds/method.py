@@ -19,6 +19,8 @@ class Method(ABC):
     """A way to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
 
     kind: ClassVar[Kind]
+    requires: ClassVar[str] = ""
+    """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 
     def bounds(
         self,

@@ -66,6 +66,7 @@ class Optimization(Method):
     budget: int = 300
     tolerance: float = 1e-4
 
+    requires: ClassVar[str] = "jets"
     kind: ClassVar[Kind] = "sampled"
 
     def __post_init__(self) -> None:

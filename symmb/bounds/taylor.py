@@ -54,6 +54,7 @@ class Taylor(Method):
     order: int = 2
     subintervals: int = 1
 
+    requires: ClassVar[str] = "jets"
     kind: ClassVar[Kind] = "estimate"
 
     def __post_init__(self) -> None:

@@ -197,7 +197,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    methods, solvers = specs.table("methods", specs.METHODS), specs.table("solvers", specs.SOLVERS)
+    methods, solvers = specs.method_table(), specs.solver_table()
     parser = _Parser(
         prog="symmb",
         description="Symbolic multibody dynamics with interval parameters.",

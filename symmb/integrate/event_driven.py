@@ -1,7 +1,8 @@
 """Runs with impacts: steps of the Dormand-Prince pair from event to event."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -42,10 +43,12 @@ class EventDriven(Solver):
     Numerical Methods for Nonsmooth Dynamical Systems, chapter 8.
     """
 
+    locates_events: ClassVar[bool] = True
+
     rtol: float = 1e-10
     atol: float | None = None
 
-    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if dae.impacts is None:
             return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)
         if order:
@@ -53,11 +56,7 @@ class EventDriven(Solver):
                 f"Derivatives with respect to parameters, and Taylor with them, are not valid across the events of "
                 f"{impacts_text(dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
             )
-        atol = dae.scales.size * self.rtol / 100 if self.atol is None else self.atol
-        return _EventIntegration(dae, dae.impacts, times, self.rtol, atol, work)
-
-    def tighter(self, factor: float = 10.0) -> "EventDriven":
-        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
+        return _EventIntegration(dae, dae.impacts, times, self.rtol, self.absolute_tolerance(dae.scales.size), work)
 
 
 def impacts_text(impacts: Impacts) -> str:

@@ -1,15 +1,15 @@
 """Implicit schemes as solvers, compiled for many samples side by side."""
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
 from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.codegen import Engine, FixedStep, Scheme, Tolerances, has_compiler, scheme_function
-from symmb.integrate.explicit import CompiledIntegration, CompiledSolver
+from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.integration import Integration
 from symmb.integrate.problem import build_problem
@@ -19,28 +19,23 @@ from symmb.model import DAE
 from symmb.schemes import Step, generalized_alpha, nstiff_si2
 from symmb.start import Start
 
-_FULL = 12
-"""Velocities up to which a full matrix costs no more than a sparse one."""
+FULL_MATRIX = 12
+"""Velocities up to which a full Newton matrix costs no more than a sparse one. tests/benchmarks/latency.py"""
+MOST_VELOCITIES = 300
+"""Velocities up to which a C compiler takes less than minutes for a Newton matrix. tests/benchmarks/scaling.py"""
 
 
-_LARGE = 300
-"""Velocities beyond which compilers take minutes."""
+class _SchemeSolver(CompiledSolver):
+    """Steps of a scheme in symbols, each solved by Newton's method."""
 
+    tolerance: float = 0.0  # of Newton's method; a scheme without iterations needs none
 
-class _Stepping(CompiledSolver):
-    """Steps of a scheme given in symbols; each with Newton's method, to a share of the motion's size."""
-
-    @property
-    def newton(self) -> float:
-        """Largest change of unknowns, over their sizes, at which Newton's method ends."""
-        return 0.0
-
-    def available(self, dae: DAE) -> bool:
-        return has_compiler() and dae.n_v <= _LARGE
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        return has_compiler() and dae.n_v <= MOST_VELOCITIES
 
     @abstractmethod
-    def formula(self, dae: DAE, order: int, work: bool) -> Step:
-        """The scheme, of the Taylor coefficients up to `order`."""
+    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+        """The symbolic step, of the Taylor coefficients up to `order`."""
 
     def engine(
         self,
@@ -52,56 +47,56 @@ class _Stepping(CompiledSolver):
         work: bool = False,
         start: Start | None = None,
     ) -> Engine:
-        step = self.formula(dae, order, work)
+        step = self.scheme(dae, order, work)
         w, n_x = step.w, step.n_x
-        state, control = w[:n_x], self.limited(dae, times)
-        change, counted = step.newton()
-        of_state = [step.x, state]
+        state, control = w[:n_x], self.limited_control(dae, times)
+        change, tested_change = step.newton()
+        at_state = [step.x, state]
         f = scheme_function(
             w,
             step.z,
             step.p,
             step.t,
             step.h,
-            history=ca.substitute(step.begin, *of_state),
+            history=ca.substitute(step.begin, *at_state),
             guess=step.guess,
-            correct=ca.vertcat(change, counted),
+            correct=ca.vertcat(change, tested_change),
             follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
             outputs=ca.vertcat(y(state, step.p, step.t), w[n_x : n_x + step.n_quad]),
-            projected=None if step.projected is None else ca.substitute(step.projected, *of_state),
+            projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
             start=start.equations(state, step.p) if start is not None and start.compiles else None,
         )
-        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.newton)
+        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
         return Engine(f, times, control, scheme)
 
-    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        def stepwise() -> Integration:
-            control = self.control(times, dae.scales.size)
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        def fixed_steps() -> Integration:
+            control = self.step_control(times, dae.scales.size)
             if isinstance(control, Tolerances):
                 raise PropagationError(
-                    f"{self!r} controls its step, which needs a C compiler, up to {_LARGE} velocities and no lockstep: "
-                    "give it a step in the place of a tolerance."
+                    f"{self!r} controls its step, which needs a C compiler and at most {MOST_VELOCITIES} velocities, "
+                    "and is not possible in lockstep. Give a step instead of a tolerance."
                 )
-            step = self.formula(dae, order, work)
+            step = self.scheme(dae, order, work)
             project = None
             if step.projected is not None:
                 project = ca.Function("project", [step.x, step.p, step.t], [step.projected], {"cse": True})
             return fixed_step_integration(implicit(step), times, control.longest, project)
 
-        if self.available(dae) and dae.n_v:
-            return CompiledIntegration(self, dae, times, order, work, stepwise)
-        return stepwise()
+        if self.runs_in_lanes(dae) and dae.n_v:
+            return CompiledIntegration(self, dae, times, order, work, fixed_steps)
+        return fixed_steps()
 
 
 @dataclass(frozen=True, repr=False)
-class Rosenbrock(_Stepping):
+class Rosenbrock(_SchemeSolver):
     """RODAS, order 4, L-stable, on the index-1 DAE: stiff motion without iterations.
 
     Parameters
     ----------
     rtol : float             relative tolerance
     atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
-    step : float             a fixed step in the place of tolerances, if given [s]
+    step : float             a fixed step instead of tolerances, if given [s]
     stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
     References
@@ -114,46 +109,47 @@ class Rosenbrock(_Stepping):
     step: float | None = None
     stabilization: Stabilization = None
 
-    def formula(self, dae: DAE, order: int, work: bool) -> Step:
-        # Without multipliers errors are smaller, but the matrix of all velocities is full.
-        keeps = dae.n_v > _FULL and not isinstance(self.stabilization, AugmentedLagrangian)
-        return rosenbrock(build_problem(dae, self.stabilization, algebraic=keeps, work=work, one_step=True).jets(order))
-
-    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
-        if self.step is not None:
-            return FixedStep(self.step)
-        return Tolerances(self.rtol, size * self.rtol / 100 if self.atol is None else self.atol)
-
-    def tighter(self, factor: float = 10.0) -> "Rosenbrock":
-        if self.step is not None:
-            return replace(self, step=self.step / factor**0.25)
-        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
-
-
-class _Implicit(_Stepping):
-    step: float
-    tolerance: float
+    @property
+    def order(self) -> float:
+        return 4
 
     @property
-    def newton(self) -> float:
-        return self.tolerance
+    def controls_step(self) -> bool:
+        return self.step is None
+
+    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+        # Without multipliers errors are smaller, but the matrix of all velocities is full.
+        algebraic = dae.n_v > FULL_MATRIX and not isinstance(self.stabilization, AugmentedLagrangian)
+        problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
+        return rosenbrock(problem.jets(order))
+
+    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
+        return super().step_control(times, size) if self.step is None else FixedStep(self.step)
+
+
+class _PositionScheme(_SchemeSolver):
+    """A scheme of order 2 with a fixed step, which keeps the positions on their constraints."""
+
+    keeps_positions: ClassVar[bool] = True
+    step: float
+
+    @property
+    def controls_step(self) -> bool:
+        return False
 
     @abstractmethod
-    def scheme(self, dae: DAE, work: bool) -> Step:
-        """The scheme as a symbolic step."""
+    def formula(self, dae: DAE, work: bool) -> Step:
+        """The symbolic step."""
 
-    def formula(self, dae: DAE, order: int, work: bool) -> Step:
-        return self.scheme(dae, work).jets(order)
+    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+        return self.formula(dae, work).jets(order)
 
-    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
+    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
         return FixedStep(self.step)
-
-    def tighter(self, factor: float = 10.0) -> Self:
-        return replace(self, step=self.step / factor**0.5)  # pyright: ignore[reportArgumentType]
 
 
 @dataclass(frozen=True, repr=False)
-class NSTIFFSI2(_Implicit):
+class NSTIFFSI2(_PositionScheme):
     """Second-order BDF on the stabilised index-2 form, the paper's solver (see `schemes.nstiff_si2`).
 
     Parameters
@@ -167,20 +163,21 @@ class NSTIFFSI2(_Implicit):
     rtol: float | None = None
     tolerance: float = 1e-8
 
-    def scheme(self, dae: DAE, work: bool) -> Step:
+    @property
+    def controls_step(self) -> bool:
+        return self.rtol is not None
+
+    def formula(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work)
 
-    def control(self, times: Array, size: float) -> Tolerances | FixedStep:
-        return FixedStep(self.step) if self.rtol is None else Tolerances(self.rtol, size * self.rtol / 100, self.step)
-
-    def tighter(self, factor: float = 10.0) -> "NSTIFFSI2":
-        if self.rtol is not None:
-            return replace(self, rtol=self.rtol / factor)
-        return replace(self, step=self.step / factor**0.5)
+    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
+        if self.rtol is None:
+            return FixedStep(self.step)
+        return Tolerances(self.rtol, self.absolute_tolerance(size), self.step)
 
 
 @dataclass(frozen=True, repr=False)
-class BDFI3(_Implicit):
+class BDFI3(_PositionScheme):
     """Second-order BDF on the index-3 form: positions alone are kept, velocities follow to the error of the step.
 
     Parameters
@@ -192,12 +189,23 @@ class BDFI3(_Implicit):
     step: float = 1e-3
     tolerance: float = 1e-12
 
-    def scheme(self, dae: DAE, work: bool) -> Step:
+    def formula(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work, stabilized=False)
 
 
+class _AlphaScheme(_PositionScheme):
+    """A member of the generalised-alpha family on the index-3 form, which its coefficients determine."""
+
+    @abstractmethod
+    def coefficients(self) -> tuple[float, float, float]:
+        """alpha_m, alpha_f and gamma of `schemes.generalized_alpha`."""
+
+    def formula(self, dae: DAE, work: bool) -> Step:
+        return generalized_alpha(dae, work, *self.coefficients())
+
+
 @dataclass(frozen=True, repr=False)
-class Newmark(_Implicit):
+class Newmark(_AlphaScheme):
     """Newmark's method on the index-3 form, of first order: gamma above 1/2 damps what the constraints excite.
 
     Parameters
@@ -213,15 +221,16 @@ class Newmark(_Implicit):
     gamma: float = 0.6
     tolerance: float = 1e-13
 
-    def scheme(self, dae: DAE, work: bool) -> Step:
-        return generalized_alpha(dae, work, alpha_m=0.0, alpha_f=0.0, gamma=self.gamma)
+    @property
+    def order(self) -> float:
+        return 1
 
-    def tighter(self, factor: float = 10.0) -> "Newmark":
-        return replace(self, step=self.step / factor)
+    def coefficients(self) -> tuple[float, float, float]:
+        return 0.0, 0.0, self.gamma
 
 
 @dataclass(frozen=True, repr=False)
-class GeneralizedAlpha(_Implicit):
+class GeneralizedAlpha(_AlphaScheme):
     """Generalised-alpha on the index-3 form (see `schemes.generalized_alpha`).
 
     Parameters
@@ -237,14 +246,13 @@ class GeneralizedAlpha(_Implicit):
     rho: float = 0.8
     tolerance: float = 1e-13
 
-    def scheme(self, dae: DAE, work: bool) -> Step:
-        return generalized_alpha(
-            dae, work, alpha_m=(2 * self.rho - 1) / (self.rho + 1), alpha_f=self.rho / (self.rho + 1)
-        )
+    def coefficients(self) -> tuple[float, float, float]:
+        alpha_m, alpha_f = (2 * self.rho - 1) / (self.rho + 1), self.rho / (self.rho + 1)
+        return alpha_m, alpha_f, 0.5 + alpha_f - alpha_m
 
 
 @dataclass(frozen=True, repr=False)
-class HHT(_Implicit):
+class HHT(_AlphaScheme):
     """Hilber-Hughes-Taylor (HHT-I3) on the index-3 form.
 
     Parameters
@@ -260,5 +268,5 @@ class HHT(_Implicit):
     alpha: float = 0.1
     tolerance: float = 1e-13
 
-    def scheme(self, dae: DAE, work: bool) -> Step:
-        return generalized_alpha(dae, work, alpha_m=0.0, alpha_f=self.alpha)
+    def coefficients(self) -> tuple[float, float, float]:
+        return 0.0, self.alpha, 0.5 + self.alpha

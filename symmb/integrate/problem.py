@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb.integrate.projection import normalize, project
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.model import DAE
 from symmb.symbolic import jets, symmetric_solver
 
-_PROJECTION_STEPS = 3  # Newton is quadratic: enough from the drift of a whole output interval
+PROJECTION_STEPS = 3
+"""Newton steps of a projection: Newton is quadratic, so these suffice for the drift of a whole output interval."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,12 @@ class Problem:
     quad: ca.SX
     z_guess: ca.SX
     projected: ca.SX | None
+
+    def projection(self) -> ca.Function | None:
+        """(x, p, t) -> x on the constraints; None if states are not moved."""
+        if self.projected is None:
+            return None
+        return ca.Function("project", [self.x, self.p, self.t], [self.projected], {"cse": True})
 
     def jets(self, order: int) -> "Problem":
         """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
@@ -64,7 +71,7 @@ def build_problem(
     algebraic: bool,
     work: bool,
     one_step: bool = False,
-    projections: int = _PROJECTION_STEPS,
+    projections: int = PROJECTION_STEPS,
 ) -> Problem:
     """The index-reduced DAE.
 
@@ -85,8 +92,6 @@ def build_problem(
     right = dae.gamma(*at) if dae.gamma is not None else ca.SX(0, 1)
     if isinstance(stabilization, Baumgarte):
         right = right - _feedback(dae, at, 2 * stabilization.alpha, stabilization.beta**2)
-    if isinstance(stabilization, AugmentedLagrangian) and algebraic:
-        raise DeclarationError("AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES().")
     if isinstance(stabilization, AugmentedLagrangian) and dae.G is not None:
         vdot, lam = _augmented(dae, at, dae.G(*at), right, stabilization)
     else:
@@ -108,9 +113,9 @@ def build_problem(
             vdot = ca.solve(M, dae.Q(*at) - G.T @ lam)
             alg = (G @ vdot - right) / row_scales
     if isinstance(stabilization, Projection):
-        projected = _project(dae, x, p, time, projections)
+        projected = project(dae, x, p, time, projections)
     else:
-        projected = _normalized(dae, x) if one_step else None
+        projected = normalize(dae, x) if one_step else None
     power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
     return Problem(
         x=x,
@@ -145,73 +150,3 @@ def _augmented(
         vdot = solve(Q - G.T @ (lam - a * right))
         lam = lam + a * (G @ vdot - right)
     return vdot, lam
-
-
-def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
-    """The stabilised index-2 form: positions and velocities are algebraic equations, multipliers lam and mu unknowns.
-
-        q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
-
-    S, squares of the scales of q, weighs lengths against angles, whatever the units; mu vanishes at the exact solution.
-
-    References
-    ----------
-    Gear, Leimkuhler, Gupta (1985), Journal of Computational and Applied Mathematics 12-13, 77-90.
-    """
-    x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
-    p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-    at = dae.arguments(x, p, time)
-    rates = dae.rhs.call(list(at))
-    of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
-    unit = dae.scales.energy / row_scales  # unknowns and rows in terms of the motion's size, whatever the units
-    z, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
-    lam = unit * z
-    qdot, vdot, guess, rows = rates[0], rates[1], ca.SX(0, 1), ca.SX(0, 1)
-    if dae.G is not None and dae.Phi_dot is not None and dae.gamma is not None:
-        first, guess = dae.forward(*at, dae.gamma(*at))
-        guess = guess / unit
-        M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at) / row_scales
-        if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
-            a = ca.SX.sym("a", dae.n_v)
-            vdot = of_v * a
-            balance = of_v / dae.scales.energy * (M @ vdot - force)
-            rows, guess = ca.vertcat(balance, rows), ca.vertcat(first / of_v, guess)
-        else:
-            vdot = ca.solve(M, force)
-    if dae.Phi is not None and dae.Phi_q is not None:
-        of_c, of_q = row_scales[: dae.n_c, :], ca.DM(dae.coordinate_scales)
-        qdot = qdot - of_q**2 * (dae.Phi_q(*at).T @ (mu / of_c))
-        rows = ca.vertcat(rows, dae.Phi(*at) / of_c)
-    return Problem(
-        x=x,
-        z=ca.vertcat(a, z, mu),
-        p=p,
-        t=time,
-        ode=ca.densify(ca.vertcat(qdot, vdot, *rates[2:])),
-        alg=ca.densify(rows),
-        quad=dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1),
-        z_guess=ca.vertcat(guess, ca.SX.zeros(dae.n_c)),
-        projected=None,
-    )
-
-
-def _normalized(dae: DAE, x: ca.SX) -> ca.SX | None:
-    """The state with quaternions of norm 1; None if there are none."""
-    moved = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
-    return None if ca.is_equal(moved, x, 1) else moved
-
-
-def _project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
-    """The state moved onto positions, then velocities: Newton in the norm of M, quadratic from a small drift."""
-    if dae.min_norm_correction is None or dae.Phi_dot is None:
-        return _normalized(dae, x)
-    x = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
-    at = dae.arguments(x, p, time)
-    if dae.Phi is not None:
-        for _ in range(projections):
-            at = dae.arguments(x, p, time)
-            violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
-            x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :])
-    # Velocities keep the matrix of the last step: what it is off by is multiplied with what they are off by.
-    change = dae.min_norm_correction(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
-    return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

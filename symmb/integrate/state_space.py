@@ -1,15 +1,17 @@
 """The state-space method: independent coordinates are integrated, the others follow from the constraints."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Indices
 from symmb.events import longest_step
+from symmb.integrate.casadi_solvers import CVODES
 from symmb.integrate.integration import Integration, Run
-from symmb.integrate.solver import CVODES, Solver
+from symmb.integrate.solver import Solver
 from symmb.model import DAE
 from symmb.start import independent
 from symmb.symbolic import batch
@@ -32,19 +34,17 @@ class StateSpace(Solver):
     Wehage, Haug (1982), Journal of Mechanical Design 104, 247-255.
     """
 
+    keeps_positions: ClassVar[bool] = True
+    gives_derivatives: ClassVar[bool] = False
+
     rtol: float = 1e-8
     atol: float | None = None
 
-    def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
-        if order:
-            raise PropagationError("StateSpace() gives no derivatives: use a solver such as DormandPrince().")
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if not dae.n_v:
             return CVODES().integration(dae, times, work=work)
-        atol = dae.scales.size * self.rtol / 100 if self.atol is None else self.atol
+        atol = self.absolute_tolerance(dae.scales.size)
         return _Partitioned(dae, times, self.rtol, atol, longest_step(dae, times), work and dae.power is not None)
-
-    def tighter(self, factor: float = 10.0) -> "StateSpace":
-        return replace(self, rtol=self.rtol / factor, atol=None if self.atol is None else self.atol / factor)
 
 
 _WORSE = 100.0

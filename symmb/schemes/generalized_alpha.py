@@ -6,13 +6,16 @@ from symmb.model import DAE
 from symmb.schemes.step import At, Step, sizes
 
 
-def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamma: float | None = None) -> Step:
-    """One step with velocities as increments, so that rotations stay rotations; Newmark's with a gamma of its own.
+def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamma: float) -> Step:
+    """One step with velocities as increments, so that rotations stay rotations.
 
-        v+ = v + h ((1 - gamma) a + gamma a+),                  gamma = 1/2 + alpha_f - alpha_m
+        v+ = v + h ((1 - gamma) a + gamma a+)
         q+ = q (+) (h v + h^2 ((1/2 - beta) a + beta a+)),      beta = (gamma + 1/2)^2 / 4
         (1 - alpha_m) a+ + alpha_m a = (1 - alpha_f) v'+ + alpha_f v'
         M v'+ + G' lam+ = Q,      Phi = 0,      rates of velocity-only rows = 0
+
+    The method is of second order if gamma = 1/2 + alpha_f - alpha_m. HHT has alpha_m = 0; Newmark's method has both 0
+    and a gamma of its own.
 
     References
     ----------
@@ -21,7 +24,6 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     """
     n_q, n_v, n_s = dae.n_q, dae.n_v, dae.n_s
     n_x = n_q + n_v + n_s
-    gamma = 0.5 + alpha_f - alpha_m if gamma is None else gamma
     beta = 0.25 * (gamma + 0.5) ** 2
     x, p, t, h = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t"), ca.SX.sym("h")
     n_quad = 1 if work and dae.power is not None else 0

@@ -32,7 +32,9 @@ def simulator_of(
     if box is None:
         raise DeclarationError("No box: which parameters are uncertain? Give box=Box(l1=(0.95, 1.05)).")
     if not isinstance(box, Box):
-        raise DeclarationError(f"box: {box!r} is no Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals) for a dict.")
+        raise DeclarationError(
+            f"box: {box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals) for a dict."
+        )
     if isinstance(subject, Scene):
         if times is not None:
             subject = subject.with_times(times)
@@ -59,4 +61,6 @@ def require_solver(solver: object) -> None:
     if isinstance(solver, type):
         raise DeclarationError(f"solver: got the class {solver.__name__}; call it, as in CVODES() or HHT(step=1e-3).")
     if solver is not None and not isinstance(solver, Solver):
-        raise DeclarationError(f"solver: {solver!r} is none; give an object such as CVODES(rtol=1e-9) or IDAS().")
+        raise DeclarationError(
+            f"solver: {solver!r} is not a Solver; give an object such as CVODES(rtol=1e-9) or IDAS()."
+        )

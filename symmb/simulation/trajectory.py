@@ -18,7 +18,8 @@ from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.events import Event, longest_step
 from symmb.model import Scene
-from symmb.simulation.dae_simulator import DAESimulator, output_function
+from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.outputs import output_function
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
 

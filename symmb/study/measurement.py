@@ -8,16 +8,14 @@ import numpy as np
 
 from symmb._errors import PropagationError, SimulationError
 from symmb._types import Array, Executor
-from symmb.bounds import Bounds, IntervalArithmetic, Method, MonteCarlo, PolynomialChaos, Scanning, Taylor, propagate
+from symmb.bounds import METHODS, Bounds, Method, propagate
 from symmb.model import Box
-from symmb.simulation import Jets, Plain, Simulator
+from symmb.simulation import Simulator
 from symmb.study.comparison_result import Comparison
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import find_reference
 from symmb.study.row import NotRun, Row
 
-_RUNS = 2000
-"""Most runs that a default method other than Monte Carlo may take."""
 _REPEATS = 3
 """Fewest runs whose median is taken."""
 _ENOUGH = 0.1
@@ -31,17 +29,8 @@ Progress = Callable[[str, int, int], None]
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
     """Several settings of each method that suits the simulator: points of error-against-run-time curves."""
-    n_p = len(box.names)
-    budget = None if n_p <= 2 else _RUNS  # in one or two parameters no level takes as many
-    methods: list[Method] = [PolynomialChaos(tolerance=share, budget=budget) for share in (1e-1, 1e-2, 1e-3)]
-    methods += [PolynomialChaos.paper(order) for order in (2, 3, 4) if (order + 1) ** n_p <= _RUNS]
-    if isinstance(simulator, Jets):
-        methods += [Taylor(2), Taylor(3)]
-    if isinstance(simulator, Plain):
-        methods += [IntervalArithmetic()]
-    methods += [Scanning(k) for k in (3, 6, 11, 21) if k**n_p <= _RUNS]
-    methods += [MonteCarlo(100), MonteCarlo(1000), MonteCarlo(10_000)]
-    return tuple(methods)
+    methods = [method for entry in METHODS for method in entry.compared(len(box.names))]
+    return tuple(method for method in methods if not method.requires or hasattr(simulator, method.requires))
 
 
 def compare_simulator(

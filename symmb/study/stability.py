@@ -14,21 +14,7 @@ from symmb import plot
 from symmb._errors import SimulationError
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.integrate import (
-    BDFI3,
-    CVODES,
-    HHT,
-    IDAS,
-    NSTIFFSI2,
-    DormandPrince,
-    GeneralizedAlpha,
-    Newmark,
-    Rosenbrock,
-    RungeKutta,
-    Solver,
-    StabilizedIndex2,
-    stiffness,
-)
+from symmb.integrate import CVODES, IDAS, NSTIFFSI2, SOLVERS, Rosenbrock, Solver, StabilizedIndex2, stiffness
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator
 from symmb.study.advice import advice
@@ -203,28 +189,15 @@ _REFERENCES: dict[str, tuple[float, Solver]] = {
 }
 
 
-def _ladders(length: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
-    """Families with their settings, from fast to slow."""
-    adaptive: dict[str, Callable[[float], Solver]] = {
-        "DormandPrince": lambda r: DormandPrince(rtol=r),
-        "CVODES": lambda r: CVODES(rtol=r),
-        "CVODES, stiff": lambda r: CVODES(rtol=r, stiff=True),
-        "IDAS": lambda r: IDAS(rtol=r),
-        "StabilizedIndex2": lambda r: StabilizedIndex2(rtol=r),
-    }
-    fixed: dict[str, Callable[[int], Solver]] = {
-        "RungeKutta": lambda n: RungeKutta(steps=n),
-        "Rosenbrock": lambda n: Rosenbrock(step=length / n),
-        "NSTIFFSI2": lambda n: NSTIFFSI2(step=length / n),
-        "GeneralizedAlpha": lambda n: GeneralizedAlpha(step=length / n),
-        "HHT": lambda n: HHT(step=length / n),
-        "Newmark": lambda n: Newmark(step=length / n),
-        "BDFI3": lambda n: BDFI3(step=length / n),
-    }
-    return [
-        *((name, [(r, make(r)) for r in TOLERANCES]) for name, make in adaptive.items()),
-        *((name, [(length / n, make(n)) for n in STEPS]) for name, make in fixed.items()),
-    ]
+def _ladders(horizon: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
+    """Families of solvers with their settings (relative tolerance or step [s], solver), from fast to slow."""
+    families = []
+    for entry in SOLVERS:
+        if entry.ladder is not None:
+            numbers = TOLERANCES if entry.tolerances else STEPS
+            settings = [(r if entry.tolerances else horizon / r, entry.ladder(r, horizon)) for r in numbers]
+            families.append((entry.family, settings))
+    return families
 
 
 def _few(times: Array) -> list[tuple[str, tuple[float, Solver]]]:

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from symmb.bounds.reductions import failures
-from symmb.simulation.dae_simulator import NAMED
+from symmb.simulation.ensembles import NAMED_SAMPLES
 
 ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]
 
@@ -101,12 +101,12 @@ def beyond_reach():
 def test_the_first_samples_that_fail_near_a_singular_position_name_its_joints(make, time):
     scene, solver, why, joint = make()
     simulator = mb.DAESimulator(scene, solver)
-    ensemble = simulator.run(np.tile(simulator.dae.p_nominal, (NAMED + 2, 1)))
+    ensemble = simulator.run(np.tile(simulator.dae.p_nominal, (NAMED_SAMPLES + 2, 1)))
     start = rf"t = {time} s, length = 1.*: {why}"
-    assert len(ensemble.messages) == NAMED + 2
-    for message in ensemble.messages[:NAMED]:
+    assert len(ensemble.messages) == NAMED_SAMPLES + 2
+    for message in ensemble.messages[:NAMED_SAMPLES]:
         assert re.match(rf"{start}.*; near t = {time} s rows of '{joint}', .* nearly depend on each other", message)
-    assert re.match(start, ensemble.messages[NAMED]) and "near t" not in ensemble.messages[NAMED]
+    assert re.match(start, ensemble.messages[NAMED_SAMPLES]) and "near t" not in ensemble.messages[NAMED_SAMPLES]
 
 
 def test_a_run_that_fails_between_outputs_names_the_joints_of_a_singular_position():

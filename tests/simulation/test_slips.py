@@ -12,9 +12,9 @@ BOX = mb.Box(a=(0.1, 0.2))
 @pytest.mark.parametrize(
     ("solver", "message"),
     [
-        ("cvodes", r"solver: 'cvodes' is none; give an object such as CVODES\(rtol=1e-9\)"),
+        ("cvodes", r"solver: 'cvodes' is not a Solver; give an object such as CVODES\(rtol=1e-9\)"),
         (mb.IDAS, "solver: got the class IDAS; call it"),
-        (mb.Projection(), r"solver: Projection\(\) is none"),
+        (mb.Projection(), r"solver: Projection\(\) is not a Solver"),
     ],
 )
 def test_solvers(solver, message):

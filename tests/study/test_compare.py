@@ -91,9 +91,9 @@ def test_a_single_method_need_not_be_in_a_list():
         (([Vertex], BOX), r"compare: got the class Vertex; call it"),
         ((Vertex, BOX), r"compare: got the class Vertex; call it"),
         (("vertex", BOX), r"compare: expected a method .* got 'vertex'"),
-        (([Vertex()], {"k": (0.5, 1.5)}), r"box: \{'k': .* is no Box.*Box\(\*\*intervals\)"),
+        (([Vertex()], {"k": (0.5, 1.5)}), r"box: \{'k': .* is not a Box.*Box\(\*\*intervals\)"),
         (([Vertex()], BOX, Scanning), r"reference: got the class Scanning"),
-        (([Vertex()], BOX, None, "cvodes"), r"solver: 'cvodes' is none; give an object such as CVODES"),
+        (([Vertex()], BOX, None, "cvodes"), r"solver: 'cvodes' is not a Solver; give an object such as CVODES"),
         (([Vertex()], BOX, None, mb.CVODES), r"solver: got the class CVODES; call it"),
     ],
 )

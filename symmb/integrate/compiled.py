@@ -1,0 +1,99 @@
+"""Solvers whose steps the engine of `codegen` takes for many samples side by side, and their runs."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array
+from symmb.codegen import ArrayEngine, Engine, FixedStep, Tolerances, has_compiler
+from symmb.events import longest_step
+from symmb.integrate.integration import Integration, Run
+from symmb.integrate.solver import Solver
+from symmb.model import DAE
+from symmb.start import Start
+
+AnyEngine = Engine | ArrayEngine
+
+
+class CompiledSolver(Solver):
+    """Steps that the engine takes for many samples side by side."""
+
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        return has_compiler()
+
+    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
+        """How the engine chooses its steps, for a motion of this size."""
+        return Tolerances(self.rtol, self.absolute_tolerance(size))  # pyright: ignore[reportAttributeAccessIssue]
+
+    @abstractmethod
+    def engine(
+        self,
+        dae: DAE,
+        times: Array,
+        y: ca.Function,
+        *,
+        order: int = 0,
+        work: bool = False,
+        start: Start | None = None,
+    ) -> AnyEngine:
+        """The runs, compiled if possible.
+
+        Parameters
+        ----------
+        times : (n_t,) array     output times [s]
+        y : (x, p, t) -> (n_y,)  outputs; with work, its integral follows them
+        order : int              with an order, x and p are those of the Taylor coefficients, see `Problem.jets`
+        start : Start            compiled too, if it is not large; without it, each run is given its state
+        """
+
+    def limited_control(self, dae: DAE, times: Array) -> Tolerances | FixedStep:
+        """The step control, with steps so short that none passes over a pulse of a law of time."""
+        control = self.step_control(times, dae.scales.size)
+        if isinstance(control, FixedStep):
+            return control
+        longest = min(longest_step(dae, times), control.longest or np.inf)
+        return replace(control, longest=longest if np.isfinite(longest) else 0.0)
+
+
+class CompiledIntegration(Integration):
+    """States of runs by the engine.
+
+    `fixed_steps` makes the single steps of a scheme with a fixed step, for runs in lockstep; None if there is no such.
+    """
+
+    def __init__(
+        self,
+        solver: CompiledSolver,
+        dae: DAE,
+        times: Array,
+        order: int,
+        work: bool,
+        fixed_steps: Callable[[], Integration] | None = None,
+    ) -> None:
+        n_x, n_p = (dae.n_q + dae.n_v + dae.n_s) * (order + 1), len(dae.p_names) * (2 if order else 1)
+        x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
+        self._engine = solver.engine(dae, times, ca.Function("states", [x, p, t], [x]), order=order, work=work)
+        self.times, self.n_x, self.n_quad = times, n_x, self._engine.n_y - n_x
+        self._fixed_steps = fixed_steps
+
+    def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
+        x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
+        Y, failed_samples = self._engine.values(x0, p, threads)
+        return [
+            Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
+            for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
+        ]
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        if self._fixed_steps is None:
+            raise PropagationError("Lockstep needs a solver with a fixed step, such as RungeKutta().")
+        yield from self._fixed_steps().march(x0, p)
+
+    def statistics(self) -> dict[str, int]:
+        counts = self._engine.counts
+        named = {"steps": counts.steps, "nonlinear iterations": counts.iterations, "most in a step": counts.most}
+        return {name: count for name, count in named.items() if count}

@@ -1,0 +1,64 @@
+"""Problems compiled for CasADi's interface to SUNDIALS' multistep methods."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.integrate.integration import Integration
+from symmb.integrate.problem import Problem
+
+MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
+"""Most steps of a run, and most steps times states: more take minutes."""
+CLOSE_TIMES = 1e-6
+"""Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
+_SCALED = {"ode", "alg", "quad"}
+
+
+def multistep_integration(
+    problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array, longest: float = np.inf
+) -> Integration:
+    """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length.
+
+    Steps are no longer than `longest` [s].
+    """
+    guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
+    project = problem.projection()
+    whole = between = None
+    if problem.x.numel() and len(times) > 1:
+        dae = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
+        dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
+        dae = {name: e for name, e in dae.items() if e.numel()}
+        # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
+        most = min(MOST_STEPS, MOST_STATES // problem.x.numel())
+        limit = {"max_num_steps": max(most // (len(times) - 1), 1000)}
+
+        def limited(length: float, unit: float) -> dict[str, Any]:
+            return options(length) | limit | ({"max_step_size": longest / unit} if np.isfinite(longest) else {})
+
+        tau = ca.SX.sym("tau")
+
+        def rescaled(begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
+            """In terms of tau, t = begin + span tau."""
+            parts = {name: ca.substitute(dae[name], problem.t, begin + span * tau) for name in _SCALED & dae.keys()}
+            return dae | {"t": tau} | {name: e if name == "alg" else span * e for name, e in parts.items()}
+
+        if project is None:
+            unit = _time_unit(times)
+            part = dae if unit == 1 else rescaled(ca.SX(0), ca.SX(unit))
+            length = float(times[-1] - times[0]) / unit
+            whole = ca.integrator("whole", plugin, part, times[0] / unit, times / unit, limited(length, unit))
+        # With tau in [0, 1] one integrator serves every interval.
+        begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
+        dae = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
+        between = ca.integrator("between", plugin, dae, 0, 1, limited(1.0, float(np.diff(times).max())))
+    return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
+
+
+def _time_unit(times: Array) -> float:
+    """1, but close times apart: CasADi's interface takes those less than 1e-9 s apart for the same."""
+    least = float(np.diff(times).min())
+    return 1.0 if least > CLOSE_TIMES else 2.0 ** math.floor(math.log2(least))

@@ -1,0 +1,31 @@
+"""Projection of states onto the constraints: positions first, then velocities."""
+
+import casadi as ca
+
+from symmb.model import DAE
+
+
+def normalize(dae: DAE, x: ca.SX) -> ca.SX | None:
+    """The state with quaternions of norm 1; None if there are none."""
+    moved = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    return None if ca.is_equal(moved, x, 1) else moved
+
+
+def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
+    """The state x (n_x,) on the constraints: Newton steps for the positions, then one correction of the velocities.
+
+    Each Newton step moves q by the displacement delta that minimises delta' M delta subject to G delta = -Phi. Newton
+    converges quadratically from a small drift, so `projections` is 1 after one step and 3 after an output interval.
+    """
+    if dae.min_norm_correction is None or dae.Phi_dot is None:
+        return normalize(dae, x)
+    x = ca.vertcat(dae.retract(x[: dae.n_q], ca.SX.zeros(dae.n_v)), x[dae.n_q :])
+    at = dae.arguments(x, p, time)
+    if dae.Phi is not None:
+        for _ in range(projections):
+            at = dae.arguments(x, p, time)
+            violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
+            x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :])
+    # The matrix of the last Newton step serves the velocities as well: the error is a product of two small drifts.
+    change = dae.min_norm_correction(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
+    return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

@@ -1,0 +1,124 @@
+"""Trajectories of many samples of a DAE, and the texts of those that failed."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.codegen import REASONS, FailedSamples
+from symmb.integrate import AnyEngine, Run
+from symmb.model import DAE
+from symmb.simulation.lock import LOCK
+from symmb.simulation.simulator import Ensemble
+from symmb.start import Start, singularity
+
+IRREGULAR_OUTPUT = REASONS[1]
+NAMED_SAMPLES = 5
+"""Failed samples of a block whose joints are named: as many as are printed."""
+
+
+def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
+    """N runs with parameters P (N, d) and outputs Y (N, n_t, n_y) at times (n_t,) as an Ensemble."""
+    ok = np.array([not run.message and bool(np.isfinite(y).all()) for run, y in zip(runs, Y, strict=True)], dtype=bool)
+    t_failed = np.full(len(runs), math.nan)
+    for k in np.flatnonzero(~ok):
+        first_irregular = times[int(np.argmin(np.isfinite(Y[k]).all(axis=1)))]
+        t_failed[k] = runs[k].t_failed if runs[k].message else first_irregular
+    reasons = [run.message or IRREGULAR_OUTPUT for run in runs]
+    events = None
+    if dae.impacts is not None:
+        event_times = [[event.time for event in run.events] for run in runs]
+        events = np.array([np.searchsorted(when, times, "right") for when in event_times], dtype=np.intp)
+    texts = failure_texts(dae, P, t_failed, reasons, lambda k: (runs[k].X, times))
+    return Ensemble(Y, ok, t_failed, texts, events)
+
+
+def failure_texts(
+    dae: DAE,
+    P: Array,
+    t_failed: Array,
+    reasons: Sequence[str],
+    states: Callable[[int], tuple[Array, Array]],
+) -> tuple[str, ...]:
+    """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
+
+    `states` of a sample gives some (m, n_x), which may be nan, and their times (m,).
+    """
+    texts = []
+    for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
+        values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(dae.p_names, P[k], strict=True))
+        near = None
+        if len(texts) < NAMED_SAMPLES:
+            X, times = states(k)
+            finite = np.isfinite(X).all(axis=1)
+            near = singularity(dae, X[finite], P[k], times[finite])
+        texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}{f'; {near}' if near else ''}")
+    return tuple(texts)
+
+
+@dataclass(eq=False)
+class CompiledEnsemble:
+    """An Ensemble from the engine: it computes trajectories or extremes only when they are asked for."""
+
+    dae: DAE
+    start: Start
+    engine: AnyEngine
+    P: Array
+    t_start: float
+    threads: int
+    events = None
+
+    def __post_init__(self) -> None:
+        self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.start.states(self.P)[0]
+        self._failed: FailedSamples | None = None
+
+    @property
+    def Y(self) -> Array:
+        """(N, n_t, n_y) outputs, nan where a sample failed."""
+        return self._trajectories
+
+    @cached_property
+    def _trajectories(self) -> Array:
+        Y, self._failed = self.engine.values(self._x0, self.P, self.threads)
+        return Y
+
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        if "_trajectories" in self.__dict__:
+            return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
+        lower, upper, self._failed = self.engine.extremes(self._x0, self.P, self.threads)
+        return lower, upper
+
+    @property
+    def failed_samples(self) -> FailedSamples:
+        """What the engine tells of failed samples."""
+        if self._failed is None:
+            _ = self.Y
+        return cast(FailedSamples, self._failed)
+
+    @property
+    def t_failed(self) -> Array:
+        """(N,) time at which a sample failed [s], nan where ok."""
+        return self.failed_samples.t_failed
+
+    @property
+    def ok(self) -> Mask:
+        """(N,) bool."""
+        return np.isnan(self.t_failed)
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """One text for each failed sample, in order."""
+        failed = self.failed_samples
+        reasons = failed.reasons
+        at_start = np.flatnonzero(self.t_failed == self.t_start)
+        with LOCK:
+            start_faults = self.start.states(self.P[at_start])[1] if at_start.size else ()
+        for k, fault in zip(at_start.tolist(), start_faults, strict=True):
+            reasons[k] = fault or reasons[k]
+        X = failed.x_failed[:, : self.dae.n_q + self.dae.n_v + self.dae.n_s]
+        return failure_texts(self.dae, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))

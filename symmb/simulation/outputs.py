@@ -1,0 +1,37 @@
+"""Outputs of a scene as CasADi Functions of state, parameters and time."""
+
+import casadi as ca
+
+from symmb.model import DAE, Scene
+from symmb.symbolic import jets
+from symmb.symbolic import t as time_symbol
+
+
+def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
+    """(x, p, t) -> y; multipliers and accelerations are computed only if y contains some."""
+    system = scene.system
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dae.arguments(x, p, t)
+    states = [system.q, system.v, *([system.s] if dae.n_s else []), system.p, time_symbol]
+    lam, vdot = ca.SX(system.lam), system.vdot
+    declared = ca.Function("declared", [*states, lam, vdot], [ca.densify(y)])
+    multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
+    if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
+        multipliers = dae.forward(*at, dae.gamma(*at))[1]
+        if dae.distribute_multipliers is not None:
+            multipliers = dae.distribute_multipliers(*at, multipliers)
+    if any(ca.which_depends(y, vdot, 1, True) or []):
+        accelerations = dae.rhs(*at)[1]
+    return ca.Function("y", [x, p, t], [declared(*at, multipliers, accelerations)], {"cse": True})
+
+
+def jet_outputs(y: ca.Function, order: int) -> ca.Function:
+    """(x_0 ... x_k, (p_0, p_1), t) -> Taylor coefficients of y (x, p, t), for parameters p_0 + p_1 eps."""
+    n_x, n_p = y.numel_in(0), y.numel_in(1)
+    X = [ca.SX.sym(f"x_{j}", n_x) for j in range(order + 1)]
+    P = [ca.SX.sym(f"p_{j}", n_p) for j in range(order + 1)]
+    t = ca.SX.sym("t")
+    coefficients = ca.vertcat(*jets(y(X[0], P[0], t), [X, P]))
+    if order > 1:  # the line of parameters has no higher coefficients
+        coefficients = ca.substitute(coefficients, ca.vertcat(*P[2:]), ca.SX.zeros(n_p * (order - 1)))
+    return ca.Function("jets", [ca.vertcat(*X), ca.vertcat(*P[:2]), t], [coefficients], {"cse": True})

@@ -1,0 +1,94 @@
+"""Runs of a scene by one solver after another, and whether they can be trusted."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.integrate import Run, Solver, stiffness
+from symmb.model import Scene
+from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.solver_choice import MANY, Pilot
+from symmb.simulation.trajectory import Trajectory
+
+POSITION_DRIFT, ENERGY_DRIFT, SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
+"""Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
+singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
+STIFFNESS_SAMPLES = 5
+"""Output times at which the stiffness of a run is judged."""
+
+
+class PilotRuns:
+    """Runs with one set of parameters, kept by solver.
+
+    Attributes
+    ----------
+    simulator : DAESimulator
+    solver, reason              the solver that was given or that the scene needs, and why; None if it is to be chosen
+    p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
+    start_fault : str           why the scene does not start; empty if it does
+    text : str                  the parameters as text
+    done : dict                 solver -> its run and trajectory
+    """
+
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], solver: Solver | None) -> None:
+        begin = time.perf_counter()
+        self.scene, self.parameters = scene, dict(parameters)
+        self.simulator = DAESimulator(scene, solver)
+        is_free = solver is None and self.simulator.dae.impacts is None
+        self.solver, self.reason = (None, "") if is_free else (self.simulator.solver, self.simulator.reason)
+        self.p = np.array(list(parameters.values()))
+        self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
+        self.text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
+        self.done: dict[Solver, tuple[Run, Trajectory]] = {}
+        self._setup = time.perf_counter() - begin
+
+    def run(self, solver: Solver) -> Pilot:
+        """Run by a solver, and keep the trajectory."""
+        begin = time.perf_counter()
+        simulator = self.simulator.solved_by(solver)
+        integration = simulator.integration(work=simulator.dae.power is not None or simulator.dae.impacts is not None)
+        built = time.perf_counter()
+        run = integration.run(self.x0, self.p[None])[0]
+        seconds, counts = time.perf_counter() - built, integration.statistics()
+        start = {name: list(getattr(simulator.start, name)) for name in ("held", "solved", "free", "redundant")}
+        trajectory = Trajectory(
+            scene=self.scene,
+            simulator=simulator,
+            parameters=self.parameters,
+            solver=repr(solver),
+            reason="",
+            t=simulator.times,
+            x=run.X,
+            work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
+            statistics={"start": start, "integrator": counts},
+            setup_seconds=self._setup + built - begin,
+            run_seconds=seconds,
+            events=run.events,
+        )
+        self.done[solver] = run, trajectory
+        return Pilot(run.message, counts.get("steps", 0), seconds, False)
+
+    def judge(self, solver: Solver) -> Pilot:
+        """Run by a solver, and say what speaks against the result."""
+        pilot = self.run(solver)
+        run, trajectory = self.done[solver]
+        if pilot.message:
+            return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
+        drift = trajectory.position_drift / self.simulator.dae.scales.length
+        if not drift < POSITION_DRIFT:
+            return replace(pilot, doubt=f"drifts off its constraints by {drift:.0e} of its size")
+        singularity = trajectory.singularity
+        if trajectory.energy_drift > (SINGULAR_ENERGY_DRIFT if singularity else ENERGY_DRIFT):
+            # Where positions are singular branches of the motion meet, and a solver may have taken another one.
+            where = f"{singularity}, " if singularity else ""
+            return replace(pilot, doubt=f"{where}energy drifts by {trajectory.energy_drift:.0e}")
+        return replace(pilot, slow=pilot.steps > MANY and self.is_stiff_along(run.X))
+
+    def is_stiff_along(self, X: Array) -> bool:
+        """Whether the motion linearised about some of the states X (m, n_x) is stiff over the horizon."""
+        times = self.simulator.times
+        some = np.unique(np.linspace(0, len(X) - 1, STIFFNESS_SAMPLES).astype(int))
+        return stiffness(self.simulator.dae, X[some], self.p, times[some]).is_stiff(float(times[-1] - times[0]))
