@@ -110,7 +110,7 @@ class Body(AbstractBody):
     def __post_init__(self) -> None:
         if not isinstance(self.pose, Pose):
             raise DeclarationError(
-                f"Body {self.name!r}: pose {self.pose!r} is none. Use pose=Planar(), pose=Spatial() or pose=Particle()."
+                f"Body {self.name!r}: pose {self.pose!r} is not a pose. Use Planar(), Spatial() or Particle()."
             )
         object.__setattr__(self, "frame", self.pose.frame(self.name))
 

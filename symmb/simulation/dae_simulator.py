@@ -71,7 +71,9 @@ class DAESimulator:
         self._solver, self._reason = None, ""
         if solver is None and self.dae.impacts is not None:
             solver, self._reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
-        if solver is not None:
+        if solver is None:
+            self._require_able(for_studies().first)
+        else:
             self._use(solver)
 
     def __repr__(self) -> str:
@@ -130,7 +132,8 @@ class DAESimulator:
         copy._use(solver)
         return copy
 
-    def _use(self, solver: Solver) -> None:
+    def _require_able(self, solver: Solver) -> None:
+        """DeclarationError unless the solver can run this scene."""
         if self.dae.impacts is not None and not solver.locates_events:
             raise DeclarationError(
                 f"{solver!r} does not locate the events of {impacts_text(self.dae.impacts)}. "
@@ -141,6 +144,9 @@ class DAESimulator:
                 f"{self._contradiction}. {solver!r} integrates accelerations, which do not contain this jump. Give a "
                 "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
             )
+
+    def _use(self, solver: Solver) -> None:
+        self._require_able(solver)
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}

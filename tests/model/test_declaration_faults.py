@@ -257,8 +257,8 @@ def test_all_faults_of_the_laws_are_told_at_once():
         (lambda: mb.Parameters(l=np.nan), "parameter 'l': nominal value nan is not a finite number"),
         (lambda: mb.Parameters(l="1"), "parameter 'l': nominal value '1'"),
         (lambda: mb.Parameters(nominal=1.0, keys=2.0), "parameter 'nominal': the name is taken.*\n.*'keys'"),
-        (lambda: mb.Body("b", 1.0, pose="Planar"), r"Body 'b': pose 'Planar' is none\. Use pose=Planar\(\)"),
-        (lambda: mb.Body("b", 1.0, pose=mb.Planar), r"Body 'b': pose .*Planar.* is none"),
+        (lambda: mb.Body("b", 1.0, pose="Planar"), r"Body 'b': pose 'Planar' is not a pose\. Use Planar\(\)"),
+        (lambda: mb.Body("b", 1.0, pose=mb.Planar), r"Body 'b': pose .*Planar.* is not a pose"),
         (
             lambda: ROD1.point(
                 1,

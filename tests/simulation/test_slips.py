@@ -32,7 +32,7 @@ def test_systems_are_no_scenes():
 
 
 def test_boxes():
-    with pytest.raises(mb.DeclarationError, match=r"box: \{'a': \(0.1, 0.2\)\} is no Box"):
+    with pytest.raises(mb.DeclarationError, match=r"box: \{'a': \(0.1, 0.2\)\} is not a Box"):
         mb.propagate(SCENE, mb.Vertex(), {"a": (0.1, 0.2)})
     with pytest.raises(mb.DeclarationError, match="No box"):
         mb.propagate(SCENE.with_box(None), mb.Vertex())
