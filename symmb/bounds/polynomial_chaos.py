@@ -11,7 +11,7 @@ from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.reductions import extremes, failure_records, failures, projection, together
+from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together
 from symmb.bounds.result import Bounds, Kind
 from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
@@ -133,12 +133,19 @@ class PolynomialChaos(Method):
         executor: Executor | None,
         progress: Progress | None,
     ) -> _Found:
-        reduction = together(projection(fit.functionals, simulator), extremes(simulator), failures())
-        sums, inner, bad = simulator.stream(P, reduction, executor, progress)
-        failed = failure_records(simulator, box, P, bad)
+        runs = node_values() if fit.line is not None else projection(fit.functionals, simulator)
+        reduction = together(runs, extremes(simulator), failures())
+        state, inner, failed_runs = simulator.stream(P, reduction, executor, progress)
+        failed = failure_records(simulator, box, P, failed_runs)
         ok = np.ones(len(P), dtype=bool)
-        ok[[index for index, _, _ in bad]] = False
-        return self._coefficients(fit, sums, ok, failed), inner, failed
+        ok[[index for index, _, _ in failed_runs]] = False
+        self._require_determined(fit, ok, failed)
+        if fit.line is None:
+            return fit.coefficients(state, ok), inner, failed
+        Y = np.empty((len(P), len(simulator.times) * len(simulator.outputs)))
+        for rows, values in state:
+            Y[rows] = values
+        return fit.transform(Y), inner, failed
 
     def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Found:
         if not isinstance(simulator, March):
@@ -157,19 +164,20 @@ class PolynomialChaos(Method):
             new = tuple((int(n), time, "not finite") for n in np.flatnonzero(lost))
             failed += failure_records(simulator, box, P, new)
             ok &= ~lost
-            coefficients[:, i] = self._coefficients(fit, fit.functionals[:, ok] @ Y[ok], ok, failed)
+            self._require_determined(fit, ok, failed)
+            sums = fit.transform(Y) if ok.all() else fit.functionals[:, ok] @ Y[ok]
+            coefficients[:, i] = fit.coefficients(sums, ok)
             inner_lower[i], inner_upper[i] = Y[ok].min(axis=0), Y[ok].max(axis=0)
             if progress is not None:
                 progress(i + 1, n_t)
         return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), failed
 
-    def _coefficients(self, fit: Fit, sums: Array, ok: Mask, failed: tuple[Failure, ...]) -> Array:
+    def _require_determined(self, fit: Fit, ok: Mask, failed: tuple[Failure, ...]) -> None:
         if not fit.determined(ok):
             raise PropagationError(
                 f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the others do not determine "
                 f"{len(fit.alpha)} coefficients.\n{failure_text(failed)}"
             )
-        return fit.coefficients(sums, ok)
 
     def __repr__(self) -> str:
         order = "" if self.order is None else f"order={self.order}"

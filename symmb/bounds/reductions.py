@@ -23,7 +23,7 @@ def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
 
 def failures() -> Reduction[FailedRuns]:
     """The failed runs."""
-    return Reduction(tuple, _update_failures, _merge_failures, trajectories=False)
+    return Reduction(tuple, _update_failures, _merge_tuples, trajectories=False)
 
 
 def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
@@ -31,6 +31,11 @@ def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
     size = len(simulator.times) * len(simulator.outputs)
     init = partial(np.zeros, (len(functionals), size))
     return Reduction(init, partial(_update_projection, functionals), np.add)
+
+
+def node_values() -> Reduction[tuple[tuple[Indices, Array], ...]]:
+    """Numbers (n,) and values (n, n_t n_y) of the runs that did not fail, block by block."""
+    return Reduction(tuple, _update_values, _merge_tuples)
 
 
 def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
@@ -75,7 +80,11 @@ def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> Fai
     return state + tuple(zip(indices[bad].tolist(), block.t_failed[bad].tolist(), block.messages, strict=True))
 
 
-def _merge_failures(first: FailedRuns, second: FailedRuns) -> FailedRuns:
+def _update_values(state: tuple[Any, ...], block: Samples, indices: Indices) -> tuple[Any, ...]:
+    return (*state, (indices[block.ok], block.Y.reshape(len(block.Y), -1)[block.ok]))
+
+
+def _merge_tuples(first: tuple[Any, ...], second: tuple[Any, ...]) -> tuple[Any, ...]:
     return first + second
 
 

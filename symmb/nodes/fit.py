@@ -1,34 +1,36 @@
-"""Legendre coefficients from node values, by one running matrix product."""
+"""Legendre coefficients from node values: projection, interpolation or least squares."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Mask
-from symmb.nodes.quadrature import Nodes
-from symmb.polynomials import Basis, MultiIndices, basis_values, mean_squares
+from symmb.nodes.quadrature import Nodes, Rule
+from symmb.nodes.tensor_transform import transform_axes
+from symmb.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
-"""Of the normalised Gram matrix, 1 for an undisturbed quadrature. Below it the remaining nodes leave some
-polynomial ten times less certain than the others, and a fit around failed nodes is refused."""
+"""Least eigenvalue of the normalised Gram matrix, which is 1 for an exact quadrature. Below it the nodes that did not
+fail leave some polynomial ten times less certain than the others, and the fit is refused. tests/nodes/test_fit.py"""
 
 LARGEST_INVERSE = 1e8
-"""Largest entry of V^-1. Beyond it interpolation has no solution but for rounding."""
+"""Largest entry of V^-1. Above it rounding leaves fewer than eight digits of the coefficients."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The linear map from node values to coefficients.
 
-    With V the basis at the nodes and W the weights, projection divides V^T W y by the mean squares, eqs.
-    (30)-(34); least squares solves (V^T W V) a = V^T W y. Both are the same where the quadrature is exact
-    for products of basis polynomials. With as many nodes as polynomials least squares is interpolation,
-    whatever the weights, and V a = y is solved: the product V^T W V would lose twice as many digits.
+    With V the basis at the nodes and W the weights, projection divides V^T W y by the mean squares, eqs. (30)-(34).
+    Least squares solves (V^T W V) a = V^T W y. Both are the same where the quadrature is exact for products of basis
+    polynomials. With as many nodes as polynomials the fit is interpolation and solves V a = y, because the product
+    V^T W V would lose twice as many digits.
 
-    Each is one matrix, whose product with the node values is accumulated. Where nodes failed, the sums over
-    the others are turned into their least squares fit.
+    On a tensor grid with a tensor basis V is the Kronecker product of one matrix for each parameter. The map is then
+    applied parameter by parameter, and no matrix of all nodes is formed.
 
     Attributes
     ----------
@@ -36,12 +38,14 @@ class Fit:
     nodes : (N, d)
     weights : (N,)
     projects : by projection as long as no node failed
+    line : (n, n) matrix from values at the nodes of one parameter to coefficients, on a tensor grid with a tensor basis
     """
 
     alpha: MultiIndices
     nodes: Array
     weights: Array
     projects: bool
+    line: Array | None = None
 
     @classmethod
     def of(cls, rule: Nodes, basis: Basis, d: int, order: int) -> "Fit":
@@ -52,7 +56,11 @@ class Fit:
         PropagationError
             If the nodes cannot tell the polynomials of the basis apart.
         """
-        fit = cls(basis.indices(d, order), *rule.points(d, order), rule.projects)
+        line = None
+        if isinstance(rule, Rule) and isinstance(basis, TensorDegree):
+            nodes = rule.points(1, order)[0][:, 0]
+            line = np.asarray(np.linalg.inv(legendre.legvander(nodes, order)), dtype=float)
+        fit = cls(basis.indices(d, order), *rule.points(d, order), rule.projects, line)
         if not fit._possible():
             raise PropagationError(
                 f"{len(fit.nodes)} nodes of {rule!r} do not determine the {len(fit.alpha)} polynomials of "
@@ -62,8 +70,8 @@ class Fit:
 
     @property
     def interpolates(self) -> bool:
-        """As many nodes as polynomials, and no projection."""
-        return not self.projects and len(self.nodes) == len(self.alpha)
+        """As many nodes as polynomials, and no projection: every node is needed."""
+        return self.line is not None or (not self.projects and len(self.nodes) == len(self.alpha))
 
     @cached_property
     def values(self) -> Array:
@@ -72,11 +80,19 @@ class Fit:
 
     @cached_property
     def functionals(self) -> Array:
-        """(n_b, N) matrix that makes coefficients of node values, in any order and in parts."""
+        """(n_b, N) matrix from node values to coefficients; its columns may be used in parts, in any order."""
+        if self.line is not None:
+            return self.transform(np.eye(len(self.nodes)))
         if self.interpolates:
             return np.asarray(np.linalg.inv(self.values), dtype=float)
         sums = self._scaled.T * self.weights
         return (sums if self.projects else np.linalg.solve(self._gram(), sums)) / self._norms[:, None]
+
+    def transform(self, Y: Array) -> Array:
+        """Coefficients (n_b, m) from values (N, m) at all nodes."""
+        if self.line is None:
+            return self.functionals @ Y
+        return transform_axes([self.line] * self.alpha.shape[1], Y)
 
     def determined(self, ok: Mask) -> bool:
         """Whether the nodes marked in ok (N,) are enough to fit all coefficients."""
@@ -91,6 +107,8 @@ class Fit:
 
     def _possible(self) -> bool:
         """Whether all nodes together tell the polynomials apart."""
+        if self.line is not None:
+            return bool(np.abs(self.line).max() ** self.alpha.shape[1] < LARGEST_INVERSE)
         if self.interpolates:
             try:
                 return bool(np.abs(self.functionals).max() < LARGEST_INVERSE)

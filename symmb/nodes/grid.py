@@ -7,13 +7,13 @@ has one node for each of its polynomials, with the same numbers.
 """
 
 import itertools
-import math
 from collections.abc import Iterable
 from functools import cache, cached_property
 
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.nodes.tensor_transform import transform_axes
 from symmb.polynomials import MultiIndices
 
 Index = tuple[int, ...]
@@ -86,11 +86,7 @@ class Grid:
         for index, sign in self._signs().items():
             shape = tuple(k + 1 for k in index)
             rows = np.array([self.row[n] for n in itertools.product(*map(range, shape))])
-            block = Y[rows]
-            for axis, n in enumerate(shape):
-                if n > 1:
-                    block = _line_fit(n) @ block.reshape(math.prod(shape[:axis]), n, -1)
-            block = block.reshape(len(rows), -1)
+            block = transform_axes([_line_fit(n) for n in shape], Y[rows])
             total[rows] += block if sign == 1 else sign * block
         return total
 

@@ -13,7 +13,16 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor
 from symmb.codegen import cores
 from symmb.events import Kinks, broken, kinks
-from symmb.integrate import AnyEngine, CompiledSolver, EventDriven, Integration, Run, Solver, impacts_text
+from symmb.integrate import (
+    AnyEngine,
+    CompiledSolver,
+    DormandPrince,
+    EventDriven,
+    Integration,
+    Run,
+    Solver,
+    impacts_text,
+)
 from symmb.model import DAE, Scene, compile_dae, unit_of
 from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_runs
 from symmb.simulation.lock import LOCK
@@ -72,7 +81,7 @@ class DAESimulator:
         if solver is None and self.dae.impacts is not None:
             solver, self._reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         if solver is None:
-            self._require_able(for_studies().first)
+            self._require_able(DormandPrince())
         else:
             self._use(solver)
 

@@ -61,6 +61,18 @@ def test_nodes_that_interpolation_cannot_tell_apart_are_refused():
         Fit.of(Twice(), TotalDegree(), 1, 2)
 
 
+def test_six_parameters_take_no_matrix_of_all_nodes():
+    order, d = 4, 6
+    fit = Fit.of(ClenshawCurtis(), TensorDegree(), d, order)
+    assert fit.line.shape == (order + 1, order + 1) and len(fit.nodes) == 15_625
+    rng = np.random.default_rng(0)
+    some = rng.choice(len(fit.alpha), 40, replace=False)
+    a = rng.uniform(-1, 1, (len(some), 3))
+    found = fit.transform(basis_values(fit.alpha[some], fit.nodes) @ a)
+    np.testing.assert_allclose(found[some], a, atol=1e-13)
+    assert np.abs(np.delete(found, some, axis=0)).max() < 1e-13
+
+
 # -- Another program ---------------------------------------------------------------------------------------
 
 
