@@ -5,6 +5,11 @@ from pathlib import Path
 C_FOLDER = Path(__file__).parent / "c"
 
 
-def c_source(name: str) -> str:
-    """The text of one C header in the folder c, named without its suffix."""
-    return (C_FOLDER / f"{name}.h").read_text(encoding="utf-8")
+def c_source(*names: str) -> str:
+    """The text of C headers of the folder c, named without their suffix, in this order.
+
+    Their includes of each other are left out. A generated source holds each file once, and its own model instead of the
+    example in model.h.
+    """
+    texts = [(C_FOLDER / f"{name}.h").read_text(encoding="utf-8") for name in names]
+    return "\n".join(line for text in texts for line in text.splitlines() if not line.startswith('#include "'))

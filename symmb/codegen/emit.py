@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -10,7 +11,7 @@ from symmb.codegen.graph import CONSTANT, INPUT, Graph
 from symmb.symbolic import operation_name
 
 _CHUNK = 400
-"""Statements in one C function: compilers take more than linear time for long ones."""
+"""Statements in one C function: compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
 
 _FORMS = {
     ca.OP_ASSIGN: "{0}",
@@ -49,6 +50,21 @@ _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 """Sine and cosine of an angle cost little more together than one of them."""
 
 
+@dataclass(frozen=True)
+class _Schedule:
+    """The order of a function's statements by node, the piece of each, the values that pieces pass on, and sines with
+    the cosine of the same angle."""
+
+    order: list[int]
+    piece: dict[int, int]
+    carried: dict[int, int]
+    twins: dict[int, int]
+
+    @property
+    def n_pieces(self) -> int:
+        return max(self.piece.values(), default=0) + 1
+
+
 class Emitter:
     """Writes the functions of one graph, whose inputs are x (0), p (1) and t (2); `place` says where x stand in C.
 
@@ -58,8 +74,9 @@ class Emitter:
 
     def __init__(self, graph: Graph, place: Sequence[int]) -> None:
         self._graph, self._place = graph, place
-        self._kept: dict[int, int] = {}  # node -> place in c
+        self._parameter_values: dict[int, int] = {}  # node -> place in c
         self._functions: list[str] = []
+        self.n_carried = 0  # most values that the pieces of a function pass to each other
 
     def function(self, name: str, outputs: Iterable[int]) -> None:
         """A C function `name(x, c, t, out)` that writes the given nodes to out."""
@@ -73,8 +90,8 @@ class Emitter:
 
     def source(self) -> tuple[str, int]:
         """All functions, `prepare(p, c)` among them, and the size of c."""
-        prepare = self._source("prepare", list(self._kept), parameters_only=True)
-        return "\n".join([*self._functions, prepare]), len(self._kept)
+        prepare = self._source("prepare", list(self._parameter_values), parameters_only=True)
+        return "\n".join([*self._functions, prepare]), len(self._parameter_values)
 
     def _needed(self, outputs: Iterable[int]) -> set[int]:
         """The given nodes and all that they come from."""
@@ -92,6 +109,22 @@ class Emitter:
         return node.operation != CONSTANT and node.depends == frozenset([1])
 
     def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
+        """One C function in pieces of at most _CHUNK statements, which pass values to each other through w."""
+        schedule = self._schedule(outputs, parameters_only)
+        self.n_carried = max(self.n_carried, len(schedule.carried))
+        inputs = "p" if parameters_only else "x, c, t"
+        arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
+        out = "c" if parameters_only else "out"
+        pieces = []
+        for piece in range(schedule.n_pieces):
+            lines = self._piece(schedule, piece, outputs, out, parameters_only)
+            head = f"PRIVATE NOINLINE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
+            pieces.append("\n".join([f"{head} {{", "  (void)w;", *lines, "}"]))
+        calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(schedule.n_pieces)]
+        head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
+        return "\n".join([*pieces, f"PRIVATE void {name}({head}) {{", *calls, "}"])
+
+    def _schedule(self, outputs: list[int], parameters_only: bool) -> "_Schedule":
         nodes = self._graph.nodes
         order = sorted(
             k
@@ -101,61 +134,56 @@ class Emitter:
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
         order.sort(key=lambda k: (min(k, twins.get(k, k)), k))
-        chunk = {k: i // _CHUNK for i, k in enumerate(order)}
-        last = {k: chunk[k] for k in order}
+        piece = {k: i // _CHUNK for i, k in enumerate(order)}
+        last_use = dict(piece)
         for k in order:
             for a in nodes[k].arguments:
-                if a in last:
-                    last[a] = max(last[a], chunk[k])
-        carried = {k: i for i, k in enumerate(k for k in order if last[k] > chunk[k])}
+                if a in last_use:
+                    last_use[a] = max(last_use[a], piece[k])
+        carried = {k: i for i, k in enumerate(k for k in order if last_use[k] > piece[k])}
+        return _Schedule(order, piece, carried, twins)
 
-        def text(a: int, here: int) -> str:
-            node = nodes[a]
-            if node.operation == CONSTANT:
-                return _literal(node.constant)
-            if parameters_only and node.operation == INPUT:
-                return f"p[{node.index}]"
-            if self._hoisted(a) and not parameters_only:
-                return f"c[{self._kept.setdefault(a, len(self._kept))}]"
-            if node.operation == INPUT:
-                return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
-            return f"v{a}" if chunk[a] == here else f"w[{carried[a]}]"
-
-        written: dict[int, list[int]] = {}
+    def _piece(
+        self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
+    ) -> list[str]:
+        """The statements of one piece: values, those that later pieces need, and results."""
+        places: dict[int, list[int]] = {}
         for i, k in enumerate(outputs):
-            written.setdefault(k, []).append(i)
-        arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
-        out = "c" if parameters_only else "out"
-        pieces = []
-        n_chunks = max(chunk.values(), default=0) + 1
-        for here in range(n_chunks):
-            lines = []
-            for k in order:
-                if chunk[k] != here:
-                    continue
-                operands = [text(a, here) for a in nodes[k].arguments]
-                twin = twins.get(k)
-                if twin is None or chunk[twin] != here:
-                    lines.append(f"  const V v{k} = {self._expression(k, operands)};")
-                elif k < twin:
-                    sine, cosine = (k, twin) if nodes[k].operation == ca.OP_SIN else (twin, k)
-                    lines.append(f"  V v{sine}, v{cosine};")
-                    lines.append(f"  v_sincos(each({operands[0]}), &v{sine}, &v{cosine});")
-                if k in carried:
-                    lines.append(f"  w[{carried[k]}] = v{k};")
-                lines += [f"  {out}[{i}] = v{k};" for i in written.get(k, ())]
-            if here == n_chunks - 1:
-                lines += [
-                    f"  {out}[{i}] = each({text(k, here)});" for k in written if k not in chunk for i in written[k]
-                ]
-            pieces.append(
-                f"static NOINLINE void {name}_{here}({arguments}, V *restrict w, V *restrict {out}) {{\n"
-                + "\n".join(lines) + "\n}"
-            )  # fmt: skip
-        given = "p" if parameters_only else "x, c, t"
-        calls = "\n".join(f"  {name}_{here}({given}, w, {out});" for here in range(n_chunks))
-        whole = f"static void {name}({arguments}, V *restrict {out}) {{\n  V w[{max(len(carried), 1)}];\n{calls}\n}}"
-        return "\n".join([*pieces, whole])
+            places.setdefault(k, []).append(i)
+
+        def text(a: int) -> str:
+            return self._operand(a, schedule, piece, parameters_only)
+
+        lines = []
+        for k in (k for k in schedule.order if schedule.piece[k] == piece):
+            operands = [text(a) for a in self._graph.nodes[k].arguments]
+            twin = schedule.twins.get(k)
+            if twin is None or schedule.piece[twin] != piece:
+                lines.append(f"  const V v{k} = {self._expression(k, operands)};")
+            elif k < twin:
+                sine, cosine = (k, twin) if self._graph.nodes[k].operation == ca.OP_SIN else (twin, k)
+                lines.append(f"  V v{sine}, v{cosine};")
+                lines.append(f"  v_sincos(each({operands[0]}), &v{sine}, &v{cosine});")
+            if k in schedule.carried:
+                lines.append(f"  w[{schedule.carried[k]}] = v{k};")
+            lines += [f"  {out}[{i}] = v{k};" for i in places.get(k, ())]
+        if piece == schedule.n_pieces - 1:
+            plain = [k for k in places if k not in schedule.piece]
+            lines += [f"  {out}[{i}] = each({text(k)});" for k in plain for i in places[k]]
+        return lines
+
+    def _operand(self, a: int, schedule: "_Schedule", piece: int, parameters_only: bool) -> str:
+        """The C of a value where a statement of a piece uses it."""
+        node = self._graph.nodes[a]
+        if node.operation == CONSTANT:
+            return _literal(node.constant)
+        if parameters_only and node.operation == INPUT:
+            return f"p[{node.index}]"
+        if self._hoisted(a) and not parameters_only:
+            return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
+        if node.operation == INPUT:
+            return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
+        return f"v{a}" if schedule.piece[a] == piece else f"w[{schedule.carried[a]}]"
 
     def _expression(self, k: int, arguments: list[str]) -> str:
         node = self._graph.nodes[k]

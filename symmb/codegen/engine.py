@@ -49,7 +49,7 @@ class FixedStep:
 
 
 class _Study(ctypes.Structure):
-    """Study of study.h."""
+    """Study of c/block.h."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("x0", "p", "times")),
@@ -60,7 +60,7 @@ class _Study(ctypes.Structure):
         ("longest", ctypes.c_double),
         ("newton", ctypes.c_double),
         ("most_steps", ctypes.c_long),
-        ("dealt", ctypes.c_long),
+        ("next_block", ctypes.c_long),
         *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "x_failed", "Y")),
         *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
     ]
@@ -246,7 +246,10 @@ def scheme_function(
     projected: ca.SX | None,
     start: tuple[ca.SX, ca.SX] | None = None,
 ) -> ca.Function:
-    """((w, h, z), p, t) -> what step.h asks for; projected, if not None, and start are of the state, the first of w."""
+    """((w, h, z), p, t) -> the functions of c/implicit_step.h.
+
+    `projected`, if not None, and `start` are functions of the state, with which w begins.
+    """
     x = ca.vertcat(w, h, z)
 
     def whole(state: ca.SX) -> ca.SX:
@@ -275,8 +278,8 @@ def _kept(f: ca.Function, options: object, write: Callable[[], str]) -> str:
 
 @functools.cache
 def _generator() -> str:
-    """What the generator's own files say."""
-    files = sorted(path for path in Path(__file__).parent.rglob("*") if path.suffix in (".py", ".h"))
+    """A hash of every file of the package: a source is printed from many of them."""
+    files = sorted(path for path in Path(__file__).parents[1].rglob("*") if path.suffix in (".py", ".h"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
@@ -290,7 +293,7 @@ def _source(f: ca.Function, fixed: bool) -> str:
         nodes[name] = [nodes[name][i] for i in order]
     stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
     sizes = {"N_OWN": n_own, "N_K": stages * n_own}
-    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("pair")]
+    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
     return _study(graph, nodes, place, f.numel_in(1), sizes, steps)
 
 
@@ -330,6 +333,7 @@ def _study(
         "N_X": len(place),
         "N_P": n_p,
         "N_C": n_c,
+        "N_CARRIED": emitter.n_carried,
         "N_Y": len(nodes["outputs"]),
         "N_USED": len(used),
         "PROJECTED": int("project" in nodes),
@@ -343,10 +347,11 @@ def _study(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
             c_source("lanes"),
-            *(f"static const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
+            *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             model,
-            c_source("ensemble"),
+            c_source("block", "projection"),
             *steps,
+            c_source("ensemble"),
         ]
     )
 

@@ -1,4 +1,4 @@
-"""The engine without a compiler: the step loop of pair.h on NumPy arrays, all blocks of samples advanced together."""
+"""The engine without a compiler: the steps of c/embedded_pair.h on NumPy arrays, all blocks of samples together."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

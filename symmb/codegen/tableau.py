@@ -30,7 +30,7 @@ def pair() -> str:
         [
             f"#define END {_place(12)}",
             *_stages(range(1, 12), A, C, dop853.B),
-            "static void errors(const Part *a, double h, V *e5, V *e3) {",
+            "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
             "  const V *k = a->k;",
             "  for (int m = 0; m < N_OWN; ++m) {",
             f"    e5[m] = {_sum(of_order_5)};",
@@ -41,7 +41,7 @@ def pair() -> str:
             f"    e3[N_OWN + m] = h * ({_sum(_through(of_order_3, A))});",
             "  }",
             "}",
-            "static void interpolant(Block *b) {",
+            "PRIVATE void interpolant(Block *b) {",
             "  const double h = b->h;",
             *(line for s in range(13, 16) for line in _stage(s, A, C)),
             "  EACH_PART(b) {",
@@ -70,7 +70,7 @@ def pair() -> str:
 
 def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights) -> list[str]:
     return [
-        "static void stages(Block *b) {",
+        "PRIVATE void stages(Block *b) {",
         "  const double h = b->h;",
         *(line for s in stages for line in _stage(s, A, C)),
         *_each_part(_advance("x_new", B, 1.0, A)),

@@ -1,5 +1,11 @@
 /* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, then Newton's steps
-   in all of them. One lane for each polynomial. Given before: lanes.h. */
+   in all of them. One lane for each polynomial. */
+#ifndef DENSE_SEARCH_H
+#define DENSE_SEARCH_H
+
+#include <stdlib.h>
+
+#include "lanes.h"
 
 enum { STEPS = 15, ORDERS = 65, DIRECTIONS = 3, PIECES = 4 };
 #define TINY 1e-300
@@ -153,13 +159,14 @@ static void scan(const Grid *g, const V *c, V *plane, V *row, Best best[PIECES])
   }
 }
 
-/* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima; threads count those dealt in one place.
-   0 if there is not enough memory. */
-int dense(const Grid *g, long *dealt, long m, const double *C, double *values, double *points) {
+/* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima. `next` counts the polynomials that
+   threads have taken. Returns 0 if there is not enough memory. */
+int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points);
+int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
   V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V));
   Best best[PIECES];
-  for (long i; c && (i = __atomic_fetch_add(dealt, W, __ATOMIC_RELAXED)) < m;) {
+  for (long i; c && (i = __atomic_fetch_add(next, W, __ATOMIC_RELAXED)) < m;) {
     const size_t some = (m - i < W ? m - i : W) * sizeof *C;
     for (long j = 0; j < n; ++j) c[j] = zero(), memcpy(c + j, C + g->rows[j] * m + i, some);
     scan(g, c, c + n, c + n + n12, best);
@@ -187,3 +194,5 @@ int dense(const Grid *g, long *dealt, long m, const double *C, double *values, d
   free(c);
   return enough;
 }
+
+#endif

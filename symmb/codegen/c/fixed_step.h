@@ -1,8 +1,14 @@
-/* Fixed steps of an explicit Runge-Kutta method: every interval between two output times is cut into equal ones.
+/* Fixed steps of an explicit Runge-Kutta method: every interval between two output times is cut into equal steps.
 
-   Given before: study.h, and from the tableau stages(b) for x_new. */
+   The generated tableau gives stages(b), for x_new. */
+#ifndef FIXED_STEP_H
+#define FIXED_STEP_H
 
-static int run(Block *b, Study *s) {
+#include "projection.h"
+#include "tableau.h"
+
+/* Runs the block from the first time to the last. Returns 0 if samples failed. */
+PRIVATE int run(Block *b, Study *s) {
   for (; b->next < s->n_t; ++b->next) {
     const double begin = s->times[b->next - 1], span = s->times[b->next] - begin;
     const long count = (long)fmax(ceil(span / s->longest - 1e-9), 1.0);
@@ -15,7 +21,9 @@ static int run(Block *b, Study *s) {
     }
     b->t = s->times[b->next];
     observe(b);
-    if (!keep(b, s, b->next, 1)) return 0;
+    if (!store_outputs(b, s, b->next, 1)) return 0;
   }
   return 1;
 }
+
+#endif

@@ -1,16 +1,20 @@
-/* Steps of a scheme given as functions, each with Newton's method for its unknowns: of fixed length, or with step control.
+/* Steps of an implicit scheme whose unknowns follow from Newton's method: of fixed length, or with step control.
 
-   Given before: study.h. x holds the history w (N_W), which begins with the state, the length of the step and the unknowns
-   z (N_Z). history(x, c, t, w) makes w from the state at t; with t at the end of the step, guess(x, c, t, z),
-   correct(x, c, t, d): Newton's change of z, then the N_TESTED parts of it that tell convergence, over their sizes; and
-   follow(x, c, t, w): the new history, then estimated errors of the state (N_E), if there are any. ORDER of the scheme;
-   GROWTH, the most that a step may be longer than the one before. */
+   x holds the history w (N_W), which begins with the state, the length of the step and the unknowns z (N_Z). The model
+   gives history(x, c, t, w), which makes w from the state at t. With t at the end of the step it gives guess(x, c, t, z);
+   correct(x, c, t, d), Newton's change of z, then N_TESTED parts of it over their sizes, which tell convergence; and
+   follow(x, c, t, w), the new history, then estimated errors of the state (N_E), if there are any. ORDER is the order of
+   the scheme. GROWTH is the most that a step may be longer than the one before. */
+#ifndef IMPLICIT_STEP_H
+#define IMPLICIT_STEP_H
+
+#include "projection.h"
 
 enum { MOST_ITERATIONS = 12 };
 #define STALLED 1e-6 /* a change this small that no longer falls is rounding */
 
-/* Newton's method for the step from t to t_new; marks the lanes that do not converge, 0 if there are any. */
-static int solve(Block *b, const Study *s, M *stuck) {
+/* Newton's method for the step from t to t_new. Marks the lanes that do not converge, and returns 0 if there are any. */
+PRIVATE int solve(Block *b, const Study *s, M *unsolved) {
   int solved = 1, most = 0;
   EACH_PART(b) {
     V *z = a->x + N_W + 1, before = each(INFINITY);
@@ -30,15 +34,15 @@ static int solve(Block *b, const Study *s, M *stuck) {
     }
     b->iterations += n;
     most = n > most ? n : most;
-    stuck[a - b->part] = N_Z > 0 ? active : (M)zero();
-    solved &= none(stuck[a - b->part]);
+    unsolved[a - b->part] = N_Z > 0 ? active : (M)zero();
+    solved &= none(unsolved[a - b->part]);
   }
   if (solved && most > b->most) b->most = most;
   return solved;
 }
 
-/* The largest of the lanes' errors over the tolerances; those too large are marked. */
-static double judge(Block *b, const Study *s, M *large) {
+/* The largest error of all lanes over the tolerances; marks the lanes whose error is too large. */
+PRIVATE double largest_error(Block *b, const Study *s, M *large) {
   double e = 0.0;
   EACH_PART(b) {
     V sum = zero();
@@ -48,20 +52,21 @@ static double judge(Block *b, const Study *s, M *large) {
     }
     sum = v_sqrt(sum / (double)SIZE(N_E));
     large[a - b->part] = ~(M)(sum <= 1.0);
-    const double here = worst(sum);
+    const double here = largest_lane(sum);
     e = here > e || here != here ? here : e;
   }
   return e;
 }
 
-/* No shorter step is left: the marked lanes fail. */
-static int give_up(Block *b, Study *s, const M *marked, char why) {
+/* The samples of the marked lanes fail, because no shorter step is left. Returns 0. */
+PRIVATE int fail_samples(Block *b, Study *s, const M *marked, char why) {
   for (int l = 0; l < b->live; ++l)
-    if (marked[l / W][l % W]) lose(b, s, l, b->t, why);
+    if (marked[l / W][l % W]) fail_sample(b, s, l, b->t, why);
   return 0;
 }
 
-static int run(Block *b, Study *s) {
+/* Runs the block from the first time to the last. Returns 0 if samples failed. */
+PRIVATE int run(Block *b, Study *s) {
   const double span = s->times[s->n_t - 1] - s->times[0], longest = s->longest > 0.0 ? s->longest : span;
   const double shortest = s->rtol > 0.0 ? 1e-14 * span : 1e-4 * longest;
   double wanted = s->rtol > 0.0 && longest > 1e-4 * span ? 1e-4 * span : longest;
@@ -82,21 +87,21 @@ static int run(Block *b, Study *s) {
     }
     if (++b->steps > s->most_steps) {
       EACH_PART(b) marked[a - b->part] = (M)zero() == 0;
-      return give_up(b, s, marked, MANY);
+      return fail_samples(b, s, marked, MANY);
     }
     if (!solve(b, s, marked)) {
-      if (!(b->h > 1.0000001 * shortest)) return give_up(b, s, marked, NEWTON);
+      if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, NEWTON);
       wanted = 0.5 * b->h;
       continue;
     }
     EACH_PART(b) follow(a->x, a->c, each(b->t_new), a->k);
     double factor = GROWTH;
     if (s->rtol > 0.0) {
-      const double e = judge(b, s, marked);
+      const double e = largest_error(b, s, marked);
       const double best = e > 1e-12 ? 0.9 * pow(e, -1.0 / (ORDER + 1)) : GROWTH;
       factor = best < GROWTH ? best : GROWTH;
       if (!(e <= 1.0)) {
-        if (!(b->h > 1.0000001 * shortest)) return give_up(b, s, marked, STEPS);
+        if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, STEPS);
         wanted = b->h * (factor > 0.1 ? factor : 0.1);
         continue;
       }
@@ -108,7 +113,9 @@ static int run(Block *b, Study *s) {
     EACH_PART(b) memcpy(a->x, a->k, N_W * sizeof(V));
     if (b->t < s->times[b->next]) continue;
     observe(b);
-    if (!keep(b, s, b->next++, 1)) return 0;
+    if (!store_outputs(b, s, b->next++, 1)) return 0;
   }
   return 1;
 }
+
+#endif

@@ -1,5 +1,8 @@
 /* Vectors of W doubles, as wide as the processor's, one lane for each of W samples that run side by side. WIDTH samples
    share their steps, the same number on every processor, so that results do not depend on it: they fill PARTS vectors. */
+#ifndef LANES_H
+#define LANES_H
+
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -19,28 +22,29 @@
 typedef double V __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 #define NOINLINE __attribute__((noinline))
+#define PRIVATE static __attribute__((unused)) /* a function of this file that a model may do without */
 
-static inline V zero(void) { return (V){0}; }
-static inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
+PRIVATE inline V zero(void) { return (V){0}; }
+PRIVATE inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
 #define each(a) ((a) - zero()) /* a number in each lane; unlike by adding 0, -0 stays, and compilers see that lanes do */
 #define choose(mask, a, b) blend((M)(mask), each(a), each(b))
 #define truth(mask) blend((M)(mask), each(1.0), zero())
-static inline int none(M mask) {
+PRIVATE inline int none(M mask) {
   long long any = 0;
   for (int l = 0; l < W; ++l) any |= mask[l];
   return !any;
 }
-static inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
+PRIVATE inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 
 /* Elementary functions: the vector ones of the C library where it has them, lane by lane where not. */
-#define BY_LANE_1(name, f) static inline V name(V a) { for (int l = 0; l < W; ++l) a[l] = f(a[l]); return a; }
-#define BY_LANE_2(name, f) static inline V name(V a, V b) { for (int l = 0; l < W; ++l) a[l] = f(a[l], b[l]); return a; }
+#define BY_LANE_1(name, f) PRIVATE inline V name(V a) { for (int l = 0; l < W; ++l) a[l] = f(a[l]); return a; }
+#define BY_LANE_2(name, f) PRIVATE inline V name(V a, V b) { for (int l = 0; l < W; ++l) a[l] = f(a[l], b[l]); return a; }
 #if defined(LIBMVEC) && W == 8
-#define FROM_LIBRARY_1(f) V _ZGVeN8v_##f(V); static inline V v_##f(V a) { return _ZGVeN8v_##f(a); }
-#define FROM_LIBRARY_2(f) V _ZGVeN8vv_##f(V, V); static inline V v_##f(V a, V b) { return _ZGVeN8vv_##f(a, b); }
+#define FROM_LIBRARY_1(f) V _ZGVeN8v_##f(V); PRIVATE inline V v_##f(V a) { return _ZGVeN8v_##f(a); }
+#define FROM_LIBRARY_2(f) V _ZGVeN8vv_##f(V, V); PRIVATE inline V v_##f(V a, V b) { return _ZGVeN8vv_##f(a, b); }
 #elif defined(LIBMVEC) && W == 4
-#define FROM_LIBRARY_1(f) V _ZGVdN4v_##f(V); static inline V v_##f(V a) { return _ZGVdN4v_##f(a); }
-#define FROM_LIBRARY_2(f) V _ZGVdN4vv_##f(V, V); static inline V v_##f(V a, V b) { return _ZGVdN4vv_##f(a, b); }
+#define FROM_LIBRARY_1(f) V _ZGVdN4v_##f(V); PRIVATE inline V v_##f(V a) { return _ZGVdN4v_##f(a); }
+#define FROM_LIBRARY_2(f) V _ZGVdN4vv_##f(V, V); PRIVATE inline V v_##f(V a, V b) { return _ZGVdN4vv_##f(a, b); }
 #else
 #define FROM_LIBRARY_1(f) BY_LANE_1(v_##f, f)
 #define FROM_LIBRARY_2(f) BY_LANE_2(v_##f, f)
@@ -49,44 +53,44 @@ FROM_LIBRARY_1(exp)
 FROM_LIBRARY_1(log)
 FROM_LIBRARY_2(pow)
 #if W == 8
-static inline int all_below(V a, double b) { return _mm512_cmp_pd_mask(a, _mm512_set1_pd(b), _CMP_LT_OQ) == 255; }
-static inline V v_sqrt(V a) { return _mm512_sqrt_pd(a); }
-static inline V v_floor(V a) { return _mm512_floor_pd(a); }
-static inline V v_ceil(V a) { return _mm512_ceil_pd(a); }
-static inline V v_smaller(V a, V b) { return _mm512_min_pd(a, b); }
-static inline V v_larger(V a, V b) { return _mm512_max_pd(a, b); }
+PRIVATE inline int all_below(V a, double b) { return _mm512_cmp_pd_mask(a, _mm512_set1_pd(b), _CMP_LT_OQ) == 255; }
+PRIVATE inline V v_sqrt(V a) { return _mm512_sqrt_pd(a); }
+PRIVATE inline V v_floor(V a) { return _mm512_floor_pd(a); }
+PRIVATE inline V v_ceil(V a) { return _mm512_ceil_pd(a); }
+PRIVATE inline V v_smaller(V a, V b) { return _mm512_min_pd(a, b); }
+PRIVATE inline V v_larger(V a, V b) { return _mm512_max_pd(a, b); }
 #elif W == 4
-static inline int all_below(V a, double b) {
+PRIVATE inline int all_below(V a, double b) {
   return _mm256_movemask_pd(_mm256_cmp_pd(a, _mm256_set1_pd(b), _CMP_LT_OQ)) == 15;
 }
-static inline V v_sqrt(V a) { return _mm256_sqrt_pd(a); }
-static inline V v_floor(V a) { return _mm256_floor_pd(a); }
-static inline V v_ceil(V a) { return _mm256_ceil_pd(a); }
-static inline V v_smaller(V a, V b) { return _mm256_min_pd(a, b); }
-static inline V v_larger(V a, V b) { return _mm256_max_pd(a, b); }
+PRIVATE inline V v_sqrt(V a) { return _mm256_sqrt_pd(a); }
+PRIVATE inline V v_floor(V a) { return _mm256_floor_pd(a); }
+PRIVATE inline V v_ceil(V a) { return _mm256_ceil_pd(a); }
+PRIVATE inline V v_smaller(V a, V b) { return _mm256_min_pd(a, b); }
+PRIVATE inline V v_larger(V a, V b) { return _mm256_max_pd(a, b); }
 #else
-static inline int all_below(V a, double b) { return (a[0] < b) & (a[1] < b); }
+PRIVATE inline int all_below(V a, double b) { return (a[0] < b) & (a[1] < b); }
 BY_LANE_1(v_sqrt, sqrt)
 BY_LANE_1(v_floor, floor)
 BY_LANE_1(v_ceil, ceil)
-static inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
-static inline V v_larger(V a, V b) { return choose(a > b, a, b); }
+PRIVATE inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
+PRIVATE inline V v_larger(V a, V b) { return choose(a > b, a, b); }
 #endif
 
 /* Sine and cosine together, to an ulp: reduction by multiples of pi / 2 (Cody and Waite 1980) in parts whose products are
    exact, then the polynomials of FDLIBM (Sun Microsystems 1993) on [-pi/4, pi/4]. Lanes of large or infinite numbers go
    through the library. */
-static NOINLINE void sincos_by_lane(V a, V *s, V *c) {
+PRIVATE NOINLINE void sincos_by_lane(V a, V *s, V *c) {
   for (int l = 0; l < W; ++l) {
     (*s)[l] = sin(a[l]);
     (*c)[l] = cos(a[l]);
   }
 }
 
-#if LARGE
-static NOINLINE
+#if defined(LARGE) && LARGE
+PRIVATE NOINLINE
 #else
-static inline
+PRIVATE inline
 #endif
 void v_sincos(V a, V *s, V *c) {
   const double to_integer = 6755399441055744.0; /* 1.5 * 2^52: the last bits of a sum with it are an integer */
@@ -105,8 +109,8 @@ void v_sincos(V a, V *s, V *c) {
   *c = (V)((M)blend(swap, sine, cosine) ^ (((quarter + 1) & 2) << 62));
   if (__builtin_expect(!all_below(v_fabs(a), 1e5), 0)) sincos_by_lane(a, s, c);
 }
-static inline V v_sin(V a) { V s, c; v_sincos(a, &s, &c); return s; }
-static inline V v_cos(V a) { V s, c; v_sincos(a, &s, &c); return c; }
+PRIVATE inline V v_sin(V a) { V s, c; v_sincos(a, &s, &c); return s; }
+PRIVATE inline V v_cos(V a) { V s, c; v_sincos(a, &s, &c); return c; }
 
 BY_LANE_1(v_tan, tan)
 BY_LANE_1(v_asin, asin)
@@ -134,7 +138,7 @@ BY_LANE_2(v_hypot, hypot)
 #define MIX __builtin_shufflevector
 #if W == 8
 #define TREE_OF(name, f) \
-  static inline V name(const V *y) { \
+  PRIVATE inline V name(const V *y) { \
     V a[4], b[2]; \
     for (int k = 0; k < 4; ++k) \
       a[k] = f(MIX(y[2 * k], y[2 * k + 1], 0, 8, 2, 10, 4, 12, 6, 14), MIX(y[2 * k], y[2 * k + 1], 1, 9, 3, 11, 5, 13, 7, 15)); \
@@ -144,14 +148,16 @@ BY_LANE_2(v_hypot, hypot)
   }
 #elif W == 4
 #define TREE_OF(name, f) \
-  static inline V name(const V *y) { \
+  PRIVATE inline V name(const V *y) { \
     V a = f(MIX(y[0], y[1], 0, 4, 2, 6), MIX(y[0], y[1], 1, 5, 3, 7)), b = f(MIX(y[2], y[3], 0, 4, 2, 6), MIX(y[2], y[3], 1, 5, 3, 7)); \
     return f(MIX(a, b, 0, 1, 4, 5), MIX(a, b, 2, 3, 6, 7)); \
   }
 #else
-#define TREE_OF(name, f) static inline V name(const V *y) { return f(MIX(y[0], y[1], 0, 2), MIX(y[0], y[1], 1, 3)); }
+#define TREE_OF(name, f) PRIVATE inline V name(const V *y) { return f(MIX(y[0], y[1], 0, 2), MIX(y[0], y[1], 1, 3)); }
 #endif
 TREE_OF(tree_smaller, v_smaller)
 TREE_OF(tree_larger, v_larger)
 #endif
+#endif
+
 #endif

@@ -5,6 +5,9 @@
    through its edges at a corner e, m (e_j z_i + e_i z_j - e_i e_j), where it is positive there and both parameters tend
    to that corner, else by -|m| (z_i^2 + z_j^2) / 2. All others are bounded by |T| <= 1. Where a derivative cannot
    vanish, the box is left, or its parameter is fixed at the end of its range. */
+#ifndef POLYNOMIAL_RANGES_H
+#define POLYNOMIAL_RANGES_H
+
 #include <math.h>
 #include <string.h>
 
@@ -370,12 +373,15 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
 }
 
 /* Coefficients C (m, padded), or with a change of basis (n_given, padded) others (n_given, m), -> bounds (2, m), points
-   (2, m, d) and gaps (2, m); threads count those dealt in one place. Without the change C is lost. */
-void ranges(const Search *s, long *dealt, long m, double *C, const double *change, long n_given, double *found,
+   (2, m, d) and gaps (2, m); `next` counts the polynomials that threads have taken. Without the
+   change C is overwritten. */
+void ranges(const Search *s, long *next, long m, double *C, const double *change, long n_given, double *found,
+            double *points, double *gaps);
+void ranges(const Search *s, long *next, long m, double *C, const double *change, long n_given, double *found,
             double *points, double *gaps) {
   const Basis *b = s->basis;
   double changed[b->padded];
-  for (long i; (i = __atomic_fetch_add(dealt, PART, __ATOMIC_RELAXED)) < m;)
+  for (long i; (i = __atomic_fetch_add(next, PART, __ATOMIC_RELAXED)) < m;)
     for (const long end = i + PART < m ? i + PART : m; i < end; ++i) {
       double y[2], gap[2], *at[] = {points + i * b->d, points + (m + i) * b->d};
       for (long k = 0; change && k < b->padded; k += W) {
@@ -387,3 +393,5 @@ void ranges(const Search *s, long *dealt, long m, double *C, const double *chang
       for (int side = 0; side < 2; ++side) found[side * m + i] = y[side], gaps[side * m + i] = gap[side];
     }
 }
+
+#endif

@@ -1,4 +1,4 @@
-"""Branch and bound in compiled C, ranges.h: tables for it, and the call."""
+"""Branch and bound in compiled C, c/polynomial_ranges.h: tables for it, and the call."""
 
 import ctypes
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _LEVELS = 64
 
 
 class _Basis(ctypes.Structure):
-    """Basis of ranges.h."""
+    """Basis of c/polynomial_ranges.h."""
 
     _fields_ = [
         *((name, ctypes.c_long) for name in ("d", "n", "n_low", "padded", "order", "n_samples", "n_sums")),
@@ -27,7 +27,7 @@ class _Basis(ctypes.Structure):
 
 
 class _Search(ctypes.Structure):
-    """Search of ranges.h."""
+    """Search of c/polynomial_ranges.h."""
 
     _fields_ = [
         ("basis", ctypes.c_void_p),
@@ -58,11 +58,12 @@ def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int
     of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, found, points, gaps))
     library = load(_SOURCE)
 
-    def work(dealt: ctypes.c_long) -> None:
+    def work(next_polynomial: ctypes.c_long) -> None:
         sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
         own = [np.zeros(size) for size in sizes]
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
-        library.ranges(ctypes.byref(search), ctypes.byref(dealt), ctypes.c_long(m), of, to, ctypes.c_long(given), *rest)
+        sizes = ctypes.c_long(m), of, to, ctypes.c_long(given)
+        library.ranges(ctypes.byref(search), ctypes.byref(next_polynomial), *sizes, *rest)
 
     on_threads(work, m)
     return *found, *points, *gaps

@@ -1,4 +1,4 @@
-"""Branch and bound of ranges.h in NumPy, for where there is no compiler: boxes of all polynomials together."""
+"""Branch and bound of c/polynomial_ranges.h in NumPy, for use without a compiler: boxes of all polynomials together."""
 
 from dataclasses import dataclass
 

@@ -12,7 +12,7 @@ from symmb.polynomials.ranges.parts import on_threads
 
 MOST_PARAMETERS = 3
 HIGHEST_DEGREE = 64
-"""As ORDERS of dense.h has it."""
+"""As ORDERS of c/dense_search.h has it."""
 _SAMPLES = 4
 """Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
 _FEWEST = 12
@@ -20,11 +20,11 @@ _WAVY = 8
 """Above this degree the valleys along the parameter of the highest one may all be alike: it gets twice as many samples,
 and starts in each of several pieces."""
 _PIECES = 4
-"""As PIECES of dense.h has it."""
+"""As PIECES of c/dense_search.h has it."""
 
 
 class _Grid(ctypes.Structure):
-    """Grid of dense.h."""
+    """Grid of c/dense_search.h."""
 
     _fields_ = [
         ("n", ctypes.c_long * MOST_PARAMETERS),
@@ -63,8 +63,8 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
     library = load(_SOURCE)
 
-    def work(dealt: ctypes.c_long) -> None:
-        if not library.dense(ctypes.byref(grid), ctypes.byref(dealt), ctypes.c_long(m), *pointers):
+    def work(next_polynomial: ctypes.c_long) -> None:
+        if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
     on_threads(work, m)
@@ -83,4 +83,4 @@ def _samples(n: int, per_degree: int) -> tuple[Array, Array]:
 
 _DEGREES = np.arange(HIGHEST_DEGREE + 1.0)
 _FACTORS = np.stack([(2 * _DEGREES + 1) / (_DEGREES + 1), _DEGREES / (_DEGREES + 1)], axis=1)
-_SOURCE = "\n".join(["#include <stdlib.h>", c_source("lanes"), c_source("dense_search")])
+_SOURCE = c_source("lanes", "dense_search")

@@ -1,14 +1,28 @@
 /* Steps of an embedded explicit pair, as long as the tolerances allow, with dense output in between.
 
-   Given before: study.h, and from the tableau stages(b) for k before the end of the step and x_new; errors(a, h, e5, e3),
-   the estimates of orders 5 and 3; interpolant(b) for F of the used states; END, where the slope at the end of the step
-   stands in k. */
+   The generated tableau gives stages(b), for k before the end of the step and x_new; errors(a, h, e5, e3), the estimates
+   of orders 5 and 3; interpolant(b), for F of the states that outputs need; and END, the place in k of the slope at the
+   end of the step. */
+#ifndef EMBEDDED_PAIR_H
+#define EMBEDDED_PAIR_H
 
-enum { REJECTED, ACCEPTED, LOST };
+#include "projection.h"
+#include "tableau.h"
+
+#define SAFETY 0.9        /* of the step that the error allows: Hairer, Norsett, Wanner, code DOP853, as all that follow */
+#define EXPONENT (1.0 / 8.0)
+#define MEMORY 0.04       /* weight of the error before, beta of DOP853: it keeps the step from swinging */
+#define SHRINK_LEAST 0.2  /* least factor of a step that is rejected */
+#define CHANGE_LEAST 0.333
+#define CHANGE_MOST 6.0   /* bounds of the factor of a step that is accepted */
+#define ERROR_LEAST 1e-4  /* smaller errors count as this in the memory */
+#define SHORTEST 1e-14    /* of the horizon: shorter steps are lost in rounding */
+
+enum { REJECTED, ACCEPTED, FAILED };
 
 /* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
-static V error_norm(const Part *a, double h, const Study *s) {
-  V e5[SIZE(N_X)], e3[SIZE(N_X)], sum5 = zero(), sum3 = zero();
+PRIVATE V error_norm(Part *a, double h, const Study *s) {
+  V *e5 = a->scratch, *e3 = a->scratch + SIZE(N_X), sum5 = zero(), sum3 = zero();
   errors(a, h, e5, e3);
   for (int i = 0; i < N_X; ++i) {
     V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->x_new[i])));
@@ -22,9 +36,10 @@ static V error_norm(const Part *a, double h, const Study *s) {
 }
 
 /* The larger of two numbers, or NaN. */
-static double larger(double a, double b) { return a > b || a != a ? a : b; }
+PRIVATE double larger(double a, double b) { return a > b || a != a ? a : b; }
 
-static double first_step(Block *b, const Study *s) {
+/* The length of the first step after Hairer, Norsett and Wanner, section II.4. */
+PRIVATE double first_step(Block *b, const Study *s) {
   const double span = s->times[s->n_t - 1] - b->t;
   double n0 = 0.0, n1 = 0.0, n2 = 0.0;
   EACH_PART(b) {
@@ -34,8 +49,8 @@ static double first_step(Block *b, const Study *s) {
       d0 += a->x[i] * scale * a->x[i] * scale;
       d1 += d * d;
     }
-    n0 = larger(sqrt(worst(d0) / N_X), n0);
-    n1 = larger(sqrt(worst(d1) / N_X), n1);
+    n0 = larger(sqrt(largest_lane(d0) / N_X), n0);
+    n1 = larger(sqrt(largest_lane(d1) / N_X), n1);
   }
   double h0 = n0 < 1e-5 || n1 < 1e-5 ? 1e-6 : 0.01 * n0 / n1;
   h0 = h0 < span ? h0 : span;
@@ -47,7 +62,7 @@ static double first_step(Block *b, const Study *s) {
       V d = (slope(x1, k1, i) - slope(a->x, a->k, i)) / (s->atol + s->rtol * v_fabs(a->x[i]));
       d2 += d * d;
     }
-    n2 = larger(sqrt(worst(d2) / N_X) / h0, n2);
+    n2 = larger(sqrt(largest_lane(d2) / N_X) / h0, n2);
   }
   const double most = larger(n1, n2);
   double h1 = most <= 1e-15 ? larger(1e-6, h0 * 1e-3) : pow(0.01 / most, 1.0 / 8.0);
@@ -56,7 +71,7 @@ static double first_step(Block *b, const Study *s) {
 }
 
 /* Outputs at the times that the step has passed; 0 if one is not finite. */
-static int sample(Block *b, Study *s) {
+PRIVATE int sample_outputs(Block *b, Study *s) {
   while (b->next < s->n_t && s->times[b->next] <= b->t_new) {
     double share[CHUNK];
     long n = 0;
@@ -75,44 +90,44 @@ static int sample(Block *b, Study *s) {
         outputs(a->x_at + j * N_X, a->c, each(s->times[b->next + j]), a->y + j * N_Y);
     }
     b->next += n;
-    if (!keep(b, s, b->next - n, n)) return 0;
+    if (!store_outputs(b, s, b->next - n, n)) return 0;
   }
   return 1;
 }
 
-/* Accepts the step, or shortens it; where there is no shorter one, samples whose error is too large fail. */
-static int judge(Block *b, Study *s, double shortest) {
+/* Accepts the step or shortens it. At the shortest step, samples whose error is too large fail. */
+PRIVATE int accept_step(Block *b, Study *s, double shortest) {
   V norm[PARTS];
   double e = 0.0;
   EACH_PART(b) {
     norm[a - b->part] = error_norm(a, b->h, s);
-    e = larger(worst(norm[a - b->part]), e);
+    e = larger(largest_lane(norm[a - b->part]), e);
   }
-  const double size = log(e), least = log(1e-4);
+  const double size = log(e), least = log(ERROR_LEAST);
   const int too_many = ++b->steps == s->most_steps;
   if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
     for (int l = 0; l < WIDTH; ++l)
-      if (too_many || !(norm[l / W][l % W] <= 1.0)) lose(b, s, l, b->t, too_many ? MANY : STEPS);
-    return LOST;
+      if (too_many || !(norm[l / W][l % W] <= 1.0)) fail_sample(b, s, l, b->t, too_many ? MANY : STEPS);
+    return FAILED;
   }
   if (!(e <= 1.0)) {
-    const double factor = e < 1e300 ? 0.9 * exp(-1.0 / 8.0 * size) : 0.1;
-    b->h *= factor > 0.2 ? factor : 0.2;
+    const double factor = e < 1e300 ? SAFETY * exp(-EXPONENT * size) : 0.1;
+    b->h *= factor > SHRINK_LEAST ? factor : SHRINK_LEAST;
     b->before = least;
     return REJECTED;
   }
-  /* A controller with memory keeps the step from swinging. */
-  const double factor = 0.9 * exp((-1.0 / 8.0 + 0.2 * 0.04) * size + 0.04 * b->before);
-  b->h_next = b->h * (factor > 6.0 ? 6.0 : factor < 0.333 ? 0.333 : factor);
+  const double factor = SAFETY * exp((-EXPONENT + 0.2 * MEMORY) * size + MEMORY * b->before);
+  b->h_next = b->h * (factor > CHANGE_MOST ? CHANGE_MOST : factor < CHANGE_LEAST ? CHANGE_LEAST : factor);
   b->before = size > least ? size : least;
   return ACCEPTED;
 }
 
-static int run(Block *b, Study *s) {
-  const double end = s->times[s->n_t - 1], shortest = 1e-14 * (end - s->times[0]);
+/* Runs the block from the first time to the last. Returns 0 if samples failed. */
+PRIVATE int run(Block *b, Study *s) {
+  const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
   if (s->n_t == 1) return 1;
   b->steps = 0;
-  b->before = log(1e-4);
+  b->before = log(ERROR_LEAST);
   EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
   b->h = first_step(b, s);
   while (b->next < s->n_t) {
@@ -124,25 +139,23 @@ static int run(Block *b, Study *s) {
       b->h = end - b->t;
     }
     stages(b);
-    const int verdict = judge(b, s, shortest);
-    if (verdict == LOST) return 0;
+    const int verdict = accept_step(b, s, shortest);
+    if (verdict == FAILED) return 0;
     if (verdict == REJECTED) continue;
     EACH_PART(b) rates(a->x_new, a->c, each(b->t_new), a->k + END * N_OWN);
     if (s->times[b->next] <= b->t_new) {
       interpolant(b);
-      if (!sample(b, s)) return 0;
+      if (!sample_outputs(b, s)) return 0;
     }
     EACH_PART(b) {
       /* The slope before the projection serves the next step: it is as far off as the error of this one. */
       memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
-#if PROJECTED
-      project(a->x_new, a->c, each(b->t_new), a->x);
-#else
-      memcpy(a->x, a->x_new, sizeof a->x);
-#endif
+      move_onto_constraints(a, a->x_new, b->t_new, a->x);
     }
     b->t = b->t_new;
     b->h = b->h_next;
   }
   return 1;
 }
+
+#endif

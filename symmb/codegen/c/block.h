@@ -1,0 +1,131 @@
+/* A block of WIDTH samples that share their steps: its data, and what it stores. Samples that fail leave the block.
+
+   The model in front of this file, such as model.h, gives the sizes and functions named there. */
+#ifndef BLOCK_H
+#define BLOCK_H
+
+#include <stdlib.h>
+
+#include "lanes.h"
+#include "model.h"
+
+enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block should fit into a cache */
+#define SIZE(n) ((n) > 0 ? (n) : 1)
+enum { STEPS, OUTPUT, NEWTON, MANY }; /* why a sample failed, see REASONS of engine.py */
+
+/* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
+typedef struct {
+  const double *x0, *p, *times;
+  long n, n_t;
+  double rtol, atol; /* of steps with control */
+  double longest;    /* step, or 0 */
+  double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
+  long most_steps;
+  long next_block;  /* number of the block that the next free thread takes */
+  double *t_failed; /* (n,) NaN while a sample has not */
+  char *failure;    /* (n,) of what */
+  double *x_failed; /* (n, N_X) the state where its last step began */
+  double *Y;        /* (n, n_t, N_Y) values, or NULL */
+  long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
+} Study;
+
+/* What a block holds of W of its lanes. */
+typedef struct {
+  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[SIZE(N_K)], F[7 * SIZE(N_USED)];
+  V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
+  V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
+  V p[SIZE(N_P)], scratch[2 * SIZE(N_X)];          /* parameters; errors of a step, or unknowns of the start */
+} Part;
+
+/* A block under way, at t, on a step of length h. */
+typedef struct {
+  Part part[PARTS];
+  double t, t_new, h, h_next;
+  double before; /* logarithm of the error of the step before */
+  long number, next, live, sample[WIDTH];
+  long steps, iterations, most;
+  double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
+} Block;
+
+#define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)
+
+/* The slope of state i from x and the slopes that are kept. */
+PRIVATE inline V slope(const V *x, const V *k, int i) { return i < N_OWN ? k[i] : x[i - N_OWN]; }
+
+/* Marks the sample of a lane as failed. */
+PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why) {
+  const long i = b->sample[lane % b->live];
+  s->t_failed[i] = t;
+  s->failure[i] = why;
+  for (int j = 0; j < N_X; ++j) s->x_failed[i * N_X + j] = b->part[lane / W].x[place[j]][lane % W];
+}
+
+
+/* The largest lane, or NaN if one is NaN. */
+PRIVATE double largest_lane(V a) {
+  double m = 0.0;
+  for (int l = 0; l < W; ++l) m = a[l] > m || a[l] != a[l] ? a[l] : m;
+  return m;
+}
+
+/* Smallest and largest lanes of each of n vectors in every part. The last vectors of a tree overlap those before. */
+PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
+  long i = 0;
+#ifdef TREE
+  for (; n >= W && i < n; i += W) {
+    if (i > n - W) i = n - W;
+    const V *least = b->part->y + i, *most = least;
+#if PARTS > 1
+    V smallest[W], largest[W];
+    for (int k = 0; k < W; ++k) {
+      smallest[k] = largest[k] = least[k];
+      for (int q = 1; q < PARTS; ++q) {
+        smallest[k] = v_smaller(smallest[k], b->part[q].y[i + k]);
+        largest[k] = v_larger(largest[k], b->part[q].y[i + k]);
+      }
+    }
+    least = smallest;
+    most = largest;
+#endif
+    const V low = tree_smaller(least), high = tree_larger(most);
+    memcpy(lower + i, &low, sizeof low);
+    memcpy(upper + i, &high, sizeof high);
+  }
+#endif
+  for (; i < n; ++i) {
+    lower[i] = upper[i] = b->part[0].y[i][0];
+    for (int l = 1; l < WIDTH; ++l) {
+      const double y = b->part[l / W].y[i][l % W];
+      lower[i] = y < lower[i] ? y : lower[i];
+      upper[i] = y > upper[i] ? y : upper[i];
+    }
+  }
+}
+
+/* Stores the outputs at n times from number `first` on. Returns 0 if a lane is not finite; its sample then fails. */
+PRIVATE int store_outputs(Block *b, Study *s, long first, long n) {
+  V even = zero(), odd = zero(); /* two, since each addition waits for the one before */
+  EACH_PART(b) {
+    long i = n * N_Y % 2;
+    if (i) even += a->y[0] * 0.0;
+    for (; i < n * N_Y; i += 2) {
+      even += a->y[i] * 0.0;
+      odd += a->y[i + 1] * 0.0;
+    }
+  }
+  const int finite = largest_lane(even + odd) == 0.0;
+  for (long l = 0; l < b->live && !finite; ++l)
+    for (long i = 0; i < n * N_Y; ++i)
+      if (b->part[l / W].y[i][l % W] * 0.0 != 0.0) {
+        fail_sample(b, s, l, s->times[first + i / SIZE(N_Y)], OUTPUT);
+        break;
+      }
+  for (long l = 0; l < b->live && s->Y; ++l) {
+    double *to = s->Y + (b->sample[l] * s->n_t + first) * N_Y;
+    for (long i = 0; i < n * N_Y; ++i) to[i] = b->part[l / W].y[i][l % W];
+  }
+  if (!s->Y) extremes(b, n * N_Y, b->lower + first * N_Y, b->upper + first * N_Y);
+  return finite;
+}
+
+#endif

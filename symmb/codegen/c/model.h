@@ -1,0 +1,72 @@
+/* An example of what the generator writes in front of the other files: a harmonic oscillator with the parameter omega.
+
+   x' = v, v' = -omega^2 x, output x. Each file of this folder can be compiled with it alone. The functions get a part's
+   values c, which prepare() computes from the parameters; what follows the N_C values of c is room for their own use. */
+#ifndef MODEL_H
+#define MODEL_H
+
+#include "lanes.h"
+
+#define N_P 1       /* parameters */
+#define N_C 1       /* values that depend on parameters alone */
+#define N_CARRIED 0 /* values that functions carry from one of their pieces to the next */
+#define N_Y 1       /* outputs */
+#define N_USED 1    /* states that outputs need */
+#define PROJECTED 0 /* 1: project() moves states onto the constraints */
+#define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
+#define N_U 0
+
+PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
+
+#ifndef IMPLICIT_STEP_H
+
+#define N_X 2
+#define N_OWN 2     /* states with slopes of their own, which stand first; the others are integrals of the first states */
+#define N_K (3 * N_OWN)
+
+PRIVATE void rates(const V *x, V *c, V t, V *out) {
+  (void)t;
+  out[0] = x[1];
+  out[1] = -c[0] * x[0];
+}
+
+#else
+
+/* The implicit Euler method: x holds the history (2), the length of the step and the unknowns, the new state (2). */
+#define N_W 2
+#define N_Z 2
+#define N_TESTED 2
+#define N_E 0
+#define N_X (N_W + 1 + N_Z)
+#define N_OWN 0
+#define N_K 4
+#define ORDER 1
+#define GROWTH 5.0
+
+PRIVATE void history(const V *x, V *c, V t, V *out) {
+  (void)c, (void)t;
+  memcpy(out, x, N_W * sizeof(V));
+}
+PRIVATE void guess(const V *x, V *c, V t, V *out) { history(x, c, t, out); }
+PRIVATE void correct(const V *x, V *c, V t, V *out) {
+  const V h = x[2], r0 = x[3] - x[0] - h * x[4], r1 = x[4] - x[1] + h * c[0] * x[3], det = 1.0 + h * h * c[0];
+  (void)t;
+  out[0] = out[2] = (r0 + h * r1) / det;
+  out[1] = out[3] = (r1 - h * c[0] * r0) / det;
+}
+PRIVATE void follow(const V *x, V *c, V t, V *out) {
+  (void)c, (void)t;
+  memcpy(out, x + N_W + 1, N_Z * sizeof(V));
+}
+
+#endif
+
+PRIVATE void outputs(const V *x, V *c, V t, V *out) {
+  (void)c, (void)t;
+  out[0] = x[0];
+}
+
+PRIVATE const int place[] = {0, 1, 2, 3, 4}; /* place of each state among the states that are given */
+PRIVATE const int used[] = {0};              /* the states that outputs need */
+
+#endif

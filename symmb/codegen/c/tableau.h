@@ -1,0 +1,37 @@
+/* An example of what the generator writes for a Runge-Kutta method: Heun's method with Euler's for the error. */
+#ifndef TABLEAU_H
+#define TABLEAU_H
+
+#include "block.h"
+
+#define END 2 /* place in k of the slope at the end of the step */
+
+/* Slopes before the end of the step, and x_new. */
+PRIVATE void stages(Block *b) {
+  EACH_PART(b) {
+    for (int i = 0; i < N_X; ++i) a->x_at[i] = a->x[i] + b->h * a->k[i];
+    rates(a->x_at, a->c, each(b->t + b->h), a->k + N_OWN);
+    for (int i = 0; i < N_X; ++i) a->x_new[i] = a->x[i] + 0.5 * b->h * (a->k[i] + a->k[N_OWN + i]);
+  }
+}
+
+/* Estimated errors over the step's length, of two orders. */
+PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {
+  (void)h;
+  for (int i = 0; i < N_X; ++i) e5[i] = e3[i] = 0.5 * (a->k[N_OWN + i] - a->k[i]);
+}
+
+/* Coefficients F of the interpolant of the states that outputs need. */
+PRIVATE void interpolant(Block *b) {
+  EACH_PART(b)
+    for (int u = 0; u < N_USED; ++u) {
+      V *f = a->F + 7 * u;
+      const V d = a->x_new[used[u]] - a->x[used[u]], first = a->k[used[u]], last = a->k[END * N_OWN + used[u]];
+      f[0] = d;
+      f[1] = b->h * first - d;
+      f[2] = 2.0 * d - b->h * (first + last);
+      for (int j = 3; j < 7; ++j) f[j] = zero();
+    }
+}
+
+#endif
