@@ -89,50 +89,96 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     ------
     DeclarationError       with one line for each fault
     """
-    faults = [*name_faults(elements), *membership_faults(elements)]
+    faults = _Faults([*name_faults(elements), *membership_faults(elements)])
     for element in elements:
-        if isinstance(element, Element):
-            faults.extend(element.faults())
-        elif isinstance(element, Body):
-            faults.extend(element.faults)
+        faults.lines += element.faults() if isinstance(element, Element) else getattr(element, "faults", ())
     bodies = tuple(e for e in elements if isinstance(e, Body))
     bind = Binding(parameters, bodies)
+    no_inertia = ca.SX(), ca.SX()
+    inertial = [(b, faults.attempt(lambda b=b: mass_and_inertia(b, bind, parameters), no_inertia)) for b in bodies]
+    faults.raise_any()
+    equations = _write_equations(elements, inertial, bind, parameters, faults)
+    faults.raise_any()
+    return _without_untouched(_assemble(inertial, bind, equations))
 
-    def attempt(fn: Callable[[], T], otherwise: T, what: str = "A law") -> T:
+
+class _Faults:
+    """The faults of a declaration as lines of text."""
+
+    def __init__(self, lines: list[str]) -> None:
+        self.lines = lines
+
+    def attempt(self, f: Callable[[], T], otherwise: T, what: str = "A law") -> T:
+        """The result of f, or what stands for it where f raises a fault of the declaration."""
         try:
-            return fn()
+            return f()
         except DeclarationError as error:
-            faults.extend(str(error).split("\n"))
+            self.lines += str(error).split("\n")
         except RuntimeError as error:
             if "truth value" not in str(error):
                 raise
-            faults.append(f"{what}: Python's if, max and min know no expressions: write casadi.if_else, fmax or fmin.")
+            remedy = "write casadi.if_else, fmax or fmin"
+            self.lines.append(f"{what}: Python's if, max and min know no expressions: {remedy}.")
         return otherwise
 
-    nothing = ca.SX(0, 1)
-    inertial = [(b, attempt(lambda b=b: mass_and_inertia(b, bind, parameters), (ca.SX(), ca.SX()))) for b in bodies]
-    if faults:
-        raise DeclarationError("\n".join(faults))
+    def raise_any(self) -> None:
+        """DeclarationError with every fault once."""
+        if self.lines:
+            raise DeclarationError("\n".join(dict.fromkeys(self.lines)))
+
+
+Inertia = tuple[Body, tuple[ca.SX, ca.SX]]
+"""A body with its mass and its inertia matrix (3, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """What the elements write: actions by title, rows by name of the constraint, laws of impacts by name."""
+
+    constraints: list[Constraint]
+    impacts: list[Impact]
+    actions: dict[str, tuple[Action, ...]]
+    positions: dict[str, list[ca.SX]]
+    velocities: dict[str, list[ca.SX]]
+    laws: dict[str, tuple[ca.SX, ca.SX]]
+    n_declared_rows: int
+
+
+def _write_equations(
+    elements: Sequence[Body | Element],
+    inertial: Sequence[Inertia],
+    bind: Binding,
+    parameters: Parameters,
+    faults: _Faults,
+) -> _Equations:
+    attempt, nothing = faults.attempt, ca.SX(0, 1)
     masses = [(b, mass) for b, (mass, _) in inertial]
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
     impacts = [e for e in elements if isinstance(e, Impact)]
     actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
-    written = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
-    positions = {c.name: attempt(lambda c=c: position_rows(c, written[c.name], bind), []) for c in constraints}
-    velocities = {c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints}
-    laws = {e.name: attempt(lambda e=e: impact_law(e, bind, parameters), (nothing, nothing)) for e in impacts}
-    for title, acts in actions.items():
-        for action in acts:
-            faults.extend(plane_faults(title, action))
-    if faults:
-        raise DeclarationError("\n".join(dict.fromkeys(faults)))
+    declared = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
+    equations = _Equations(
+        constraints=constraints,
+        impacts=impacts,
+        actions=actions,
+        positions={c.name: attempt(lambda c=c: position_rows(c, declared[c.name], bind), []) for c in constraints},
+        velocities={c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints},
+        laws={e.name: attempt(lambda e=e: impact_law(e, bind, parameters), (nothing, nothing)) for e in impacts},
+        n_declared_rows=sum(rows.numel() for rows in declared.values()),
+    )
+    faults.lines += [line for title, some in actions.items() for action in some for line in plane_faults(title, action)]
+    return equations
 
+
+def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations) -> Collected:
+    bodies = tuple(body for body, _ in inertial)
     shares = [body.inertial(*values) for body, values in inertial]
-    Q_work, Q_potential, potential = _forces(bodies, shares, actions)
-    Phi = [row for rows in positions.values() for row in rows]
-    Psi = [row for rows in velocities.values() for row in rows]
-    draft = Collected(
+    Q_work, Q_potential, potential = _forces(bodies, shares, equations.actions)
+    Phi = [row for rows in equations.positions.values() for row in rows]
+    Psi = [row for rows in equations.velocities.values() for row in rows]
+    gaps = [gap for gap, _ in equations.laws.values()]
+    return Collected(
         bodies=bodies,
         bind=bind,
         q=_vertcat([b.frame.q for b in bodies]),
@@ -141,25 +187,22 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         q_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.coordinates),
         v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
         block_sizes=tuple(b.frame.v.numel() for b in bodies),
-        states=_states(bind, [Q_work, Q_potential, *Phi, *Psi, *(gap for gap, _ in laws.values())], impacts),
-        M=ca.diagcat(*[share.M for share in shares]) if bodies else ca.SX(0, 0),
-        M_flow=ca.diagcat(*[share.M if share.flows else ca.SX(*share.M.shape) for share in shares])
-        if bodies
-        else ca.SX(0, 0),
+        states=_states(bind, [Q_work, Q_potential, *Phi, *Psi, *gaps], equations.impacts),
+        M=_diagcat([share.M for share in shares]),
+        M_flow=_diagcat([share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
         Q=Q_work + Q_potential,
         Q_work=Q_work,
         potential=potential,
         Phi=_vertcat(Phi),
         Psi=_vertcat(Psi),
-        rows=_row_slices(positions, velocities),
-        row_names=_row_names(positions) + _row_names(velocities),
-        impacts=tuple((name, *law) for name, law in laws.items()),
-        assembly_cosines=_vertcat([c.assembly_cosines() for c in constraints]),
-        positive=tuple(_positive(inertial, constraints, bind)),
+        rows=_row_slices(equations.positions, equations.velocities),
+        row_names=_row_names(equations.positions) + _row_names(equations.velocities),
+        impacts=tuple((name, *law) for name, law in equations.laws.items()),
+        assembly_cosines=_vertcat([c.assembly_cosines() for c in equations.constraints]),
+        positive=tuple(_positive(inertial, equations.constraints, bind)),
         decoupled=(),
-        n_declared_rows=sum(rows.numel() for rows in written.values()),
+        n_declared_rows=equations.n_declared_rows,
     )
-    return _without_untouched(draft)
 
 
 def _states(bind: Binding, equations: Sequence[ca.SX], impacts: Sequence[Impact]) -> tuple[Symbol, ...]:
@@ -168,7 +211,7 @@ def _states(bind: Binding, equations: Sequence[ca.SX], impacts: Sequence[Impact]
 
 
 def _positive(
-    inertial: Sequence[tuple[Body, tuple[ca.SX, ca.SX]]], constraints: Sequence[Constraint], bind: Binding
+    inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
 ) -> Iterator[tuple[str, ca.SX]]:
     for body, (mass, J) in inertial:
         for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3))):
@@ -182,6 +225,10 @@ def _positive(
 
 def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
+
+
+def _diagcat(blocks: Sequence[ca.SX]) -> ca.SX:
+    return ca.diagcat(*blocks) if blocks else ca.SX(0, 0)
 
 
 def _forces(
@@ -214,15 +261,15 @@ def _forces(
 def _row_slices(*kinds: dict[str, list[ca.SX]]) -> dict[str, slice]:
     slices, at = {}, 0
     for rows in kinds:
-        for name, kept in rows.items():
-            if kept:
-                slices[name] = slice(at, at + len(kept))
-            at += len(kept)
+        for name, own in rows.items():
+            if own:
+                slices[name] = slice(at, at + len(own))
+            at += len(own)
     return slices
 
 
 def _row_names(rows: dict[str, list[ca.SX]]) -> tuple[str, ...]:
-    return tuple(f"{name}.lam[{i}]" for name, kept in rows.items() for i in range(len(kept)))
+    return tuple(f"{name}.lam[{i}]" for name, own in rows.items() for i in range(len(own)))
 
 
 def _without_untouched(c: Collected) -> Collected:

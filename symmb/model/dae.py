@@ -210,53 +210,18 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
     DM([0.5, -9.81])
     """
-    whole = system
-    system = system if rows is None else system.keeping(rows)
-    c = system.collected
-    q, v, s, p = system.q, system.v, system.s, system.p
-    states = [("q", q), ("v", v), *([("s", s)] if c.states else []), ("p", p), ("t", t)]
-    lam = ca.SX(system.lam)
-    n_r = lam.numel()
-    constrained = n_r > 0
-    held = system.Phi.numel() > 0
-    right = ca.SX.sym("gamma", n_r)
-    contacts = Contacts(system) if c.impacts else None
-    solve = system.solve if contacts is None else contacts.solve
-    vdot, multipliers = solve(system.Q, right)
-    vdot_free, _ = solve(system.Q, system.gamma)
-    delta, _ = system.solve(ca.SX(v.numel(), 1), right)
-    power = system.power if contacts is None else system.power + contacts.power
-    positive_names, positive = system.positive
-    displacement = ca.SX.sym("delta", v.numel())
-    retract = ca.Function("retract", [q, displacement], [_retract(system, displacement)], ["q", "delta"], ["q_new"])
-    outputs: dict[str, dict[str, ca.SX]] = {
-        "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if c.states else {})},
-        "M": {"M": system.M},
-        "Q": {"Q": system.Q},
-        "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
-        "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
-    }
-    if held:
-        outputs |= {"Phi": {"Phi": system.Phi}, "Phi_q": {"Phi_q": system.Phi_q}}
-    if "Phi_t" in system.parts:
-        outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
-    if constrained:
-        outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
-        outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
-    if ca.sparsify(power).nnz():
-        outputs["power"] = {"power": power}
-    if rows is not None:
-        outputs["distribute_multipliers"] = {"lam": _distribute_multipliers(whole.G, rows, lam)}
-    functions = _functions(
-        states,
-        outputs,
-        {
-            "forward": ("gamma", right),
-            "min_norm_correction": ("r", right),
-            "power": ("lam", lam),
-            "distribute_multipliers": ("lam_kept", lam),
-        },
-    )
+    independent = system if rows is None else system.keeping(rows)
+    c, (positive_names, positive) = independent.collected, independent.positive
+    displacement = ca.SX.sym("delta", independent.v.numel())
+    moved = _retract(independent, displacement)
+    retract = ca.Function("retract", [independent.q, displacement], [moved], ["q", "delta"], ["q_new"])
+    contacts = Contacts(independent) if c.impacts else None
+    functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(independent, contacts, system.G, rows)
+    for name, values in (
+        ("assembly_cosines", c.assembly_cosines),
+        ("s_start", ca.vertcat(*[state.value for state in c.states])),
+    ):
+        functions[name] = ca.Function(name, [independent.q, independent.p], [values]) if values.numel() else None
     return DAE(
         q_names=c.q_names,
         v_names=c.v_names,
@@ -266,42 +231,66 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
         rows=c.rows,
         p_nominal=system.parameters.nominal,
         q_neutral=np.array([1.0 if _is_scalar_part(system, name) else 0.0 for name in c.q_names]),
-        rhs=functions["rhs"],
-        M=functions["M"],
-        Q=functions["Q"],
-        Phi=functions.get("Phi"),
-        Phi_q=functions.get("Phi_q"),
-        Phi_t=functions.get("Phi_t"),
-        Phi_dot=functions.get("Phi_dot"),
-        G=functions.get("G"),
-        gamma=functions.get("gamma"),
-        forward=functions["forward"],
-        min_norm_correction=functions.get("min_norm_correction"),
-        energy=functions["energy"],
-        power=functions.get("power"),
-        distribute_multipliers=functions.get("distribute_multipliers"),
         retract=retract,
-        assembly_cosines=ca.Function("assembly_cosines", [q, p], [c.assembly_cosines])
-        if c.assembly_cosines.numel()
-        else None,
-        s_start=ca.Function("s_start", [q, p], [ca.vertcat(*[state.value for state in c.states])])
-        if c.states
-        else None,
         positive=positive,
         positive_names=positive_names,
         impacts=None if contacts is None else contacts.compiled(retract),
+        **functions,  # pyright: ignore[reportArgumentType]
     )
+
+
+_OPTIONAL = ("Phi", "Phi_q", "Phi_t", "Phi_dot", "G", "gamma", "min_norm_correction", "power", "distribute_multipliers")
+"""Functions that a DAE has only if the scene needs them."""
+
+
+def _equations_of_motion(
+    system: System, contacts: Contacts | None, all_rows: ca.SX, rows: Sequence[int] | None
+) -> dict[str, ca.Function | None]:
+    """The Functions of the states, by name: those that the scene needs."""
+    lam = ca.SX(system.lam)
+    right = ca.SX.sym("gamma", lam.numel())
+    solve = system.solve if contacts is None else contacts.solve
+    vdot, multipliers = solve(system.Q, right)
+    vdot_free, _ = solve(system.Q, system.gamma)
+    delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
+    power = system.power if contacts is None else system.power + contacts.power
+    outputs: dict[str, dict[str, ca.SX]] = {
+        "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if system.s.numel() else {})},
+        "M": {"M": system.M},
+        "Q": {"Q": system.Q},
+        "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
+        "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
+    }
+    if system.Phi.numel():
+        outputs |= {"Phi": {"Phi": system.Phi}, "Phi_q": {"Phi_q": system.Phi_q}}
+    if "Phi_t" in system.parts:
+        outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
+    if lam.numel():
+        outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
+        outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
+    if ca.sparsify(power).nnz():
+        outputs["power"] = {"power": power}
+    if rows is not None:
+        outputs["distribute_multipliers"] = {"lam": _distribute_multipliers(all_rows, rows, lam)}
+    states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
+    more_inputs = {
+        "forward": ("gamma", right),
+        "min_norm_correction": ("r", right),
+        "power": ("lam", lam),
+        "distribute_multipliers": ("lam_kept", lam),
+    }
+    return _functions([*states, ("p", system.p), ("t", t)], outputs, more_inputs)
 
 
 def _functions(
     states: list[tuple[str, ca.SX]], outputs: dict[str, dict[str, ca.SX]], extra: dict[str, tuple[str, ca.SX]]
-) -> dict[str, ca.Function]:
+) -> dict[str, ca.Function | None]:
     """A Function of the states, and of what some take besides, for each dictionary of outputs.
 
     Common expressions are found once for all of them: most have the factors of M in common.
     """
     reduced = iter(ca.cse([e for parts in outputs.values() for e in parts.values()]))
-    functions = {}
+    functions: dict[str, ca.Function | None] = {}
     for name, parts in outputs.items():
         inputs = [*states, *([extra[name]] if name in extra else [])]
         values = [next(reduced) for _ in parts]
