@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 import symmb as mb
 from models import double_pendulum
 from symmb import ClenshawCurtis, Exact
-from symmb.bounds.adaptive.continuation import Continuation, likely_ahead
-from symmb.bounds.adaptive.truncation_error import Tails
+from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes
+from symmb.bounds.adaptive.error_estimate import TruncationError
 from symmb.codegen.build import has_compiler
 from symmb.nodes.grid import Grid, line
 from symmb.polynomials.legendre import basis_values, tensor_degree
@@ -71,7 +71,7 @@ def test_expected_errors_are_of_the_size_of_true_ones_and_small_at_nodes():
         return np.stack([1 / (1.6 + c + x[:, :1] - c * x[:, 1:])], axis=2)
 
     coefficients = grid.coefficients(f(grid.nodes).reshape(49, -1)).reshape(49, 41, 1)
-    tails = Tails.of(grid.alpha, coefficients)
+    tails = TruncationError.of(grid.alpha, coefficients)
     errors = np.abs(f(points) - np.tensordot(basis_values(grid.alpha, points), coefficients, axes=1)).max(axis=0)
     largest = tails.at(np.array([0.26, 0.26]))
     assert (largest > 0.5 * errors).all() and (largest < 20 * errors).all()
@@ -82,7 +82,7 @@ def test_a_grid_continues_most_likely_through_other_points():
     """Errors are laid to the parameter along which coefficients fall off slowly."""
     grid = grown(2, [(3, 3)])
     size = np.array([2.0 ** -a[0] * 8.0 ** -a[1] for a in grid.row])
-    continuation = Continuation.of(grid, likely_ahead(grid, size))
+    continuation = Continuation.of(grid, extrapolated_sizes(grid, size))
     assert dict(zip(map(tuple, continuation.alpha.tolist()), continuation.sizes, strict=True))[4, 0] == 2.0**-4
     points = np.array([[0.4, 0.9]])
     errors = np.array([[0.1, -0.2]])

@@ -1,4 +1,4 @@
-"""Runs that methods make one after the other, kept, and what errors of bounds are measured by."""
+"""All runs of an adaptive study, and the measures of errors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.bounds.adaptive.constants import NODE_DIGITS, ROUNDING_WIDTH
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
@@ -15,14 +16,9 @@ from symmb.model import Box
 from symmb.polynomials import Expansion
 from symmb.simulation import Progress, Simulator, run_blocks
 
-ROUNDING = 1e-9
-"""Share of an output's scale below which its width counts as none."""
-_DIGITS = 12
-"""Of nodes that are the same."""
 
-
-class Found(NamedTuple):
-    """Range of an interpolant (n_t, n_y), its estimated error, and an expansion over the box if that was not cut."""
+class EstimatedRange(NamedTuple):
+    """Range of an interpolant, its estimated error, each (n_t, n_y), and an expansion over the box if it is whole."""
 
     lower: Array
     upper: Array
@@ -32,9 +28,9 @@ class Found(NamedTuple):
 
 @dataclass
 class Runs:
-    """All runs made so far: at nodes, none of which is run twice, and at other points.
+    """All runs of a study: at nodes, none of which is run twice, and at check points.
 
-    Nodes whose runs failed hold what an interpolant predicts; other points that failed are left out.
+    A node whose run failed has the value that an interpolant predicts. Check points that failed are left out.
 
     Attributes
     ----------
@@ -66,7 +62,7 @@ class Runs:
         self._row: dict[bytes, int] = {}
 
     def __len__(self) -> int:
-        """Runs that were made, failed ones included."""
+        """Number of runs so far, with those that failed."""
         return len(self._attained) + len(self.checks) + len(self.failed) - int((~self._attained).sum())
 
     @property
@@ -75,15 +71,15 @@ class Runs:
         return self.most - len(self)
 
     def unknown(self, points: Array) -> int:
-        """How many of the points (N, d) are no nodes yet."""
+        """How many of the points (N, d) are not nodes yet."""
         return sum(key not in self._row for key in _keys(points))
 
-    def at(self, points: Array, before: Callable[[Array], Array] | None = None) -> Indices:
-        """Rows of ``nodes`` for points (N, d) of the unit box; what is before predicts those that fail.
+    def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
+        """Rows of ``nodes`` for points (N, d) of the unit box; ``predict`` gives the values of those that fail.
 
         Raises
         ------
-        PropagationError        if there is nothing to predict them by
+        PropagationError        if a run fails and there is no prediction
         """
         keys = _keys(points)
         new = [i for i, key in enumerate(keys) if key not in self._row]
@@ -91,13 +87,13 @@ class Runs:
         if new:
             Y, ok, events = self._run(points[new])
             if not ok.all():
-                if before is None:
+                if predict is None:
                     raise PropagationError(
                         f"{len(self.failed)} of the first {len(new)} runs failed, too many to go on from. "
                         "PolynomialChaos(order=..., basis=TotalDegree()) can fit around some.\n"
                         + failure_text(self.failed)
                     )
-                Y[~ok] = before(points[new][~ok])
+                Y[~ok] = predict(points[new][~ok])
             if events is not None:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
@@ -106,7 +102,7 @@ class Runs:
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
     def check(self, points: Array) -> tuple[Array, Array]:
-        """Those of the points (C, d) that are new and do not fail, and the responses there, which are kept."""
+        """Run check points (C, d); returns those that are new and do not fail, and the responses there."""
         known = self._row.keys() | set(_keys(self.points))
         points = points[[key not in known for key in _keys(points)]]
         Y, ok, _ = self._run(points)
@@ -114,27 +110,27 @@ class Runs:
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
 
-    def unit(self) -> Array:
-        """What errors of each output are measured by, rms width (n_y,); infinite if it is constant but for rounding."""
+    def rms_widths(self) -> Array:
+        """Root mean square widths (n_y,), by which errors are measured; infinite if a width is only rounding."""
         low, high = self.extremes
         width, scale = rms(high - low), np.maximum(rms(low), rms(high))
-        return np.where(width > ROUNDING * scale, width, np.inf)
+        return np.where(width > ROUNDING_WIDTH * scale, width, np.inf)
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
         """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t)."""
         P = parameter_samples(self.simulator, self.box, points)
         ensemble = run_blocks(self.simulator, P, self.executor, self.progress)
         bad = np.flatnonzero(~ensemble.ok)
-        told = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
-        self.failed += failure_records(self.simulator, self.box, P, told)
+        failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
+        self.failed += failure_records(self.simulator, self.box, P, failed_runs)
         low, high = ensemble.extremes()
         self.extremes = np.minimum(self.extremes[0], low), np.maximum(self.extremes[1], high)
         return ensemble.Y, ensemble.ok, ensemble.events
 
 
-def share(error: Array, unit: Array) -> float:
-    """Largest over outputs of rms error over rms width."""
-    return float(np.max(rms(error) / unit, initial=0.0))
+def relative_rms(error: Array, widths: Array) -> float:
+    """Largest over outputs of the root mean square of error (n_t, n_y) over the rms width (n_y,)."""
+    return float(np.max(rms(error) / widths, initial=0.0))
 
 
 def rms(a: Array) -> Array:
@@ -143,4 +139,4 @@ def rms(a: Array) -> Array:
 
 
 def _keys(points: Array) -> list[bytes]:
-    return [point.tobytes() for point in points.round(_DIGITS) + 0.0]  # no -0
+    return [point.tobytes() for point in points.round(NODE_DIGITS) + 0.0]  # no -0

@@ -1,21 +1,16 @@
-"""Polynomial chaos that chooses its nodes: the runs it may make, and the method for the number of parameters."""
+"""Polynomial chaos that chooses its own runs: the number of runs, and the kind of grid."""
 
 import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Executor
+from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARAMETERS
 from symmb.bounds.adaptive.runs import Runs
-from symmb.bounds.adaptive.sparse import sparse_bounds
-from symmb.bounds.adaptive.tensor import tensor_bounds
+from symmb.bounds.adaptive.sparse_grids import sparse_bounds
+from symmb.bounds.adaptive.tensor_grids import tensor_bounds
 from symmb.bounds.result import Bounds
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator
-
-MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
-"""Without a budget: where to stop although the tolerance is not met, since ``estimate`` tells how far off; and how many
-responses are kept, 0.3 GB, as many coefficients beside them."""
-TENSOR_PARAMETERS = 3
-"""Up to so many parameters grids are tensors: extremes lie at corners and edges, where sparse grids are weakest."""
 
 
 def adaptive_bounds(
@@ -29,8 +24,8 @@ def adaptive_bounds(
 ) -> Bounds:
     """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
 
-    The error is the root mean square over time, over that of the width, of the output where it is largest. Where it is
-    more than the width that runs attained, what they attained tells more than the interpolant does.
+    The error is the root mean square over time over that of the width, of the output where this is largest. Where the
+    estimate exceeds the width that runs attained, the bounds are those attained by runs.
     """
     d, tensor = len(box), len(box) <= TENSOR_PARAMETERS
     first = max(5, 3**d) if tensor else 2 * d + 1
@@ -39,19 +34,19 @@ def adaptive_bounds(
     if first > most:
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress)
-    found = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
+    estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
     lowest, highest = runs.extremes
-    lost = found.estimate > highest - lowest
+    unresolved = estimated.estimate > highest - lowest
     return Bounds(
         t=simulator.times,
         names=simulator.outputs,
-        lower=np.where(lost, lowest, np.minimum(found.lower, lowest)),
-        upper=np.where(lost, highest, np.maximum(found.upper, highest)),
+        lower=np.where(unresolved, lowest, np.minimum(estimated.lower, lowest)),
+        upper=np.where(unresolved, highest, np.maximum(estimated.upper, highest)),
         kind="estimate",
         method=text,
         evaluations=len(runs),
-        estimate=found.estimate,
+        estimate=estimated.estimate,
         inner=runs.extremes,
         failed=runs.failed,
-        expansion=found.expansion,
+        expansion=estimated.expansion,
     )

@@ -1,0 +1,151 @@
+"""The estimated truncation error of an interpolant, from the decay of its last coefficients."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bounds.adaptive.constants import DECAY_POWER, FAST_DECAY, NODE_SHARE, SHELLS, WINDOW
+from symmb.polynomials import MultiIndices
+
+
+@dataclass(frozen=True, eq=False)
+class TruncationError:
+    """Expected error of interpolants on a grid, at points of the box, for every time and output.
+
+    In direction i the coefficients are grouped in degree shells of two degrees each, with sizes s_0 (the highest), s_1,
+    ... The next shell is expected to have the size
+
+        e_i = s_0 r^p,      r = s_0 / s_1 (sparse grids) or the largest of s_k / s_(k+1) (tensor grids),
+
+    where p < 1 allows for a slower decay than before. On sparse grids lines differ too much for the largest ratio.
+
+    On a tensor grid the error vanishes at the nodes, where (1 - x^2) U(x) = 0, but for a share NODE_SHARE. The grid may
+    lack products with direction i. They are expected to be as large, relative to their factors, as the products that it
+    has: their size is `mixed`.
+
+    Attributes
+    ----------
+    directions : (d, n_t, n_y)      largest error from each direction, e_i
+    decay : (d, n_t, n_y)           r of each direction, at most 1
+    mixed : (n_t, n_y)              error from products that are missing
+    degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
+    """
+
+    directions: Array
+    decay: Array
+    mixed: Array
+    degrees: Indices | None
+
+    @classmethod
+    def of(cls, alpha: MultiIndices, coefficients: Array) -> "TruncationError":
+        """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y)."""
+        degrees = alpha.max(axis=0)
+        tensor = len(alpha) == int(np.prod(degrees + 1))
+        directions, decay = np.zeros((2, alpha.shape[1], *coefficients.shape[1:]))
+        mixed = np.zeros(coefficients.shape[1:])
+        for i, groups in enumerate(_groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)):
+            sizes = _sizes(coefficients, *groups.shells)
+            ratios = _ratio(sizes[:-1], sizes[1:])
+            decay[i] = np.max(ratios, axis=0) if tensor else ratios[0]
+            power = np.maximum(1 - decay[i] / FAST_DECAY, DECAY_POWER) if tensor else DECAY_POWER
+            directions[i] = sizes[0] * decay[i] ** power
+            if groups.unmixed.size:
+                product, factor, unmixed = _sizes(coefficients, *groups.products, groups.unmixed)
+                mixed += np.square(unmixed * _ratio(product, factor))
+        return cls(directions, decay, np.sqrt(mixed), degrees if tensor else None)
+
+    def at(self, x: Array) -> Array:
+        """Expected error (n_t, n_y) at points x (n_t, n_y, d), or (d,) for all times and outputs."""
+        if self.degrees is None:
+            return self.least
+        factors = (_node_polynomial(x[..., i], n) for i, n in enumerate(self.degrees.tolist()))
+        return sum((e * factor for e, factor in zip(self.directions, factors, strict=True)), self.least)
+
+    @cached_property
+    def least(self) -> Array:
+        """Expected error (n_t, n_y) wherever the extremes are."""
+        if self.degrees is None:
+            return self.directions.sum(axis=0) + self.mixed
+        return np.tensordot(NODE_SHARE / np.clip(self.degrees, 1, 4), self.directions, axes=1)
+
+
+def _node_polynomial(x: Array, degree: int) -> Array:
+    """|sin(degree a) sin(a)| for x = cos(a), of a degree that is a power of 2: 0 at the nodes, at most 1."""
+    cosine, sine = x, np.sqrt(np.maximum(1.0 - x * x, 0.0))
+    product = sine
+    while degree > 1:
+        cosine, product, degree = 2 * cosine * cosine - 1, 2 * product * cosine, degree // 2
+    return np.abs(product * sine)
+
+
+def average_over_window(squares: Array) -> Array:
+    """Moving average over a window of times of squares (..., n_t, n_y)."""
+    n_t = squares.shape[-2]
+    half = int(WINDOW * n_t / 2)
+    if not half:
+        return squares
+    ends = [(0, 0)] * (squares.ndim - 2) + [(half + 1, half), (0, 0)]
+    sums = np.cumsum(np.pad(squares, ends, mode="edge"), axis=-2)
+    means = (sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]) / (2 * half + 1)
+    return np.maximum(means, 0.0)
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    """a / b, at most 1."""
+    return np.divide(a, b, out=np.ones_like(a), where=a < b)
+
+
+def _sizes(coefficients: Array, *groups: Indices) -> Array:
+    """Root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y)."""
+    parts = (coefficients[rows] for rows in groups)
+    return np.sqrt(average_over_window(np.stack([np.einsum("iab,iab->ab", part, part) for part in parts])))
+
+
+class _Groups(NamedTuple):
+    """Rows of the coefficients of one direction.
+
+    Attributes
+    ----------
+    shells : rows of the two highest degrees in this direction, of the two below, and so on
+    unmixed : rows that have no product with this direction
+    products : rows of products of x_i with others, and of these others
+    """
+
+    shells: list[Indices]
+    unmixed: Indices
+    products: tuple[Indices, Indices]
+
+
+@lru_cache(maxsize=32)
+def _groups(indices: tuple[tuple[int, ...], ...], least: int) -> list[_Groups]:
+    """The groups of each direction; shells have no degrees below the least."""
+    alpha = np.array(indices)
+    return [_Groups(*_degree_shells(alpha, i, least), _products(alpha, i)) for i in range(alpha.shape[1])]
+
+
+def _degree_shells(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indices], Indices]:
+    _, line = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
+    line = line.ravel()
+    top = np.zeros(int(line.max()) + 1, dtype=np.intp)
+    np.maximum.at(top, line, alpha[:, i])
+    thickness = np.where(top[line] > 2, 2, 1)  # with degree 2 only one coefficient is above the slope
+    shell = (top[line] - alpha[:, i]) // thickness
+    rows = (np.flatnonzero((top[line] > 0) & (alpha[:, i] >= least) & (shell == k)) for k in range(SHELLS))
+    return [some for some in rows if some.size], np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0))
+
+
+def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
+    """Rows of products of x_i with others, and of these others; of x_i and all x_j if there are no products."""
+    rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
+    first, base = [], []
+    for a, k in rows.items():
+        if a[i] == 1 and sum(a) > 1:
+            first.append(k)
+            base.append(rows[(*a[:i], 0, *a[i + 1 :])])
+    if not first:
+        base = np.flatnonzero(alpha.sum(axis=1) == 1).tolist()
+        first = [k for k in base if alpha[k, i]]
+    return np.array(first, dtype=np.intp), np.array(base, dtype=np.intp)

@@ -1,0 +1,202 @@
+"""A part of the box with its own interpolant on a tensor grid, and the range of this interpolant."""
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.bounds.adaptive.check_runs import inflated_error
+from symmb.bounds.adaptive.constants import (
+    HALF_DEGREE,
+    INHERITED_SHARE,
+    REFINED_SHARE,
+    ROUNDING_SHARE,
+    SMALL_HALF_WIDTH,
+    SMALLEST_HALF_WIDTH,
+    SMOOTH_DECAY,
+    TENSOR_RANGE,
+    WHOLE_DEGREE,
+)
+from symmb.bounds.adaptive.error_estimate import TruncationError
+from symmb.bounds.adaptive.runs import Runs, relative_rms
+from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
+from symmb.codegen import has_compiler
+from symmb.nodes import Grid
+from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
+
+Part = tuple[Array, Array, Array]
+"""Centre and half width (d,) of a part of the box, and degrees of an interpolant on it."""
+
+
+def nodes_of(part: Part) -> Array:
+    """Nodes (N, d) in the unit box."""
+    centre, half, degrees = part
+    return centre + half * _grid(*degrees.tolist()).nodes
+
+
+@cache
+def _grid(*degrees: int) -> Grid:
+    grid = Grid(len(degrees))
+    grid.add(grid.missing([degrees]))
+    return grid
+
+
+@dataclass(eq=False)
+class Piece:
+    """A part of the box with an interpolant.
+
+    Attributes
+    ----------
+    centre, half : (d,) of the unit box
+    expansion : in coordinates of the piece
+    nodes : (N, d) in coordinates of the piece
+    runs, rows : all runs, and the rows (N,) of the responses at the nodes
+    widths : (n_y,) rms widths, by which errors are measured
+    inherited : (n_t, n_y) error to expect where the response jumps; None of the whole box
+    """
+
+    centre: Array
+    half: Array
+    expansion: Expansion
+    nodes: Array
+    runs: Runs
+    rows: Indices
+    widths: Array
+    inherited: Array | None
+
+    @classmethod
+    def of(cls, runs: Runs, part: Part, parent: "Piece | None" = None) -> "Piece":
+        """Run the nodes that are new; the parent, which holds this piece, predicts those that fail."""
+        centre, half, degrees = part
+        grid = _grid(*degrees.tolist())
+        rows = runs.at(centre + half * grid.nodes, parent and parent.values)
+        coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1), rows).reshape(-1, *runs.shape)
+        expansion = Expansion(grid.alpha, coefficients, runs.box.names)
+        return cls(centre, half, expansion, grid.nodes, runs, rows, runs.rms_widths(), parent and parent.inherited)
+
+    @property
+    def Y(self) -> Array:
+        """Responses at the nodes (N, n_t, n_y)."""
+        return self.runs.nodes[self.rows]
+
+    @cached_property
+    def truncation(self) -> TruncationError:
+        """The estimated truncation error."""
+        return TruncationError.of(self.expansion.alpha, self.expansion.coefficients)
+
+    @cached_property
+    def _direction_errors(self) -> Array:
+        """Relative error from each direction (d,)."""
+        return np.array([relative_rms(error, self.widths) for error in self.truncation.directions])
+
+    @cached_property
+    def event_errors(self) -> Array | None:
+        """Expected errors (d, n_t, n_y) where events happen between nodes, nan elsewhere; None without events."""
+        if self.runs.events is None:
+            return None
+        degrees = self.expansion.alpha.max(axis=0)
+        return event_errors(self.nodes, degrees, self.Y, self.runs.events[self.rows])
+
+    @cached_property
+    def rough_direction(self) -> int | None:
+        """The parameter with the largest error along which the response is not smooth, or None."""
+        largest = self._direction_errors.max()
+        if self.event_errors is not None:
+            errors = np.array([relative_rms(np.nan_to_num(error), self.widths) for error in self.event_errors])
+            if errors.max() >= largest:
+                return int(errors.argmax())
+        decay = decay_ratios(self.expansion, self.widths, WHOLE_DEGREE if self.inherited is None else HALF_DEGREE)
+        rough = np.where(decay > SMOOTH_DECAY, self._direction_errors, 0.0)
+        return int(rough.argmax()) if rough.max() >= REFINED_SHARE * largest > 0 else None
+
+    @cached_property
+    def jumps(self) -> Mask | None:
+        """Where (n_t, n_y) the range is that of the nodes, because interpolants overshoot at jumps; None if nowhere."""
+        has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
+        if self.rough_direction is None or self.inherited is None or has_event is not None:
+            return has_event
+        large = self.truncation.directions >= REFINED_SHARE * self.truncation.directions.max(axis=0)
+        rough = ((self.truncation.decay > SMOOTH_DECAY) & large).any(axis=0)
+        return rough | (self.half.min() < SMALL_HALF_WIDTH)
+
+    @cached_property
+    def range(self) -> tuple[Array, Array, Array]:
+        """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d) in the unit box."""
+        alpha, shape = self.expansion.alpha, self.runs.shape
+        coefficients = self.expansion.coefficients.reshape(len(alpha), -1)
+        if has_compiler():
+            lower, upper, *at = dense_extremes(alpha, coefficients)
+        else:
+            extremes = Exact(TENSOR_RANGE, budget=300).search(alpha, coefficients)
+            lower, upper = extremes.lower + extremes.below, extremes.upper - extremes.above
+            at = [extremes.at_lower, extremes.at_upper]
+        lower, upper, places = lower.reshape(shape), upper.reshape(shape), np.stack(at).reshape(2, *shape, -1)
+        if self.jumps is not None:
+            Y = self.Y
+            lower, upper = np.where(self.jumps, Y.min(axis=0), lower), np.where(self.jumps, Y.max(axis=0), upper)
+            nodes = np.stack([self.nodes[f(Y, axis=0)] for f in (np.argmin, np.argmax)])
+            places = np.where(self.jumps[..., None], nodes, places)
+        return lower, upper, self.centre + self.half * places
+
+    @cached_property
+    def errors(self) -> Array:
+        """Expected errors (2, n_t, n_y) of the range."""
+        return np.stack([self.expected_error(x) for x in self.range[2]])
+
+    @property
+    def checkable_error(self) -> Array:
+        """The part of the errors of the range (2, n_t, n_y) that runs at its places can show; 0 at nodes."""
+        checkable = self.errors - self.truncation.least
+        checkable[checkable < ROUNDING_SHARE * self.errors] = 0.0
+        return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
+
+    def expected_error(self, places: Array) -> Array:
+        """Expected errors (n_t, n_y) at places (n_t, n_y, d) of the box, or (d,) for all times and outputs."""
+        smooth = self.truncation.at((places - self.centre) / self.half)
+        if self.event_errors is not None:
+            events = self.event_errors.sum(axis=0)
+            return np.where(np.isnan(events), smooth, events)
+        if self.jumps is None or self.inherited is None:
+            return smooth
+        return np.where(self.jumps, self.inherited, smooth)
+
+    def values(self, points: Array) -> Array:
+        """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""
+        return self.expansion.values((points - self.centre) / self.half)
+
+    def observed_error(self, point: Array, y: Array) -> Array:
+        """Error (n_t, n_y) of the interpolant at the point of a run y (n_t, n_y); 0 where nodes are used instead."""
+        error = y - self.values(point[None])[0]
+        return error if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), error, 0.0)
+
+    def refined_parts(self, all_directions: bool = False) -> list[Part]:
+        """The part with twice the degree in directions of large error, or its halves if it is rough.
+
+        There are no parts if the degree or the piece is at its limit.
+        """
+        degrees = self.expansion.alpha.max(axis=0)
+        rough = self.rough_direction
+        if rough is None:
+            is_large = all_directions | (self._direction_errors >= REFINED_SHARE * self._direction_errors.max())
+            higher = np.where(is_large & (2 * degrees <= HIGHEST_DEGREE), 2, 1) * degrees
+            return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
+        if self.half[rough] < SMALLEST_HALF_WIDTH:
+            return []
+        is_along = np.arange(len(degrees)) == rough
+        half = np.where(is_along, self.half / 2, self.half)
+        degrees = np.where(is_along, HALF_DEGREE, degrees)
+        return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
+
+    def replaced(self, parts: list[Part], runs: Runs) -> list["Piece"]:
+        """Pieces for the parts. Halves inherit a share of this piece's error, or what it missed if that is more."""
+        pieces = [Piece.of(runs, part, self) for part in parts]
+        if len(pieces) > 1:
+            own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
+            excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
+            missed = inflated_error(np.maximum(excess, 0.0)[None])
+            for piece in pieces:
+                share = INHERITED_SHARE ** (1 / len(self.half))
+                piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
+        return pieces
