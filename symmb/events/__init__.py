@@ -3,6 +3,6 @@
 The solvers that use this are in `integrate`.
 """
 
-from symmb.events.impulses import Event, Instant, Rebounds, evaluated
+from symmb.events.impulses import Event, ImpactLaws, PostImpactState, evaluate_padded
 from symmb.events.location import Location, Steps
 from symmb.events.switches import Kinks, broken, kinks, longest_step

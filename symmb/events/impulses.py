@@ -1,4 +1,4 @@
-"""What happens at the instant of an event: impulses, contacts that close and contacts that open."""
+"""The state after an event: impulses, contacts that close and contacts that open."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,11 @@ from symmb.symbolic import batch
 
 ROUNDING = float(np.finfo(float).eps)
 SMALL = 1e-12
-"""Share of what a number is a sum of below which it is taken for 0."""
-_MOST = 1000
-"""Impacts at one instant: those that lose energy have died away long before."""
+"""Share of the terms of a sum below which the sum is zero but for rounding."""
+_MOST_IMPACTS = 1000
+"""Impacts at one instant. Impacts that lose energy die away long before. tests/events/test_impacts.py"""
+_PENETRATION = 1e-9
+"""Negative gap at the start, over the scene's size, that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,8 @@ class Event:
     work: float
 
 
-def evaluated(f: ca.Function, *arguments: Array) -> list[Array]:
-    """A Function for N samples, all arguments (N, n); maps are made for powers of 2 only, however N changes."""
+def evaluate_padded(f: ca.Function, *arguments: Array) -> list[Array]:
+    """A Function of N samples, all arguments (N, n), padded to a power of 2: CasADi keeps one map for each number."""
     N = len(arguments[0])
     if N < 2:
         return list(batch(f, *arguments))
@@ -48,25 +50,25 @@ def evaluated(f: ca.Function, *arguments: Array) -> list[Array]:
 
 
 @dataclass
-class Instant:
-    """States x (E, n_x) of E samples after an event, and what happened.
+class PostImpactState:
+    """States x (E, n_x) of E samples after an event, and the record of the event.
 
     Attributes
     ----------
     work : (E,)              of impulses [J]
     events : list of (sample, Event)
-    soon : (E,)              time after which a contact may close again [s]
+    next_contact_time : (E,) time after which a contact may close again [s]
     failures : list of (sample, reason)
     """
 
     x: Array
     work: Array
     events: list[tuple[int, Event]]
-    soon: Array
+    next_contact_time: Array
     failures: list[tuple[int, str]]
 
 
-class Rebounds:
+class ImpactLaws:
     """The laws of impact of a DAE."""
 
     def __init__(self, dae: DAE, impacts: Impacts) -> None:
@@ -83,65 +85,71 @@ class Rebounds:
         return np.asarray(x[:, self.flags] > 0.5)
 
     def start_faults(self, x: Array, p: Array, t: Array) -> list[tuple[int, str]]:
-        """What keeps samples from starting: gaps below 0, and restitutions that are none."""
+        """Faults of samples at the start: gaps below 0, and restitutions out of their range."""
         at = self.arguments(x, p, t)
-        gap, _ = evaluated(self._impacts.gaps, *at)
-        e = evaluated(self._impacts.impulses, *at)[3]
+        gap, _ = evaluate_padded(self._impacts.gaps, *at)
+        e = evaluate_padded(self._impacts.impulses, *at)[3]
         faults = []
-        for i, k in np.argwhere(~(gap >= -1e-9 * self._dae.scales.length)):
+        for i, k in np.argwhere(~(gap >= -_PENETRATION * self._dae.scales.length)):
             faults.append((int(i), f"Impact {self._impacts.names[k]!r}: the gap is {gap[i, k]:g} at the start"))
         for i, k in np.argwhere(~((e >= 0) & (e <= 1))):
             faults.append((int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(e[i, k])}"))
         return faults
 
-    def __call__(self, x: Array, p: Array, t: Array, met: Indices, released: Mask) -> Instant:
+    def __call__(self, x: Array, p: Array, t: Array, closing: Indices, released: Mask) -> PostImpactState:
         """After an event.
 
         Parameters
         ----------
         x : (E, n_x)           states right before
         p, t : (E, n_p), (E,)
-        met : (E,) indices     contacts whose gaps have just closed, -1 where none
+        closing : (E,) indices contacts whose gaps have just closed, -1 where none
         released : (E, n)      closed contacts whose forces have just come to 0
         """
-        impacts, lanes, was = self._impacts, np.arange(len(x)), self.closed(x)
+        impacts, lanes, closed_before = self._impacts, np.arange(len(x)), self.closed(x)
         at = self.arguments(x, p, t)
-        gap, rate = evaluated(impacts.gaps, *at)
-        touching = was | (gap <= 8 * ROUNDING * self._dae.scales.length)
-        touching[lanes[met >= 0], met[met >= 0]] = True
-        # A rebound that would rise no higher than positions are rounded, and what is left of impacts of larger ones.
-        rest = np.sqrt(2 * ROUNDING * self._dae.scales.length * evaluated(impacts.forces, *at)[2])
-        rest = np.maximum(rest, SMALL * np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True))
-        after = Instant(x.copy(), np.zeros(len(x)), [], np.full(len(x), np.inf), [])
-        rate = self._struck(after, at, rate, touching, rest)
-        slow = touching & (np.abs(rate) <= rest)
-        acceleration, dependent = self._supported(after.x, p, t, slow, released)
-        now = self.closed(after.x)
+        gap, rate = evaluate_padded(impacts.gaps, *at)
+        touching = closed_before | (gap <= 8 * ROUNDING * self._dae.scales.length)
+        touching[lanes[closing >= 0], closing[closing >= 0]] = True
+        # Slower rates count as rest: such a rebound rises no higher than the rounding of positions.
+        resting_rate = np.sqrt(2 * ROUNDING * self._dae.scales.length * evaluate_padded(impacts.forces, *at)[2])
+        resting_rate = np.maximum(
+            resting_rate, SMALL * np.where(touching, np.abs(rate), 0.0).max(axis=1, keepdims=True)
+        )
+        after = PostImpactState(x.copy(), np.zeros(len(x)), [], np.full(len(x), np.inf), [])
+        rate = self._apply_impulses(after, at, rate, touching, resting_rate)
+        slow = touching & (np.abs(rate) <= resting_rate)
+        acceleration, dependent = self._close_contacts(after.x, p, t, slow, released)
+        closed_after = self.closed(after.x)
         for i in lanes[dependent].tolist():
-            after.failures.append((i, f"the contacts {self._named(now[i])} that have closed depend on each other"))
-        for what, changed in (("closes", now & ~was), ("opens", was & ~now)):
+            after.failures.append(
+                (i, f"the contacts {self._names(closed_after[i])} that have closed depend on each other")
+            )
+        for what, changed in (("closes", closed_after & ~closed_before), ("opens", closed_before & ~closed_after)):
             for i, k in np.argwhere(changed).tolist():
                 after.events.append((i, Event(float(t[i]), impacts.names[k], what, 0.0, 0.0, 0.0)))
-        flying = touching & ~now & (rate > rest) & (acceleration < 0)
+        flying = touching & ~closed_after & (rate > resting_rate) & (acceleration < 0)
         flight = np.where(flying, 2 * rate / np.where(flying, -acceleration, 1.0), np.inf)
-        after.soon[:] = 1.5 * flight.min(axis=1)
+        after.next_contact_time[:] = 1.5 * flight.min(axis=1)
         return after
 
-    def _struck(self, after: Instant, at: tuple[Array, ...], rate: Array, touching: Mask, rest: Array) -> Array:
+    def _apply_impulses(
+        self, after: PostImpactState, at: tuple[Array, ...], rate: Array, touching: Mask, resting_rate: Array
+    ) -> Array:
         """Impacts one after the other until no gap that is 0 closes any more; rates (E, n) of the gaps then."""
         names, dae, lanes, times = self._impacts.names, self._dae, np.arange(len(rate)), at[-1][:, 0].tolist()
         n, n_v = len(names), dae.n_v
-        W, B, at_rest, e = evaluated(self._impacts.impulses, *at)
+        W, B, at_rest, e = evaluate_padded(self._impacts.impulses, *at)
         W, B = W.reshape(-1, n, n_v), B.reshape(-1, n_v, n)
         D = W @ B
         own = np.einsum("ekk->ek", D)
         movable = own * dae.scales.energy > SMALL * np.square(W * dae.displacement_scales).sum(axis=2)
         rate, touching, impulse = rate.copy(), touching.copy(), np.zeros(rate.shape)
-        for _ in range(_MOST):
-            hit = touching & (rate < -rest)
-            held = hit & ~movable
-            for i in lanes[held.any(axis=1)].tolist():
-                name = names[int(held[i].argmax())]
+        for _ in range(_MOST_IMPACTS):
+            hit = touching & (rate < -resting_rate)
+            immovable = hit & ~movable
+            for i in lanes[immovable.any(axis=1)].tolist():
+                name = names[int(immovable[i].argmax())]
                 after.failures.append((i, f"Impact {name!r} cannot rebound: its gap closes as the constraints have it"))
                 touching[i] = False
             some = lanes[(hit & touching).any(axis=1)]
@@ -156,33 +164,33 @@ class Rebounds:
             rate[some, k] = w
             impulse[some, k] += P
             after.work[some] += work
-            for i, j, *told in zip(some.tolist(), k.tolist(), u.tolist(), w.tolist(), work.tolist(), strict=True):
-                after.events.append((i, Event(times[i], names[j], "impact", *told)))
+            for i, j, *values in zip(some.tolist(), k.tolist(), u.tolist(), w.tolist(), work.tolist(), strict=True):
+                after.events.append((i, Event(times[i], names[j], "impact", *values)))
         else:
-            for i in lanes[(touching & (rate < -rest)).any(axis=1)].tolist():
-                after.failures.append((i, f"impacts of {self._named(touching[i])} at one instant do not end"))
+            for i in lanes[(touching & (rate < -resting_rate)).any(axis=1)].tolist():
+                after.failures.append((i, f"impacts of {self._names(touching[i])} at one instant do not end"))
         after.x[:, self._cuts[0] : self._cuts[1]] += (B @ impulse[:, :, None])[:, :, 0]
         return rate
 
-    def _supported(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Mask]:
+    def _close_contacts(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Mask]:
         """Close those of the slow contacts that push; accelerations of all gaps (E, n), and where contacts depend."""
         f, closed = self._impacts.forces, slow & ~released
         acceleration = np.zeros(slow.shape)
         dependent: Mask = np.zeros(len(x), dtype=bool)
         for _ in range(3 * slow.shape[1] + 3):
             x[:, self.flags] = closed
-            force, acceleration, size, inertia = evaluated(f, *self.arguments(x, p, t))
+            force, acceleration, size, inertia = evaluate_padded(f, *self.arguments(x, p, t))
             dependent = np.asarray(~np.isfinite(force).all(axis=1))
             pull = np.where(closed, force / inertia / np.where(size > 0, size, 1.0), 0.0)
-            lets_go = np.asarray(pull == pull.min(axis=1, keepdims=True)) & (pull < -SMALL)
-            comes = slow & ~closed & (acceleration < -SMALL * size) & ~lets_go.any(axis=1, keepdims=True)
-            if not (lets_go | comes).any():
+            opens = np.asarray(pull == pull.min(axis=1, keepdims=True)) & (pull < -SMALL)
+            closes = slow & ~closed & (acceleration < -SMALL * size) & ~opens.any(axis=1, keepdims=True)
+            if not (opens | closes).any():
                 break
-            closed = (closed & ~lets_go) | comes
-        q, v = evaluated(self._impacts.held, *self.arguments(x, p, t))
-        holds = self.closed(x).any(axis=1) & ~dependent
-        x[holds, : self._cuts[1]] = np.hstack([q, v])[holds]
+            closed = (closed & ~opens) | closes
+        q, v = evaluate_padded(self._impacts.project, *self.arguments(x, p, t))
+        projected = self.closed(x).any(axis=1) & ~dependent
+        x[projected, : self._cuts[1]] = np.hstack([q, v])[projected]
         return acceleration, dependent
 
-    def _named(self, which: Mask) -> str:
+    def _names(self, which: Mask) -> str:
         return ", ".join(repr(name) for name, there in zip(self._impacts.names, which, strict=True) if there)

@@ -1,4 +1,4 @@
-"""Where in a step a gap closes, or the force in a closed contact comes to 0."""
+"""The location of events within a step: a gap closes, or the force in a closed contact falls to 0."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
-from symmb.events.impulses import SMALL, Rebounds, evaluated
+from symmb.events.impulses import SMALL, ImpactLaws, evaluate_padded
 from symmb.model import Impacts
 from symmb.schemes import interpolated
 
 _PARTS = 6
-"""Equal parts of a step in which a gap and its rate change their signs at most once."""
+"""Equal parts of a step, in each of which a gap and its rate may change sign once. tests/events/test_impacts.py"""
 _ITERATIONS = 100
+"""Most iterations of the root search: bisection alone takes 60 to rounding."""
 
 
 class Steps(NamedTuple):
@@ -30,48 +31,54 @@ class Steps(NamedTuple):
 
 
 class Located(NamedTuple):
-    """The first event of each of N steps: its share of the step, 1 if there is none, the contact met, -1 if none, and
-    those released (N, n)."""
+    """The first event of each of N steps.
+
+    Attributes
+    ----------
+    theta : (N,)               its time as a share of the step, 1 without an event
+    closing : (N,) indices     the contact that closes, -1 if none does
+    released : (N, n)          contacts that open
+    """
 
     theta: Array
-    met: Indices
+    closing: Indices
     released: Mask
 
     @property
-    def found(self) -> Mask:
+    def has_event(self) -> Mask:
         """Whether a step has an event, (N,)."""
-        return np.asarray((self.met >= 0) | self.released.any(axis=1))
+        return np.asarray((self.closing >= 0) | self.released.any(axis=1))
 
 
 class Location:
     """Finds events by the interpolant of a step."""
 
-    def __init__(self, impacts: Impacts, rebounds: Rebounds) -> None:
-        self._impacts, self._rebounds = impacts, rebounds
+    def __init__(self, impacts: Impacts, laws: ImpactLaws) -> None:
+        self._impacts, self._laws = impacts, laws
 
     def __call__(self, steps: Steps) -> Located:
         """The first events of N steps."""
         N, n = len(steps.x), len(self._impacts.names)
         every, shares = np.repeat(np.arange(N), _PARTS + 1), np.tile(np.linspace(0, 1, _PARTS + 1), N)
         gap, rate = (a.reshape(N, _PARTS + 1, n) for a in self._gaps(steps, every, shares))
-        closed = self._rebounds.closed(steps.x)
-        found = _Found(N, n)
-        self._meetings(steps, gap, rate, ~closed[:, None, :], found)
+        closed = self._laws.closed(steps.x)
+        times = _EventTimes(N, n)
+        self._closings(steps, gap, rate, ~closed[:, None, :], times)
         if closed.any():
-            push = self._push(steps, every, shares).reshape(N, _PARTS + 1, n)
-            at = np.argwhere(closed[:, None, :] & (push[:, :-1] >= 0) & (push[:, 1:] < 0))
-            found.releases(at, self._roots(self._push, steps, at, push))
-        return found.first()
+            force = self._contact_force(steps, every, shares).reshape(N, _PARTS + 1, n)
+            at = np.argwhere(closed[:, None, :] & (force[:, :-1] >= 0) & (force[:, 1:] < 0))
+            times.opens(at, self._roots(self._contact_force, steps, at, force))
+        return times.first()
 
-    def _meetings(self, steps: Steps, gap: Array, rate: Array, open_: Mask, found: "_Found") -> None:
+    def _closings(self, steps: Steps, gap: Array, rate: Array, open_: Mask, times: "_EventTimes") -> None:
         begin, end, falls, rises = gap[:, :-1], gap[:, 1:], rate[:, :-1] < 0, rate[:, 1:] > 0
         sinks = open_ & (begin <= 0) & falls & ~rises & (end < begin)
         at = np.argwhere(sinks)
-        found.meets(at, at[:, 1] / _PARTS)
+        times.closes(at, at[:, 1] / _PARTS)
         closes = open_ & (begin > 0) & (end <= 0)
         at = np.argwhere(closes)
-        found.meets(at, self._roots(self._gap, steps, at, gap))
-        # Above 0 in between, or below: where it turns tells.
+        times.closes(at, self._roots(self._gap, steps, at, gap))
+        # A gap may be above 0 or below 0 in between: its value at the turning point decides.
         hops = open_ & (begin <= 0) & (end <= 0) & (rate[:, :-1] > 0) & (rate[:, 1:] < 0)
         dips = open_ & (begin > 0) & (end > 0) & falls & rises
         at = np.argwhere(hops | dips)
@@ -82,13 +89,13 @@ class Location:
         hop = hops[tuple(at.T)]
         low, high = np.where(hop, turn, at[:, 1] / _PARTS), np.where(hop, (at[:, 1] + 1) / _PARTS, turn)
         crossed = np.where(hop, there > 0, there <= 0)
-        # A hop that never gets above 0 is one of rounding: it ends where it turns.
-        found.meets(at[hop & ~crossed], turn[hop & ~crossed])
+        # A hop that does not rise above 0 is rounding: it ends at its turning point.
+        times.closes(at[hop & ~crossed], turn[hop & ~crossed])
         at, low, high = at[crossed], low[crossed], high[crossed]
-        found.meets(at, self._between(self._gap, steps, at, low, high))
+        times.closes(at, self._between(self._gap, steps, at, low, high))
 
     def _gaps(self, steps: Steps, rows: Indices, theta: Array) -> list[Array]:
-        return evaluated(self._impacts.gaps, *self._at(steps, rows, theta))
+        return evaluate_padded(self._impacts.gaps, *self._at(steps, rows, theta))
 
     def _gap(self, steps: Steps, rows: Indices, theta: Array) -> Array:
         return self._gaps(steps, rows, theta)[0]
@@ -96,14 +103,14 @@ class Location:
     def _rate(self, steps: Steps, rows: Indices, theta: Array) -> Array:
         return self._gaps(steps, rows, theta)[1]
 
-    def _push(self, steps: Steps, rows: Indices, theta: Array) -> Array:
-        """Forces in closed contacts; 0 is what they may pull by rounding."""
-        force, _, size, inertia = evaluated(self._impacts.forces, *self._at(steps, rows, theta))
+    def _contact_force(self, steps: Steps, rows: Indices, theta: Array) -> Array:
+        """Forces in closed contacts, raised by the rounding error: a pull above it opens the contact."""
+        force, _, size, inertia = evaluate_padded(self._impacts.forces, *self._at(steps, rows, theta))
         return force + SMALL * size * inertia
 
     def _at(self, steps: Steps, rows: Indices, theta: Array) -> tuple[Array, ...]:
         some = steps.some(rows)
-        return self._rebounds.arguments(interpolated(some.x, some.F, theta), some.p, some.t + theta * some.h)
+        return self._laws.arguments(interpolated(some.x, some.F, theta), some.p, some.t + theta * some.h)
 
     def _roots(self, f: Callable[..., Array], steps: Steps, at: Indices, values: Array) -> Array:
         """Roots in parts of steps, at (m, 3) being step, part and contact, values those at the ends of the parts."""
@@ -133,27 +140,27 @@ class Location:
         return roots(value, low, high, f_low, value(high) if f_high is None else f_high)
 
 
-class _Found:
-    """Events collected."""
+class _EventTimes:
+    """The first event of each contact in each step."""
 
     def __init__(self, N: int, n: int) -> None:
         self._when = np.full((N, n), np.inf)
         self._released = np.zeros((N, n), dtype=bool)
 
-    def meets(self, at: Indices, theta: Array) -> None:
+    def closes(self, at: Indices, theta: Array) -> None:
         """Gaps that close: at (m, 3) being step, part and contact, theta (m,)."""
         np.minimum.at(self._when, (at[:, 0], at[:, 2]), theta)
 
-    def releases(self, at: Indices, theta: Array) -> None:
-        """Closed contacts whose forces come to 0."""
-        self.meets(at, theta)
+    def opens(self, at: Indices, theta: Array) -> None:
+        """Closed contacts whose forces fall to 0."""
+        self.closes(at, theta)
         self._released[at[:, 0], at[:, 2]] = True
 
     def first(self) -> Located:
         theta = self._when.min(axis=1)
-        now = np.asarray(self._when == theta[:, None]) & np.isfinite(theta)[:, None]
-        met = np.where((now & ~self._released).any(axis=1), (now & ~self._released).argmax(axis=1), -1)
-        return Located(np.minimum(theta, 1.0), met, now & self._released)
+        is_first = np.asarray(self._when == theta[:, None]) & np.isfinite(theta)[:, None]
+        closing = np.where((is_first & ~self._released).any(axis=1), (is_first & ~self._released).argmax(axis=1), -1)
+        return Located(np.minimum(theta, 1.0), closing, is_first & self._released)
 
 
 def roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:

@@ -13,7 +13,7 @@ from symmb.integrate.casadi_solvers import CVODES
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.solver import Solver
 from symmb.model import DAE
-from symmb.start import independent
+from symmb.start import independent_rows_and_columns
 from symmb.symbolic import batch
 
 
@@ -103,7 +103,7 @@ class _Partitioned(Integration):
         """Velocities that depend on the others: as many as rows."""
         if self._dae.G is None:
             return np.arange(0)
-        return independent(_matrix(self._dae, x, p, t) * self._dae.displacement_scales)[1]
+        return independent_rows_and_columns(_matrix(self._dae, x, p, t) * self._dae.displacement_scales)[1]
 
 
 class _Motion:

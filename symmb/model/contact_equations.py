@@ -31,7 +31,7 @@ class Impacts:
     forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), sizes
                                 of the terms that these are sums of (n,), and what inertia they meet 1 / D_kk (n,)
     impulses                    -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
-    held                        -> q (n_q,), v (n_v,) moved, least in the norm of M, so that closed gaps and their rates
+    project                     -> q (n_q,), v (n_v,) moved least in the norm of M so that closed gaps and their rates
                                 vanish
     """
 
@@ -40,7 +40,7 @@ class Impacts:
     gaps: ca.Function
     forces: ca.Function
     impulses: ca.Function
-    held: ca.Function
+    project: ca.Function
 
 
 class Contacts:
@@ -60,9 +60,9 @@ class Contacts:
         self.B = ca.horzcat(*[a for a, _ in effects])
         self._L = ca.horzcat(*[lam for _, lam in effects])
         flags = system.s[self.closed]
-        D, keep = self.W @ self.B, ca.diag(flags)
+        D, closed = self.W @ self.B, ca.diag(flags)
         self._D, self._flags = D, flags
-        self._solve = symmetric_solver(keep @ D @ keep + ca.diag(1 - flags))
+        self._solve = symmetric_solver(closed @ D @ closed + ca.diag(1 - flags))
         self._zeta = self._along(self.rate)
 
     def _along(self, f: ca.SX) -> ca.SX:
@@ -71,7 +71,7 @@ class Contacts:
         return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
 
     def _opposing(self, r: ca.SX) -> ca.SX:
-        """What along closed gaps takes r away, (n,)."""
+        """Forces or impulses along closed gaps that compensate r, (n,)."""
         return -self._solve(self._flags * r)
 
     def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -110,7 +110,7 @@ class Contacts:
             gaps=function("gaps", gap=self.gap, rate=self.rate),
             forces=function("forces", force=force, acceleration=acceleration, size=size, inertia=1 / ca.diag(self._D)),
             impulses=function("impulses", W=self.W, B=self.B, at_rest=self.at_rest, restitution=self.restitution),
-            held=function(
+            project=function(
                 "held",
                 q_held=retract(system.q, self.B @ self._opposing(self.gap)),
                 v_held=system.v + self.B @ self._opposing(self.rate),

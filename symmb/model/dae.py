@@ -171,7 +171,7 @@ class DAE:
         functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
         if self.impacts is not None:
             impacts = self.impacts
-            functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.held)}
+            functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.project)}
             return save_c(functions, folder)
         begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
         begin.update(start or {})

@@ -19,8 +19,8 @@ _RATE_OF = {"x": "vx", "y": "vy", "z": "vz", "theta": "omega"}
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """Start values listed by the user: coordinates and velocities by index, and the displacements they hold."""
+class Prescribed:
+    """Listed start values: coordinates and velocities by index, and the displacements that they prescribe."""
 
     q: dict[int, ca.SX]
     v: dict[int, ca.SX]
@@ -64,7 +64,7 @@ class Scene:
     def __post_init__(self) -> None:
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
-        attempts = [lambda: self.held, lambda: self.guesses]
+        attempts = [lambda: self.prescribed, lambda: self.guesses]
         if not untimely:  # what moves uniformly needs the start time
             attempts.append(lambda: self._bound_outputs)
         for attempt in attempts:
@@ -89,7 +89,7 @@ class Scene:
         return unknown or self.system.sign_faults(self.box)
 
     @cached_property
-    def held(self) -> Held:
+    def prescribed(self) -> Prescribed:
         """The start as listed; modes of flexible bodies are at rest and undeformed unless a guess sets them free."""
         return _with_modes(self, _resolve(self.system, self.start, "start"))
 
@@ -140,9 +140,9 @@ class Scene:
         bound = self.system.bind(expression, what, also=self.system.solved_hashes)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.decoupled:
-            v0 = self.held.drift.get(v_name, ca.SX(0))
+            v0 = self.prescribed.drift.get(v_name, ca.SX(0))
             bound = ca.substitute(bound, vx, v0)
-            bound = ca.substitute(bound, x, self.held.drift.get(x_name, ca.SX(0)) + v0 * elapsed)
+            bound = ca.substitute(bound, x, self.prescribed.drift.get(x_name, ca.SX(0)) + v0 * elapsed)
         return bound
 
     def __repr__(self) -> str:
@@ -180,7 +180,7 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
     return []
 
 
-def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
+def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Prescribed:
     """Indices of listed names; see `Scene` for the names."""
     c = system.collected
     q_at = {name: i for i, name in enumerate(c.q_names)}
@@ -227,19 +227,19 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Held:
             faults.append(f"{what} {name!r}: expected three numbers or expressions, got {value!r}.")
     if faults:
         raise DeclarationError("\n".join(faults))
-    return Held(q, v, frozenset(displacements), drift)
+    return Prescribed(q, v, frozenset(displacements), drift)
 
 
-def _with_modes(scene: Scene, held: Held) -> Held:
+def _with_modes(scene: Scene, prescribed: Prescribed) -> Prescribed:
     c, zero = scene.system.collected, ca.SX(0)
     modes = [f"{b.name}.{x}" for b in c.bodies for x in b.pose.coordinates[len(b.pose.rigid_coordinates) :]]
     fixed = [name for name in modes if name not in scene.guess]
     rates = {c.v_names.index(f"{name}_dot"): zero for name in fixed}
-    held = replace(held, v={**rates, **held.v})
+    prescribed = replace(prescribed, v={**rates, **prescribed.v})
     if scene.equilibrium:
-        return held
+        return prescribed
     undeformed = {c.q_names.index(name): zero for name in fixed}
-    return replace(held, q={**undeformed, **held.q}, displacements=held.displacements | rates.keys())
+    return replace(prescribed, q={**undeformed, **prescribed.q}, displacements=prescribed.displacements | rates.keys())
 
 
 def _is_quaternion(name: str, spatial: set[str]) -> bool:

@@ -71,7 +71,9 @@ class DAESimulator:
         self.units = tuple(unit_of(y) for y in ca.vertsplit(scene.y)) if self.outputs else ()
         all_rows = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, all_rows)
-        dae = all_rows if self.start.kept is None else compile_dae(scene.system, self.start.kept)
+        dae = (
+            all_rows if self.start.independent_rows is None else compile_dae(scene.system, self.start.independent_rows)
+        )
         self.dae: DAE = replace(dae, scales=self.start.scales(dae, float(np.ptp(self.times))))
         self.y = output_function(self.dae, scene, scene.y)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)

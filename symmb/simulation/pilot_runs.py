@@ -53,7 +53,8 @@ class PilotRuns:
         built = time.perf_counter()
         run = integration.run(self.x0, self.p[None])[0]
         seconds, counts = time.perf_counter() - built, integration.statistics()
-        start = {name: list(getattr(simulator.start, name)) for name in ("held", "solved", "free", "redundant")}
+        start = simulator.start
+        names = {"held": start.listed, "solved": start.solved, "free": start.free, "redundant": start.redundant}
         trajectory = Trajectory(
             scene=self.scene,
             simulator=simulator,
@@ -63,7 +64,7 @@ class PilotRuns:
             t=simulator.times,
             x=run.X,
             work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
-            statistics={"start": start, "integrator": counts},
+            statistics={"start": {key: list(some) for key, some in names.items()}, "integrator": counts},
             setup_seconds=self._setup + built - begin,
             run_seconds=seconds,
             events=run.events,

@@ -3,5 +3,6 @@
 The rank of the constraints is decided here, at the start of the nominal scene.
 """
 
-from symmb.start.rank import Singularity, independent, singularity
-from symmb.start.start import Start, prepare_start
+from symmb.start.preparation import prepare_start
+from symmb.start.rank import Singularity, independent_rows_and_columns, singularity
+from symmb.start.start import Start

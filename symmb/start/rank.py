@@ -1,18 +1,27 @@
-"""Rank of constraint rows at a consistent position, and which joints are to blame where it is short."""
+"""The rank of the constraint rows: decided at the start, and the joints whose rows depend on each other."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
+from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE
+from symmb.start.scales import evaluate_at_rest
 from symmb.symbolic import batch
 
 _RANK_TOLERANCE = 1e-9
+"""Singular values over the largest one, and over the number of rows or columns, that count as zero."""
+_NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
+"""Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
+onto the constraints there. tests/start/test_start.py"""
+_INVOLVED, _BLAMED = 1e-6, 0.1
+"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named near a singularity."""
 
 
-def independent(A: Array) -> tuple[Indices, Indices]:
+def independent_rows_and_columns(A: Array) -> tuple[Indices, Indices]:
     """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix."""
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
@@ -28,18 +37,18 @@ def _pivots(B: Array, rank: int) -> Indices:
 
     The import of SciPy's pivoted QR takes longer than a whole study of a small scene.
     """
-    rest, chosen = B.copy(), []
+    remainder, pivots = B.copy(), []
     for _ in range(rank):
-        k = int(np.einsum("ij,ij->j", rest, rest).argmax())
-        chosen.append(k)
-        q = rest[:, k] / np.linalg.norm(rest[:, k])
-        rest -= np.outer(q, q @ rest)
-        rest[:, k] = 0.0
-    return np.sort(np.array(chosen, dtype=np.intp))
+        k = int(np.einsum("ij,ij->j", remainder, remainder).argmax())
+        pivots.append(k)
+        q = remainder[:, k] / np.linalg.norm(remainder[:, k])
+        remainder -= np.outer(q, q @ remainder)
+        remainder[:, k] = 0.0
+    return np.sort(np.array(pivots, dtype=np.intp))
 
 
-def left_out(G: Array) -> Array:
-    """Combinations (n_r, k) of rows that vanish, orthonormal."""
+def vanishing_combinations(G: Array) -> Array:
+    """Orthonormal combinations (n_r, k) of the rows of G that vanish."""
     U, sigma, _ = np.linalg.svd(G)
     return U[:, int((sigma > _RANK_TOLERANCE * max(G.shape)).sum()) :]
 
@@ -47,8 +56,59 @@ def left_out(G: Array) -> Array:
 def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[str, ...]:
     """The constraints whose rows of G depend on each other."""
     scale = np.linalg.norm(G, axis=1)
-    involved = np.abs(left_out(G / np.where(scale > 0, scale, 1.0)[:, None])).max(axis=1, initial=0.0) > 1e-6
+    involved = (
+        np.abs(vanishing_combinations(G / np.where(scale > 0, scale, 1.0)[:, None])).max(axis=1, initial=0.0)
+        > _INVOLVED
+    )
     return tuple(name for name, where in rows.items() if involved[where].any())
+
+
+def independent_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
+    """The decision on rank at the start: numbers of independent rows of the velocity Jacobian; None if all are.
+
+    The Jacobian is measured in the DAE's scales. A rank that is larger close to the start means a singular position.
+
+    Raises
+    ------
+    AssemblyError        if rows depend on each other at q (n_q,) but not close to it: a singular position
+    """
+    if dae.G is None:
+        return None
+    G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
+    rows, _ = independent_rows_and_columns(G)
+    if len(rows) == dae.n_r:
+        return None
+    for position in _nearby_positions(dae, dae.G, q, t0):
+        rank = len(
+            independent_rows_and_columns(evaluate_at_rest(dae.G, dae, position, t0) * dae.displacement_scales)[0]
+        )
+        if rank > len(rows):
+            names = ", ".join(map(repr, redundant_names(G, dae.rows)))
+            raise AssemblyError(
+                f"The start is a singular position: rank {len(rows)} of {dae.n_r} constraint rows there and {rank} "
+                f"close to it; the rows of {names} depend on each other, and the motion could go on in more than one "
+                "way. Start away from it."
+            )
+    return rows
+
+
+def _nearby_positions(dae: DAE, G: ca.Function, q: Array, t0: float) -> Iterator[Array]:
+    """Positions on the constraints to which the system can move from q (n_q,), a small step away."""
+    far = float(np.abs(q).max(initial=0.0)) or 1.0
+    scale = np.array([far if name.rpartition(".")[2] in ("vx", "vy", "vz") else 1.0 for name in dae.v_names])
+    _, sigma, V = np.linalg.svd(evaluate_at_rest(G, dae, q, t0) * scale)
+    free = V[int((sigma > 1e-9 * sigma.max(initial=0.0)).sum()) :]
+    random = np.random.default_rng(0)
+    for _ in range(_NEIGHBOURS if len(free) else 0):
+        step = random.normal(size=len(free)) @ free
+        position = np.asarray(dae.retract(q, _DISTANCE * scale * step / np.abs(step).max())).ravel()
+        for _ in range(_NEWTON_STEPS):
+            if dae.Phi is None:
+                break
+            r = evaluate_at_rest(dae.Phi, dae, position, t0).ravel()
+            back = np.linalg.lstsq(evaluate_at_rest(G, dae, position, t0)[: dae.n_c] * scale, -r, rcond=1e-10)[0]
+            position = np.asarray(dae.retract(position, scale * back)).ravel()
+        yield position
 
 
 @dataclass(frozen=True)
@@ -64,8 +124,8 @@ class Singularity:
         return f"near t = {self.time:g} s rows of {joints} nearly depend on each other ({self.ratio:.0e})"
 
 
-NEARLY = 1e-2
-"""Least over largest singular value of rows below which a position is said to be nearly singular."""
+NEARLY_SINGULAR = 1e-2
+"""Least over largest singular value of unit rows below which a position counts as nearly singular."""
 
 
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
@@ -82,9 +142,9 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     sigma = np.linalg.svd(G, compute_uv=False)
     ratios = sigma[:, -1] / sigma[:, 0]
     k = int(np.argmin(ratios))
-    if not ratios[k] < NEARLY:
+    if not ratios[k] < NEARLY_SINGULAR:
         return None
     least = np.linalg.svd(G[k], full_matrices=False)[0][:, -1]
     shares = {name: float(np.abs(least[where]).max()) for name, where in dae.rows.items()}
-    names = tuple(name for name, share in shares.items() if share > 0.1)
+    names = tuple(name for name, share in shares.items() if share > _BLAMED)
     return Singularity(float(times[k]), float(ratios[k]), names)

@@ -76,7 +76,7 @@ class Continuation:
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
     """Expected sizes of the coefficients next to those of a grid, if they decay as these (N,) do.
 
-    The size at an index a is the least of |c_b| and |c_b| |c_(a-b+z)| / |c_z| over its lower neighbours b, and theirs z.
+    The size at index a is the least of |c_b| and |c_b| |c_(a-b+z)| / |c_z| over its lower neighbours b and theirs z.
     """
     size = dict(zip(grid.row, sizes.tolist(), strict=True))
     return {index: _extrapolated(index, size) for index in sorted(grid.ahead())}

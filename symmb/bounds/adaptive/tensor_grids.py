@@ -14,8 +14,8 @@ def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
     """Range of interpolants on tensor grids, whose degrees rise in the directions with the largest errors.
 
     Where the response is not smooth the box is halved. Each half is refined by itself as long as it may hold an
-    extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the extremes.
-    Runs at some of these places then check the estimate.
+    extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
+    extremes. Runs at some of these places then check the estimate.
     """
     d = len(runs.box)
     pieces = [Piece.of(runs, (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2)))]

@@ -1,0 +1,138 @@
+"""The start of a scene, prepared at the nominal parameters: what every sample solves for is decided here, once."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.model import DAE, Scene
+from symmb.start.consistency import check_accelerations, check_velocities
+from symmb.start.equilibrium import find_equilibrium, imbalance
+from symmb.start.implicit_function import ImplicitMap
+from symmb.start.initial_assembly import assemble, check_assembly_cosines
+from symmb.start.labels import coordinate_of, coordinate_with_value
+from symmb.start.rank import independent_rows, independent_rows_and_columns, redundant_names
+from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
+from symmb.start.start import Start
+
+
+def prepare_start(scene: Scene, dae: DAE) -> Start:
+    """Solve for the start at the nominal parameters and decide what every sample solves for.
+
+    Raises
+    ------
+    AssemblyError              if listed values contradict the constraints, no assembly is found near the guess, a joint
+                               is assembled the wrong way round, or the start is a singular position
+    """
+    prescribed = scene.prescribed
+    t0, p0, p = float(np.asarray(scene.times)[0]), dae.p_nominal, scene.system.p
+    reference, listed_v = _listed_values(scene, dae)
+    free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
+    modes = [i for i in free if dae.v_names[i].endswith("_dot") and not scene.guess] if scene.equilibrium else []
+    q0 = assemble(scene, dae, reference, _guess(scene, dae), np.setdiff1d(free, modes), t0)
+    check_assembly_cosines(scene, dae, q0)
+    dae = with_coarse_scales(dae, q0, t0)
+    G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
+    rows = independent_rows(dae, q0, t0)
+    positions = _solve_positions(scene, dae, reference, q0, t0, free, G)
+    velocity, dependent_velocities = _velocities(
+        dae, listed_v, p, [i for i in range(dae.n_v) if i not in prescribed.v], positions.q0, t0
+    )
+    start = Start(
+        dae,
+        t0,
+        positions.q0,
+        reference,
+        ca.Function("listed_v", [p], [listed_v]),
+        positions.place,
+        positions.position,
+        velocity,
+        dependent_velocities,
+        listed=tuple(scene.start),
+        listed_velocities=tuple(dae.v_names[i] for i in prescribed.v),
+        solved=tuple(coordinate_of(dae, i) for i in positions.solved),
+        free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
+        independent_rows=None if rows is None else tuple(rows.tolist()),
+        redundant=() if rows is None else redundant_names(G, dae.rows),
+        is_equilibrium=scene.equilibrium,
+    )
+    check_velocities(start, p0)
+    if rows is not None:
+        check_accelerations(start, G)
+    return start
+
+
+def _listed_values(scene: Scene, dae: DAE) -> tuple[ca.Function, ca.SX]:
+    """The Function (p, q) -> q with the listed coordinates, and velocities (n_v,) with the listed ones, others 0."""
+    prescribed, q = scene.prescribed, ca.SX.sym("q_nominal", dae.n_q)
+    listed_q = ca.vertcat(*[prescribed.q.get(i, q[i]) for i in range(dae.n_q)]) if dae.n_q else q
+    listed_v = ca.vertcat(*[prescribed.v.get(i, ca.SX(0)) for i in range(dae.n_v)]) if dae.n_v else ca.SX(0, 1)
+    return ca.Function("reference", [scene.system.p, q], [listed_q]), listed_v
+
+
+def _guess(scene: Scene, dae: DAE) -> Array:
+    guess = dae.q_neutral.copy()
+    for i, value in scene.guesses.items():
+        guess[i] = float(ca.Function("guess", [scene.system.p], [value])(dae.p_nominal))
+    return guess
+
+
+@dataclass(frozen=True, eq=False)
+class _Positions:
+    """Coordinates q0 (n_q,), the displacements that are solved for, their equations, and (u, p) -> q."""
+
+    q0: Array
+    solved: Indices
+    position: ImplicitMap | None
+    place: ca.Function
+
+
+def _solve_positions(
+    scene: Scene, dae: DAE, reference: ca.Function, q0: Array, t0: float, free: Indices, G: Array
+) -> _Positions:
+    """Which displacements every sample solves for: as many as independent rows, or all free ones in equilibrium."""
+    p = scene.system.p
+    rows, columns = independent_rows_and_columns(G[: dae.n_c, free])
+    solved, lam0, stiffness = free[columns], np.empty(0), 1.0
+    if scene.equilibrium:
+        solved = free
+        q0, lam0, stiffness = find_equilibrium(dae, q0, t0, free, rows)
+    u = ca.SX.sym("u", len(solved))
+    places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
+    delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
+    q = dae.retract(reference(p, ca.DM(q0)), delta)
+    place = ca.Function("place", [u, p], [q], {"cse": True})
+    position = None
+    if scene.equilibrium:
+        # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
+        share = ca.SX.sym("share", len(rows))
+        z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
+        position = ImplicitMap.of(imbalance(dae, place(u, p), lam, p, t0, free, rows), z, p)
+        place = ca.Function("place", [z, p], [q], {"cse": True})
+    elif len(solved) and dae.Phi is not None:
+        residual = (dae.Phi(*resting(dae, place(u, p)), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
+        position = ImplicitMap.of(residual, u, p)
+    return _Positions(q0, solved, position, place)
+
+
+def _velocities(
+    dae: DAE, listed: ca.SX, p: ca.SX, free: list[int], q0: Array, t0: float
+) -> tuple[ImplicitMap | None, ca.Function | None]:
+    """Velocities v = listed + E G' mu with G v + Phi_t = 0: the map to mu, and v of mu. E selects the free velocities."""
+    if dae.G is None or dae.Phi_dot is None:
+        return None, None
+    A = (evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales)[:, free]
+    rows, _ = independent_rows_and_columns(A)
+    if not rows.size:
+        return None, None
+    q = ca.SX.sym("q", dae.n_q)
+    mu = ca.SX.sym("mu", len(rows))
+    s = (ca.SX(dae.n_s, 1),) if dae.n_s else ()
+    movable = np.zeros(dae.n_v)
+    movable[free] = dae.displacement_scales[free] ** 2
+    G = dae.G(q, ca.SX(dae.n_v, 1), *s, p, t0) / dae.row_scales
+    v = listed + movable * (G[rows.tolist(), :].T @ mu)
+    w = ca.vertcat(q, p)
+    residual = (dae.Phi_dot(q, v, *s, p, t0) / dae.row_scales)[rows.tolist()]
+    return ImplicitMap.of(residual, mu, w), ca.Function("dependent_velocities", [mu, w], [ca.densify(v)], {"cse": True})
