@@ -76,13 +76,13 @@ class Optimization(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         shape = len(simulator.times), len(simulator.outputs)
-        models, found, least, before, runs = self._descended(simulator, box, progress)
-        predicted = found - models.gain
+        models, attained, least, before, runs = self._descended(simulator, box, progress)
+        predicted = attained - models.gain
         P = parameter_samples(simulator, box, models.promising(least, self.budget - runs))
         (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
-        found = np.minimum(found, np.concatenate([lower.ravel(), -upper.ravel()]))
-        estimate = np.abs(found - predicted) + np.abs(predicted - before)
-        lower, upper = found.reshape(2, *shape) * _SIGNS
+        attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
+        estimate = np.abs(attained - predicted) + np.abs(predicted - before)
+        lower, upper = attained.reshape(2, *shape) * _SIGNS
         return Bounds(
             t=simulator.times,
             names=simulator.outputs,
@@ -122,13 +122,13 @@ class Optimization(Method):
                 progress(len(X) * cost, self.budget)
             F = (Y[:, None] * _SIGNS).reshape(len(X), -1)
             models = quadratics(X, F, (G[:, :, None] * _SIGNS).reshape(len(X), d, -1))
-            found = F.min(axis=0)
+            attained = F.min(axis=0)
             least = self.tolerance * np.tile(_widths(Y).ravel(), 2)
-            before = found if predicted is None else predicted
-            predicted = found - models.gain
+            before = attained if predicted is None else predicted
+            predicted = attained - models.gain
             new = models.promising(least, min(_BATCH, most - len(X)))
             if not len(new):
-                return models, found, least, before, len(X) * cost
+                return models, attained, least, before, len(X) * cost
 
     def __repr__(self) -> str:
         return constructor_text(self)

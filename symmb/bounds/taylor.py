@@ -75,8 +75,8 @@ class Taylor(Method):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
             below, above = self._part(jets, unit)
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
-            met = simulator.kink(parameter_samples(simulator, box, center[None])[0]) if kinked else None
-            kinks += [met] if met else []
+            kink = simulator.kink(parameter_samples(simulator, box, center[None])[0]) if kinked else None
+            kinks += [kink] if kink else []
             if progress is not None:
                 progress(done, len(centers))
         return Bounds(

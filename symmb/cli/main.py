@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, SimulationError) else 2
-    except BrokenPipeError:  # whoever reads, `head` for one, has seen enough
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    methods = None if options.methods is None else [specs.method(written) for written in options.methods]
+    methods = None if options.methods is None else [specs.method(text) for text in options.methods]
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, picture = _file(options.json), _file(options.plot, *_PICTURES)
     scene = load_scene(options.scene)
@@ -95,12 +95,12 @@ def _stability(options: argparse.Namespace) -> None:
     json_file, picture = _file(options.json), _file(options.plot, *_PICTURES)
     scene = load_scene(options.scene)
     with Progress(f"trying solvers on {scene.name}") as progress:
-        found = mb.stability(scene, progress=progress)
-    print(found)
+        result = mb.stability(scene, progress=progress)
+    print(result)
     if json_file:
-        found.save(json_file)
+        result.save(json_file)
     if picture:
-        found.plot(picture)
+        result.plot(picture)
 
 
 def _equations(options: argparse.Namespace) -> None:
@@ -124,8 +124,8 @@ def _cache(options: argparse.Namespace) -> None:
     if options.clear:
         for path in files:
             path.unlink(missing_ok=True)
-    told = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
-    print(f"{folder}\n{'removed ' if options.clear else ''}{told}")
+    summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
+    print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
 
 
 def _extremes(trajectory: mb.Trajectory) -> str:
@@ -164,9 +164,9 @@ def _share(text: str) -> float:
     return share
 
 
-def _assignments(written: Sequence[str]) -> dict[str, float]:
+def _assignments(texts: Sequence[str]) -> dict[str, float]:
     parameters = {}
-    for text in written:
+    for text in texts:
         name, _, value = text.partition("=")
         try:
             parameters[name] = float(value)
@@ -207,7 +207,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name: str, text: str, run, epilog: str = "", usage: str = "[options]") -> argparse.ArgumentParser:
-        made = commands.add_parser(
+        subcommand = commands.add_parser(
             name,
             usage=f"%(prog)s SCENE {usage}",  # argparse would put SCENE last, where --methods would take it
             help=text,
@@ -215,9 +215,9 @@ def _parser() -> argparse.ArgumentParser:
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        made.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
-        made.set_defaults(run=run)
-        return made
+        subcommand.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
+        subcommand.set_defaults(run=run)
+        return subcommand
 
     compare = command(
         "compare",
@@ -258,7 +258,9 @@ def _parser() -> argparse.ArgumentParser:
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
 
     text = "show the folder of compiled models, how many there are and their size"
-    kept = commands.add_parser("cache", help=text, description=text + ". They are built again when they are needed.")
-    kept.add_argument("--clear", action="store_true", help="remove them")
-    kept.set_defaults(run=_cache)
+    cache_command = commands.add_parser(
+        "cache", help=text, description=text + ". They are built again when they are needed."
+    )
+    cache_command.add_argument("--clear", action="store_true", help="remove them")
+    cache_command.set_defaults(run=_cache)
     return parser

@@ -154,11 +154,11 @@ class Program:
     def __call__(self, x: Array, p: Array, t: Array, out: Array | None = None) -> Array:
         """Outputs (n, L) from x (n_x, L), p (n_p, L) and t (L,), written to `out` if given."""
         slots: list = [None] * self.size
-        given = x, p, (t,)
+        inputs = x, p, (t,)
         for slot, value in self.constants:
             slots[slot] = value
         for slot, number, row in self.inputs:
-            slots[slot] = given[number][row]
+            slots[slot] = inputs[number][row]
         for function, arguments, slot in self.operations:
             slots[slot] = function(*[slots[a] for a in arguments])
         out = np.empty((len(self.outputs), len(t))) if out is None else out
@@ -168,24 +168,24 @@ class Program:
 
 
 def programs(graph: Graph) -> tuple[Program, list[Program]]:
-    """What depends on parameters alone, to be computed once a run, and each output from x, those values and t."""
-    kept: dict[int, int] = {}  # node -> row of what depends on parameters alone
+    """A Program for values of parameters alone, computed once a run, and one for each output."""
+    parameter_rows: dict[int, int] = {}  # node -> row of a value that depends on parameters alone
 
-    def given(k: int) -> tuple[int, int] | None:
+    def input_of(k: int) -> tuple[int, int] | None:
         node = graph.nodes[k]
         if node.operation != CONSTANT and node.depends == frozenset([1]):
-            return 1, kept.setdefault(k, len(kept))
+            return 1, parameter_rows.setdefault(k, len(parameter_rows))
         return (node.source, node.index) if node.operation == INPUT else None
 
     def own(k: int) -> tuple[int, int] | None:
         node = graph.nodes[k]
         return (node.source, node.index) if node.operation == INPUT else None
 
-    made = [_program(graph, nodes, given) for nodes in graph.outputs]
-    return _program(graph, list(kept), own), made
+    programs_of_outputs = [_program(graph, nodes, input_of) for nodes in graph.outputs]
+    return _program(graph, list(parameter_rows), own), programs_of_outputs
 
 
-def _program(graph: Graph, outputs: list[int], given: Callable[[int], tuple[int, int] | None]) -> Program:
+def _program(graph: Graph, outputs: list[int], input_of: Callable[[int], tuple[int, int] | None]) -> Program:
     sources, needed, pending = {}, set(), list(outputs)
     while pending:
         k = pending.pop()
@@ -193,7 +193,7 @@ def _program(graph: Graph, outputs: list[int], given: Callable[[int], tuple[int,
             continue
         needed.add(k)
         if graph.nodes[k].operation != CONSTANT:
-            source = given(k)
+            source = input_of(k)
             if source is not None:
                 sources[k] = source
             else:

@@ -67,16 +67,16 @@ def load(source: str) -> ctypes.CDLL:
 @functools.cache
 def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
     key = _key(source, compiler.path, compiler.version, *compiler.flags)
-    kept = _opened(cache.find(key))
-    if kept is not None:
-        return kept
+    library_in_cache = _opened(cache.find(key))
+    if library_in_cache is not None:
+        return library_in_cache
     with tempfile.TemporaryDirectory(prefix="symmb-") as name:
         folder = Path(name).resolve()
         cache.check_folder(folder, "TMPDIR")
-        made = _built(source, folder, compiler)
-        cache.keep(key, made.read_bytes())
+        library_path = _built(source, folder, compiler)
+        cache.keep(key, library_path.read_bytes())
         # The cache first, then what lies in the temporary folder: either may forbid programs.
-        library = _opened(cache.find(key)) or _opened(made)
+        library = _opened(cache.find(key)) or _opened(library_path)
     if library is None:
         raise SymmbError(f"What {compiler.path} built cannot be loaded. Set TMPDIR to a folder that may hold programs.")
     return library
@@ -92,13 +92,13 @@ def _opened(library: Path | None) -> ctypes.CDLL | None:
 
 
 def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
-    text, made = folder / "model.c", folder / "model.so"
+    text, library_path = folder / "model.c", folder / "model.so"
     text.write_text(source, encoding="utf-8")
-    command = [compiler.path, str(text), "-o", str(made), *compiler.flags, "-lm"]
+    command = [compiler.path, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
     run = subprocess.run(command, capture_output=True, text=True, errors="replace")
     if run.returncode:
         raise SymmbError(f"{compiler.path} cannot build the model: {run.stderr.strip()[:2000]}")
-    return made
+    return library_path
 
 
 @dataclass(frozen=True)
@@ -117,13 +117,13 @@ def _compiler() -> _Compiler:
     NoCompilerError        if none is found that builds what the engine needs
     """
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
-        found = shutil.which(name)
-        if found and os.name == "posix":
-            version = _version(found)
+        path = shutil.which(name)
+        if path and os.name == "posix":
+            version = _version(path)
             for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
                 flags = (*_FLAGS, native, *extra)
-                if _builds(found, version, flags):
-                    return _Compiler(found, version, flags)
+                if _builds(path, version, flags):
+                    return _Compiler(path, version, flags)
     raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
 
 
@@ -167,5 +167,5 @@ def _processor() -> str:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
         return platform.processor()
-    told = ("model", "cpu family", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
-    return "".join(sorted({line for line in text.splitlines() if line.startswith(told)}))
+    relevant = ("model", "cpu family", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
+    return "".join(sorted({line for line in text.splitlines() if line.startswith(relevant)}))

@@ -32,16 +32,16 @@ def folder() -> Path:
     """
     if os.name != "posix":
         raise SymmbError("Models are compiled, and kept, on Linux and macOS only.")
-    written = os.environ.get("XDG_CACHE_HOME", "")
+    cache_home = os.environ.get("XDG_CACHE_HOME", "")
     try:
-        root = Path(written) if os.path.isabs(written) else Path.home() / ".cache"
+        root = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
     except RuntimeError:
         raise SymmbError("Built models are not kept: no home folder found. Set HOME or XDG_CACHE_HOME.") from None
     root.mkdir(parents=True, mode=0o700, exist_ok=True)
     (root / "symmb").mkdir(mode=0o700, exist_ok=True)
-    found = (root / "symmb").resolve()
-    check_folder(found, "XDG_CACHE_HOME")
-    return found
+    path = (root / "symmb").resolve()
+    check_folder(path, "XDG_CACHE_HOME")
+    return path
 
 
 def check_folder(path: Path, variable: str) -> None:

@@ -160,13 +160,13 @@ class Engine:
 
     def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail, and those that did."""
-        found = np.full((threads, 2, len(self.times), self.n_y), np.inf)
-        found[:, 1] = -np.inf
-        failed_samples = self._run(x0, p, None, list(found))
-        lower, upper = found[:, 0].min(axis=0), found[:, 1].max(axis=0)
+        extremes = np.full((threads, 2, len(self.times), self.n_y), np.inf)
+        extremes[:, 1] = -np.inf
+        failed_samples = self._run(x0, p, None, list(extremes))
+        lower, upper = extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)
         return lower + 0.0, upper + 0.0, failed_samples  # -0 and 0 are equal: which is met first depends on the threads
 
-    def _run(self, x0: Array, p: Array, Y: Array | None, found: list[Array | None]) -> FailedSamples:
+    def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
         """Blocks of W samples, fixed by sample index, dealt to threads; values go to Y, or each thread's extremes."""
         N = len(p)
         if not self.starts and x0.shape[1] < self.n_x:  # a history, which follows from the state
@@ -199,7 +199,7 @@ class Engine:
             lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
             return bool(self._library.work(ctypes.byref(study), ctypes.c_void_p(lower), ctypes.c_void_p(upper)))
 
-        if not all(side_by_side(work, found[: max(1, -(-N // self.width))])):
+        if not all(side_by_side(work, extremes[: max(1, -(-N // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
         self.counts = Counts(study.steps, study.iterations, study.most)
         return failed_samples
@@ -268,9 +268,9 @@ def _kept(f: ca.Function, options: object, write: Callable[[], str]) -> str:
     if f.n_instructions() < _LARGE:
         return write()
     key = hashlib.sha256("\0".join([f.serialize(), repr(options), _generator()]).encode()).hexdigest()[:32]
-    found = cache.find(key, ".c")
-    if found is not None:
-        return found.read_text(encoding="utf-8")
+    path = cache.find(key, ".c")
+    if path is not None:
+        return path.read_text(encoding="utf-8")
     source = write()
     cache.keep(key, source.encode(), ".c")
     return source

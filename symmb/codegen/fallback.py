@@ -103,8 +103,8 @@ class ArrayEngine:
         failed_samples.x_failed[lanes[lost]] = x.T[lost.ravel()]
         failed = lost | irregular
         again = failed.any(axis=1)
-        told = (failed | ~again[:, None]) & (np.arange(WIDTH) < np.array([[b.size] for b in alive]))
-        keep(Y if told.all() else Y[:, :, told.ravel()], lanes[told], ~failed[told])
+        final = (failed | ~again[:, None]) & (np.arange(WIDTH) < np.array([[b.size] for b in alive]))
+        keep(Y if final.all() else Y[:, :, final.ravel()], lanes[final], ~failed[final])
         return [b for b, repeated in zip(alive, again.tolist(), strict=True) if repeated]
 
 

@@ -51,12 +51,12 @@ class Kinks:
 def kinks(dae: DAE) -> Kinks | None:
     """Kinks and jumps of the equations of motion, if there are any."""
     f, at = _equations(dae)
-    found = switching(f, at)
-    if not found.kinks:
+    expression = switching(f, at)
+    if not expression.kinks:
         return None
     symbols = [symbol for symbol, _ in at]
-    on_state = np.array(ca.which_depends(found.switches, symbols[0], 1, True), dtype=bool)
-    return Kinks(found.kinks, ca.Function("switches", symbols, [found.switches]), on_state)
+    on_state = np.array(ca.which_depends(expression.switches, symbols[0], 1, True), dtype=bool)
+    return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state)
 
 
 def longest_step(dae: DAE, times: Array) -> float:
@@ -68,10 +68,10 @@ def longest_step(dae: DAE, times: Array) -> float:
     """
     f, at = _equations(dae)
     x, p, time = (symbol for symbol, _ in at)
-    found = laws(f(x, p, time), p, time)
-    if len(times) < 2 or not found.numel():
+    time_laws = laws(f(x, p, time), p, time)
+    if len(times) < 2 or not time_laws.numel():
         return np.inf
-    signals = ca.Function("signals", [p, time], [found], {"cse": True})
+    signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
     (values,) = batch(signals, dae.p_nominal, t[:, None])
     pulses = [_shortest_pulse(t, law) for law in values.T]
@@ -124,15 +124,15 @@ def broken(dae: DAE, q: Array, times: Array) -> Break | None:
         return None
     p, t = ca.DM(dae.p_nominal), ca.SX.sym("t")
     at = (q, ca.DM.zeros(dae.n_v), *((ca.DM.zeros(dae.n_s),) if dae.n_s else ()), p, t)
-    found: list[Break] = []
+    breaks: list[Break] = []
     for f, what in ((dae.Phi, "positions"), (dae.Phi_dot, "velocities")):
         rows = ca.densify(f(*at)) if f is not None else ca.SX(0, 1)
         driven = np.flatnonzero(ca.which_depends(rows, t, 1, True)) if rows.numel() else np.empty(0, dtype=np.intp)
         for row in driven.tolist():
             name = next(name for name, where in dae.rows.items() if where.start <= row < where.stop)
             jumps = _jumps(ca.Function("law", [t], [rows[row]]), times)
-            found += [Break(name, time, what) for time in jumps[:1].tolist()]
-    return min(found, key=lambda b: b.time, default=None)
+            breaks += [Break(name, time, what) for time in jumps[:1].tolist()]
+    return min(breaks, key=lambda b: b.time, default=None)
 
 
 def _jumps(law: ca.Function, times: Array) -> Array:

@@ -119,10 +119,10 @@ class _Motion:
             return 0.0
         dae = self._dae
         G = (_matrix(dae, y, self._p, t) * dae.displacement_scales)[:, self._dependent]
-        found = float(np.linalg.cond(G / np.linalg.norm(G, axis=1, keepdims=True)))
+        condition_number = float(np.linalg.cond(G / np.linalg.norm(G, axis=1, keepdims=True)))
         if self.first_condition == np.inf:
-            self.first_condition = found
-        return found
+            self.first_condition = condition_number
+        return condition_number
 
     def rates(self, t: float, y: Array) -> Array:
         """y' at the state whose dependent part follows from the constraints."""

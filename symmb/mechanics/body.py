@@ -232,10 +232,10 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
         return ca.sparsify(inertia)
     if isinstance(body.pose, Particle) and is_zero(inertia):
         return ca.SX(3, 3)
-    wanted = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "none"}
+    expected = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "none"}
     raise DeclarationError(
         f"Body {body.name!r}: inertia of shape {inertia.shape} does not fit {body.pose!r}; "
-        f"expected {wanted.get(type(body.pose), 'none')}."
+        f"expected {expected.get(type(body.pose), 'none')}."
     )
 
 

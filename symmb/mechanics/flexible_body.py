@@ -66,13 +66,13 @@ class FlexibleBody(Body):
         pose = Spatial() if pose is None else pose
         if not isinstance(pose, Planar | Spatial):
             raise DeclarationError(f"FlexibleBody {name!r}: pose {pose!r} cannot turn. Use Planar() or Spatial().")
-        given = {"name": name, "mass": modes.mass, "com": (0.0, 0.0, 0.0), "modes": modes}
+        options = {"name": name, "mass": modes.mass, "com": (0.0, 0.0, 0.0), "modes": modes}
         J = (modes.J0 + modes.J0.T) / 2
-        given |= {
+        options |= {
             "inertia": float(J[2, 2]) if isinstance(pose, Planar) else J,
             "pose": type(pose)(len(modes.stiffness)),
         }
-        for key, value in given.items():
+        for key, value in options.items():
             object.__setattr__(self, key, value)
         self.__post_init__()
 

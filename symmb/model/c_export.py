@@ -106,12 +106,12 @@ def example_c(
     groups = {"q": list(q), "v": list(v), "s": list(s), "p": list(parameters.values()), "t": [t0]}
     if rhs.n_in() == 4:
         del groups["s"]
-    given = {key: len(values) for key, values in groups.items()}
+    sizes = {key: len(values) for key, values in groups.items()}
     expected = {key: rhs.nnz_in(i) for i, key in enumerate(groups)}
-    if given != expected or len(coordinates) != len(q) or (len(s) and "s" not in groups):
+    if sizes != expected or len(coordinates) != len(q) or (len(s) and "s" not in groups):
         raise DeclarationError(
             f"The start does not fit rhs: expected lengths {expected}, "
-            f"given {given}, s: {len(s)}, coordinates: {len(coordinates)}."
+            f"given {sizes}, s: {len(s)}, coordinates: {len(coordinates)}."
         )
     if steps < 1 or not all(math.isfinite(value) for value in [*q, *v, *s, *parameters.values(), t0, t1]):
         raise DeclarationError("The example needs at least one step and finite start values, parameters and times.")

@@ -167,8 +167,8 @@ class DAE:
         -------
         tuple of Path                   the files written
         """
-        wanted = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
-        functions = {name: f for name in wanted if (f := getattr(self, name)) is not None}
+        exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
+        functions = {name: f for name in exported if (f := getattr(self, name)) is not None}
         if self.impacts is not None:
             impacts = self.impacts
             functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.project)}
@@ -301,10 +301,10 @@ def _functions(
 def _distribute_multipliers(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
     """Least multipliers (n_r,) of all rows of G with the effect of lam (k,) on some that are independent."""
     numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
-    kept, left = G[numbers, :], G[others, :]
-    solve = symmetric_solver(kept @ kept.T)
+    independent, dependent = G[numbers, :], G[others, :]
+    solve = symmetric_solver(independent @ independent.T)
     # left = C kept: lam is what [1; C]' makes of all multipliers, the least of which are [1; C] (1 + C'C)^-1 lam.
-    C = ca.horzcat(*[solve(kept @ left[i, :].T) for i in range(len(others))]).T
+    C = ca.horzcat(*[solve(independent @ dependent[i, :].T) for i in range(len(others))]).T
     of_left = symmetric_solver(ca.SX.eye(len(others)) + C @ C.T)(C @ lam)
     every = ca.SX(G.shape[0], 1)
     every[numbers] = lam - C.T @ of_left

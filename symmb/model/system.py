@@ -298,15 +298,15 @@ class System:
         """Masses and lengths that are not positive at a corner of the box."""
         names, positive = self.positive
         order = list(self.parameters)
-        found = {}
+        parts = {}
         for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
             p = self.parameters.nominal
             p[[order.index(name) for name in box.names]] = corner
             for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
                 if not value > 0:
                     at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
-                    found.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
-        return list(found.values())
+                    parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
+        return list(parts.values())
 
     @cached_property
     def _symbols(self) -> tuple[list[ca.SX], list[str]]:
@@ -318,8 +318,8 @@ class System:
 
     def to_sympy(self, *names: str) -> dict:
         """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
-        wanted = names or self.parts
-        return {name: to_sympy(getattr(self, name), *self._symbols) for name in wanted}
+        requested = names or self.parts
+        return {name: to_sympy(getattr(self, name), *self._symbols) for name in requested}
 
     def latex(self) -> str:
         """The equations in LaTeX, one display for each part that the scene has."""

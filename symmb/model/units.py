@@ -22,13 +22,13 @@ def unit_of(expression: ca.SX) -> str:
     >>> unit_of(rod.point(0, 1).x), unit_of(-rod.omega), unit_of(rod.x**2)
     ('m', 'rad/s', '')
     """
-    found = set()
+    units = set()
     for symbol in symbols_in(expression):
         record, name = lookup(symbol), symbol.name()
         factor = ca.simplify(ca.jacobian(expression, symbol))
         if factor.is_constant() and abs(float(factor)) == 1:
             if record is not None:
-                found.add(_UNITS.get(record.name.rpartition(".")[2], ""))
+                units.add(_UNITS.get(record.name.rpartition(".")[2], ""))
             elif name.endswith(_RATE):
-                found.add(_UNITS.get(name.removesuffix(_RATE).rpartition(".")[2], "") + "^2")
-    return next((unit for unit in ("m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2") if unit in found), "")
+                units.add(_UNITS.get(name.removesuffix(_RATE).rpartition(".")[2], "") + "^2")
+    return next((unit for unit in ("m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2") if unit in units), "")

@@ -27,7 +27,7 @@ from symmb.symbolic import is_zero
 
 def name_faults(elements: Sequence[object]) -> list[str]:
     """Elements that are none, and names that are none or used twice."""
-    faults, seen = [], set()
+    faults, names = [], set()
     for e in elements:
         if not isinstance(e, Body | Element):
             faults.append(
@@ -36,9 +36,9 @@ def name_faults(elements: Sequence[object]) -> list[str]:
             continue
         if not isinstance(e.name, str) or not e.name or any(c in e.name for c in ".[] "):
             faults.append(f"{type(e).__name__} {e.name!r}: a name is a text without dots, brackets and spaces.")
-        elif e.name in seen:
+        elif e.name in names:
             faults.append(f"{type(e).__name__} {e.name!r}: the name is used twice. Choose another.")
-        seen.add(e.name)
+        names.add(e.name)
     return faults
 
 
@@ -96,26 +96,26 @@ def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
 
 def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
     """The rows that do not vanish; each must depend on a coordinate."""
-    kept = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
+    nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
     faults = []
-    for row in kept:
+    for row in nonzero:
         bind.check(row, constraint.title)
         if not any(bind.is_coordinate(s) for s in ca.symvar(row)):
             faults.append(f"{constraint.title}: no coordinate can meet the row {row} = 0. Check points, axis and law.")
         if any(bind.is_velocity(s) for s in ca.symvar(row)):
             faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
-    if rows.numel() and not kept:
+    if rows.numel() and not nonzero:
         faults.append(f"{constraint.title}: all its rows vanish, nothing is left to constrain. Leave it out.")
     if faults:
         raise DeclarationError("\n".join(faults))
-    return kept
+    return nonzero
 
 
 def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
     """The velocity-only rows that do not vanish; each must be linear in the velocities."""
     rows = constraint.velocity_rows(bind)
-    kept = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
-    for row in kept:
+    nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
+    for row in nonzero:
         bind.check(row, constraint.title)
         velocities = [s for s in ca.symvar(row) if bind.is_velocity(s)]
         linear = ca.jacobian(row, ca.vertcat(*velocities)) if velocities else None
@@ -123,7 +123,7 @@ def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
             raise DeclarationError(
                 f"{constraint.title}: expressions must be linear in the velocities, and contain some."
             )
-    return kept
+    return nonzero
 
 
 def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:

@@ -36,14 +36,14 @@ class Grid:
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
         """Indices to be added with the given ones so that each has all smaller ones."""
-        found: set[Index] = set()
+        missing: set[Index] = set()
         pending = list(indices)
         while pending:
             index = pending.pop()
-            if index not in self.row and index not in found:
-                found.add(index)
+            if index not in self.row and index not in missing:
+                missing.add(index)
                 pending.extend(below(index))
-        return found
+        return missing
 
     def add(self, indices: set[Index]) -> None:
         """More indices, in the order of their degree."""

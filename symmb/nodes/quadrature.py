@@ -226,5 +226,5 @@ def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
     """Equal nodes made one; those whose weights cancel left out."""
     _, first, group = np.unique(node_keys(nodes), axis=0, return_index=True, return_inverse=True)
     total: Array = np.bincount(group.ravel(), weights).astype(float)
-    kept = np.abs(total) > 1e-14
-    return nodes[first[kept]], total[kept]
+    nonzero = np.abs(total) > 1e-14
+    return nodes[first[nonzero]], total[nonzero]

@@ -71,8 +71,8 @@ def family(name: str) -> str:
     ('PolynomialChaos.paper', 'MonteCarlo(sampler=Sobol())')
     """
     constructor, _, options = name.partition("(")
-    kept = [option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)]
-    return f"{constructor}({', '.join(kept)})" if kept else constructor
+    shown = [option for option in options.removesuffix(")").split(", ") if re.search(r"[a-z]+\(|=[A-Z]", option)]
+    return f"{constructor}({', '.join(shown)})" if shown else constructor
 
 
 def plot_comparison(

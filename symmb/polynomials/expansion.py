@@ -69,8 +69,8 @@ class Moments:
             [name, *(f"{a:.3f} / {b:.3f}" for a, b in zip(*shares, strict=True))]
             for name, *shares in zip(self.names, alone, along, strict=True)
         ]
-        told = "shares of the variance, alone / with others, over all times"
-        return "\n".join([told, *aligned([["", *self.parameters], *rows])])
+        title = "shares of the variance, alone / with others, over all times"
+        return "\n".join([title, *aligned([["", *self.parameters], *rows])])
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:

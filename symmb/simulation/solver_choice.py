@@ -63,17 +63,17 @@ def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[So
         if times > 1:
             return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
         return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
-    told = [_fault(first, run)]
+    verdicts = [_fault(first, run)]
     finished = [] if run.message else [first]
     for solver in dict.fromkeys((*others, implicit)):
         if solver == first:
             continue
         run = pilot(solver)
         if not (run.message or run.doubt):
-            return solver, "; ".join([*told, _count(run)])
-        told.append(_fault(solver, run))
+            return solver, "; ".join([*verdicts, _count(run)])
+        verdicts.append(_fault(solver, run))
         finished += [] if run.message else [solver]
-    return (finished or [first])[0], "; ".join(told)
+    return (finished or [first])[0], "; ".join(verdicts)
 
 
 def _fault(solver: Solver, run: Pilot) -> str:

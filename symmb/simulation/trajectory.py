@@ -246,10 +246,10 @@ class Trajectory:
         if not self.events:
             return []
         counts = Counter(event.name for event in self.events if event.what == "impact")
-        told = [f"{n} of {name!r}" for name, n in counts.items()]
-        told += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in self.events if e.what != "impact"]
+        parts = [f"{n} of {name!r}" for name, n in counts.items()]
+        parts += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in self.events if e.what != "impact"]
         lost = sum(event.work for event in self.events)
-        return [f"  impacts     {', '.join(told[:6] + ['...'] * (len(told) > 6))}; work {lost:.4g} J"]
+        return [f"  impacts     {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {lost:.4g} J"]
 
     def _drift_line(self) -> list[str]:
         if not self.x.shape[1]:
@@ -264,10 +264,10 @@ class Trajectory:
             return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
         if not self._drifts(_NEAR if self.singularity else _USUAL):
             return []
-        told = f"energy drifts by more than rtol = {self._rtol:g} explains"
+        doubt = f"energy drifts by more than rtol = {self._rtol:g} explains"
         if self.singularity:
-            return [f"  doubtful    {told}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
-        return [f"  doubtful    {told}: try a smaller one"]
+            return [f"  doubtful    {doubt}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
+        return [f"  doubtful    {doubt}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
         """The run as plain numbers and texts; what is not finite is None."""

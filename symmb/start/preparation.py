@@ -119,7 +119,7 @@ def _solve_positions(
 def _velocities(
     dae: DAE, listed: ca.SX, p: ca.SX, free: list[int], q0: Array, t0: float
 ) -> tuple[ImplicitMap | None, ca.Function | None]:
-    """Velocities v = listed + E G' mu with G v + Phi_t = 0: the map to mu, and v of mu. E selects the free velocities."""
+    """Velocities v = listed + E G' mu with G v + Phi_t = 0: the map to mu, and v of mu. E selects free velocities."""
     if dae.G is None or dae.Phi_dot is None:
         return None, None
     A = (evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales)[:, free]

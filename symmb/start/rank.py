@@ -18,7 +18,7 @@ _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
 onto the constraints there. tests/start/test_start.py"""
 _INVOLVED, _BLAMED = 1e-6, 0.1
-"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named near a singularity."""
+"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
 
 
 def independent_rows_and_columns(A: Array) -> tuple[Indices, Indices]:

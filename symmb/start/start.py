@@ -29,8 +29,8 @@ VIOLATION = 1e-7
 class Start:
     """The start of a scene as a map from parameters to states; pickles.
 
-    `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay where the
-    assembly put them. `independent_rows` are the numbers of these rows where the rows of the constraints `redundant`
+    `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
+    assembled values. `independent_rows` are the numbers of these rows where the rows of the constraints `redundant`
     depend on each other, or None. `is_equilibrium` means a start in static equilibrium, which is not compiled.
     """
 

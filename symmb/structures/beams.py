@@ -107,8 +107,10 @@ class Beam:
 
     def sections_at_ends(self) -> Array:
         """(e, 2, 6) properties at both ends of the elements."""
-        given = np.array([astuple(section) for section in self.sections])
-        along = properties(np.stack([given[:-1], given[1:]], axis=1), np.arange(self.elements + 1) / self.elements)
+        sections = np.array([astuple(section) for section in self.sections])
+        along = properties(
+            np.stack([sections[:-1], sections[1:]], axis=1), np.arange(self.elements + 1) / self.elements
+        )
         return np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 6)
 
 
@@ -210,5 +212,5 @@ def _merged(nodes: list[Array]) -> tuple[Array, list[Indices]]:
     every = np.vstack(nodes)
     near = 1e-9 * np.ptp(every, axis=0).max()
     first = np.array([(np.abs(every - node) <= near).all(axis=1).argmax() for node in every])
-    kept = np.unique(first)
-    return every[kept], np.split(np.searchsorted(kept, first), np.cumsum([len(x) for x in nodes])[:-1])
+    unique = np.unique(first)
+    return every[unique], np.split(np.searchsorted(unique, first), np.cumsum([len(x) for x in nodes])[:-1])

@@ -120,27 +120,27 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     d, r = rigid.shape
-    held = _determinate(rigid)
-    free = np.setdiff1d(np.arange(d), held)
+    locked = _determinate(rigid)
+    free = np.setdiff1d(np.arange(d), locked)
     solve = factorized(K[free][:, free])
-    found, values = _mass_orthonormal(rigid, M), np.zeros(0)
+    shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
 
     def flexibility(f: Array) -> Array:
         # Loads in balance need no support, so that any statically determinate one gives the elastic displacements.
-        f = f - M @ (found @ (found.T @ f))
+        f = f - M @ (shapes @ (shapes.T @ f))
         x = np.zeros(d)
         x[free] = solve(f[free])
-        return x - found @ (found.T @ (M @ x))
+        return x - shapes @ (shapes.T @ (M @ x))
 
     start = np.random.default_rng(0).standard_normal(d)
     operator = LinearOperator((d, d), matvec=flexibility, dtype=float)  # type: ignore[call-arg]
     batch = 2 * SPARE if count is None else count + SPARE
-    while found.shape[1] + batch < d // 2:
+    while shapes.shape[1] + batch < d // 2:
         more, X = eigsh(K, batch, M, sigma=0.0, OPinv=operator, v0=flexibility(M @ start))
-        values, found = np.concatenate([values, more]), np.hstack([found, X])
+        values, shapes = np.concatenate([values, more]), np.hstack([shapes, X])
         if more.min() > (below if count is None else np.sort(values)[count - 1] * (1 + 1e-8)):
             order = np.argsort(values)
-            return values[order], _mass_orthonormal(found[:, r:][:, order], M)
+            return values[order], _mass_orthonormal(shapes[:, r:][:, order], M)
         batch = SPARE if count is not None else 2 * batch
     return _all(K, M, rigid)
 

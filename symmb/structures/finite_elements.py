@@ -166,20 +166,22 @@ class FiniteElements:
         Numer. Methods Eng. 32 (1991) 1833-1850.
         """
         fixed = chosen(() if clamped is None else (clamped,), len(self.positions), f"{OWNER}: clamped")
-        kept = chosen(interfaces, len(self.positions), f"{OWNER}: interfaces")
-        self._check(kept, fixed, count, cutoff, stiffening)
-        held = [2, 3, 4] if planar else []
+        interface_nodes = chosen(interfaces, len(self.positions), f"{OWNER}: interfaces")
+        self._check(interface_nodes, fixed, count, cutoff, stiffening)
+        locked = [2, 3, 4] if planar else []
         every = np.arange(self.K.shape[0])
-        free = np.setdiff1d(every[~np.isin(every % self.per_node, held)], self._dofs(fixed))
+        free = np.setdiff1d(every[~np.isin(every % self.per_node, locked)], self._dofs(fixed))
         K, M, axes = (A[free][:, free] for A in (self.K, self.M, self._axes()))
         motions = rigid_motions(self.positions, self.per_node)
-        moves = np.setdiff1d(np.arange(6), held)
+        moves = np.setdiff1d(np.arange(6), locked)
         rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
         below = None if cutoff is None else (2 * np.pi * positive(cutoff, OWNER, "cutoff")) ** 2
-        stiffness, inner = reduced(K, M, rigid, axes, np.flatnonzero(np.isin(free, self._dofs(kept))), count, below)
+        stiffness, inner = reduced(
+            K, M, rigid, axes, np.flatnonzero(np.isin(free, self._dofs(interface_nodes))), count, below
+        )
         if count is not None and cutoff is None and len(stiffness) < count:
             raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {len(stiffness)} modes. Refine it.")
-        if count != 0 and not kept and not len(stiffness):
+        if count != 0 and not interface_nodes and not len(stiffness):
             raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
         X = np.zeros((self.K.shape[0], len(stiffness)))
         X[free] = inner * self._signs(inner, free)

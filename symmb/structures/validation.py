@@ -23,13 +23,13 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
             "them anew at every value. Put what is uncertain into joints, forces or rigid bodies."
         )
     shapes = shapes or ((),)
-    wanted = " or ".join(map(_words, shapes))
+    expected = " or ".join(map(_words, shapes))
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise DeclarationError(f"{owner}: {name} must be {wanted}, got {value!r}.") from error
+        raise DeclarationError(f"{owner}: {name} must be {expected}, got {value!r}.") from error
     if not any(_fits(array.shape, shape) for shape in shapes):
-        raise DeclarationError(f"{owner}: {name} must be {wanted}, got the shape {array.shape}.")
+        raise DeclarationError(f"{owner}: {name} must be {expected}, got the shape {array.shape}.")
     if not np.isfinite(array).all():
         raise DeclarationError(f"{owner}: {name} must be finite, got {value!r}.")
     array.setflags(write=False)
@@ -52,11 +52,11 @@ def _items(value: npt.ArrayLike) -> list[object]:
     return [value]
 
 
-def _fits(found: tuple[int, ...], wanted: Shape) -> bool:
-    if len(found) != len(wanted):
+def _fits(shape: tuple[int, ...], expected: Shape) -> bool:
+    if len(shape) != len(expected):
         return False
-    sizes: dict[int | str, int] = {size: size for size in wanted if isinstance(size, int)}
-    return all(sizes.setdefault(name, size) == size for name, size in zip(wanted, found, strict=True))
+    sizes: dict[int | str, int] = {size: size for size in expected if isinstance(size, int)}
+    return all(sizes.setdefault(name, size) == size for name, size in zip(expected, shape, strict=True))
 
 
 def _words(shape: Shape) -> str:

@@ -33,7 +33,7 @@ def advice(
         *_drift(good),
         *_stress(stress, errors),
     ]
-    broken = [f"{failed} of {of} at {spread:.0%}" for spread, (failed, of) in corners.items() if failed]
+    broken = [f"{failed} of {of} at {width:.0%}" for width, (failed, of) in corners.items() if failed]
     if broken:
         sentences.append(f"Corners of wider boxes fail: {', '.join(broken)}; bounds there rest on the other runs.")
     return textwrap.fill(" ".join(filter(None, sentences)), 110)
@@ -49,13 +49,13 @@ def _choice(good: Sequence[Trial]) -> str:
 
 
 def _stiffness(fastest: Stiffness, span: float) -> str:
-    told = f"what dies away fastest does so at {fastest.decay:.1e} 1/s, "
-    told += f"what swings fastest at {fastest.frequency:.1e} rad/s"
+    text = f"what dies away fastest does so at {fastest.decay:.1e} 1/s, "
+    text += f"what swings fastest at {fastest.frequency:.1e} rad/s"
     if fastest.is_stiff(span):
-        return f"It is stiff: {told}. Explicit steps have to follow the first, implicit ones need not."
+        return f"It is stiff: {text}. Explicit steps have to follow the first, implicit ones need not."
     if fastest.rate * span > STIFF:
-        return f"It swings fast for long: {told}. Only methods that damp it can take steps longer than that."
-    return f"It is not stiff: {told}. Explicit steps do."
+        return f"It swings fast for long: {text}. Only methods that damp it can take steps longer than that."
+    return f"It is not stiff: {text}. Explicit steps do."
 
 
 def _steps(trials: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
@@ -63,9 +63,9 @@ def _steps(trials: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
     for trial in trials:
         if "step" in trial.solver and errors.get(trial.key, 1.0) <= STABLE:
             largest[trial.family] = max(trial.setting, largest.get(trial.family, 0.0))
-    told = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
+    text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
     without = dict.fromkeys(t.family for t in trials if "step" in t.solver and t.family not in largest)
-    sentences = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {told}."] if told else []
+    sentences = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {text}."] if text else []
     return [*sentences, f"None of {', '.join(without)} was small enough."] if without else sentences
 
 

@@ -12,9 +12,9 @@ from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.model import Box
 from symmb.study import report
+from symmb.study.jsonable import to_jsonable
 from symmb.study.reference import Reference
 from symmb.study.row import NotRun, Row
-from symmb.study.to_json import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,7 +100,7 @@ class Comparison:
         }
         if self.not_run:
             layout["not_run"] = [{"name": method.name, "reason": method.reason} for method in self.not_run]
-        return plain(layout)
+        return to_jsonable(layout)
 
     def save(self, path: str | Path) -> None:
         """Write `to_json` to a file."""
@@ -191,12 +191,12 @@ class Comparison:
 
     @classmethod
     def _from_layout(cls, layout: dict[str, Any]) -> "Comparison":
-        given = layout["reference"]
+        reference_layout = layout["reference"]
         reference = Reference(
-            method=given["method"],
-            lower=np.array(given["lower"], dtype=float),
-            upper=np.array(given["upper"], dtype=float),
-            uncertainty=np.array(given["uncertainty"], dtype=float),
+            method=reference_layout["method"],
+            lower=np.array(reference_layout["lower"], dtype=float),
+            upper=np.array(reference_layout["upper"], dtype=float),
+            uncertainty=np.array(reference_layout["uncertainty"], dtype=float),
         )
         rows = tuple(Row.from_plain(method, reference.yardstick) for method in layout["methods"])
         return cls(

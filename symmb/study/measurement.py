@@ -70,8 +70,10 @@ def compare_simulator(
     if methods is None:
         methods = default_methods(simulator, box)
     exact = simulator if tighter is None else tighter
-    found = find_reference(exact, box, reference, executor=executor, progress=_labelled(progress, "reference"))
-    ran: list[tuple[Bounds, float]] = []
+    reference_bounds = find_reference(
+        exact, box, reference, executor=executor, progress=_labelled(progress, "reference")
+    )
+    scored: list[tuple[Bounds, float]] = []
     not_run: list[NotRun] = []
     for method in methods:
         label = _labelled(progress, repr(method))
@@ -80,21 +82,21 @@ def compare_simulator(
         except (PropagationError, SimulationError) as error:
             not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
         else:
-            ran.append((bounds, seconds))
-    if not ran:
+            scored.append((bounds, seconds))
+    if not scored:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
     if reference is None:
-        found = found.joined([bounds.inner for bounds, _ in ran if bounds.inner is not None])
-    yardstick = found.yardstick
+        reference_bounds = reference_bounds.joined([bounds.inner for bounds, _ in scored if bounds.inner is not None])
+    yardstick = reference_bounds.yardstick
     return Comparison(
         scene=scene,
         times=np.asarray(simulator.times, dtype=float),
         outputs=tuple(simulator.outputs),
         box=box,
         solver=solver,
-        reference=found,
-        rows=tuple(_row(bounds, yardstick, setup_seconds, seconds) for bounds, seconds in ran),
+        reference=reference_bounds,
+        rows=tuple(_row(bounds, yardstick, setup_seconds, seconds) for bounds, seconds in scored),
         not_run=tuple(not_run),
         setup_seconds=setup_seconds,
         solver_error=None if tighter is None else _solver_error(simulator, tighter, box, yardstick),

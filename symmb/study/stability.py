@@ -1,4 +1,4 @@
-"""What a scene can bear: every solver over a ladder of steps or tolerances, and the scene under stress."""
+"""Stability of solvers: every solver over a ladder of steps or tolerances, and the scene under stress."""
 
 import itertools
 import json
@@ -28,12 +28,13 @@ STEPS = (50, 200, 800, 3200)
 """Of fixed steps, over the horizon."""
 _LIMIT, _REFERENCE_LIMIT, _ALL = 3.0, 10.0, 45.0
 """Seconds that a trial may take, that a reference may, and after which no more begin."""
-_SPREADS = 0.1, 0.2, 0.5
+_WIDTHS = 0.1, 0.2, 0.5
+"""Half widths of wider boxes, as shares of the nominal values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """What the solvers made of a scene. `print` tells it, `plot` draws it, `save` writes it as JSON.
+    """How the solvers run a scene. `print` shows it, `plot` draws it, `save` writes it as JSON.
 
     Attributes
     ----------
@@ -42,7 +43,7 @@ class Stability:
     trials, stress : the runs of the scene as it is, and of the scene under stress
     errors : dict              key of a trial -> root mean square error, over that of the deviation from the mean
     uncertainty : float        of the reference, by which errors are measured, in the same measure
-    corners : dict             spread of the box -> (corners that fail, corners)
+    corners : dict             half width of the box, as a share -> (corners that fail, corners)
     advice : str
     """
 
@@ -64,10 +65,10 @@ class Stability:
         ]
         if self.stress:
             head[0:0] = ["under stress"]
-            told = [[trial.scene, *self._cells(trial)] for trial in self.stress]
-            lines += ["", *aligned([head, *told], left=(0, 1, 8))]
-        for spread, (failed, corners) in self.corners.items():
-            lines.append(f"box widened to {spread:.0%}: {failed or 'none'} of {corners} corners fail")
+            rows = [[trial.scene, *self._cells(trial)] for trial in self.stress]
+            lines += ["", *aligned([head, *rows], left=(0, 1, 8))]
+        for width, (failed, corners) in self.corners.items():
+            lines.append(f"box widened to {width:.0%}: {failed or 'none'} of {corners} corners fail")
         return "\n".join([*lines, "", self.advice])
 
     def _cells(self, trial: Trial) -> list[str]:
@@ -79,7 +80,7 @@ class Stability:
     def to_json(self) -> dict[str, Any]:
         """Everything but the outputs; what is not known is None."""
 
-        def told(trial: Trial) -> dict[str, Any]:
+        def trial_json(trial: Trial) -> dict[str, Any]:
             numbers = {
                 "setting": trial.setting,
                 "error": self.errors.get(trial.key, np.nan),
@@ -95,8 +96,8 @@ class Stability:
             "scene": self.scene,
             "times": self.times.tolist(),
             "uncertainty": self.uncertainty,
-            "trials": [told(trial) for trial in (*self.trials, *self.stress)],
-            "corners": {f"{spread:g}": list(counts) for spread, counts in self.corners.items()},
+            "trials": [trial_json(trial) for trial in (*self.trials, *self.stress)],
+            "corners": {f"{width:g}": list(counts) for width, counts in self.corners.items()},
             "advice": self.advice,
         }
 
@@ -125,7 +126,7 @@ class Stability:
 
 
 def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:
-    """Try every solver on a scene, plain and under stress, each run within 3 s and all within a minute.
+    """Try every solver on a scene as it is and under stress, each run within 3 s and all within a minute.
 
     Stress is what any scene can be put to: stiffnesses of its springs 100 and 10,000 times as large, its lightest body
     so much lighter, a time scale a tenth and ten times as long (laws of time, start velocities and gravity set it;
@@ -134,7 +135,7 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     Parameters
     ----------
     scene : Scene
-    progress : callable, optional      told what runs, runs done, runs in all
+    progress : callable, optional      called with what runs, runs done, runs in all
 
     Raises
     ------
@@ -148,23 +149,25 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     dae = DAESimulator(scene, CVODES()).dae
     if len(scene.times) < 2 or not dae.n_v:
         raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
-    plain = scene.with_times(times)
-    jobs = [Job("", lambda: plain, family, ladder) for family, ladder in _ladders(float(times[-1] - times[0]))]
-    under = [Job(name, make, family, [one]) for name, make in stresses(plain) for family, one in _few(times)]
+    scene_at_times = scene.with_times(times)
+    jobs = [Job("", lambda: scene_at_times, family, ladder) for family, ladder in _ladders(float(times[-1] - times[0]))]
+    under = [Job(name, make, family, [one]) for name, make in stresses(scene_at_times) for family, one in _few(times)]
     total = sum(len(job.solvers) for job in (*jobs, *under))
-    found: list[Trial] = []
+    done_trials: list[Trial] = []
 
     def collect(some: Sequence[Job], limit: float) -> list[Trial]:
         order = [(job.scene, job.family) for job in some]
         trials = []
         for trial in run_jobs(some, limit, begin + _ALL):
             trials.append(trial)
-            found.append(trial)
+            done_trials.append(trial)
             if progress is not None:
-                progress(trial.family, len(found), total + len(_REFERENCES))
+                progress(trial.family, len(done_trials), total + len(_REFERENCES))
         return sorted(trials, key=lambda t: order.index((t.scene, t.family)))  # stable: settings stay in order
 
-    references = collect([Job("", lambda: plain, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT)
+    references = collect(
+        [Job("", lambda: scene_at_times, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT
+    )
     best, uncertainty = _reference(references)
     if best is None:
         raise SimulationError(f"{scene.name}: no solver finishes. {references[0].reason}")
@@ -216,15 +219,15 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     """How many corners of wider boxes fail, and of how many."""
     if scene.box is None or len(scene.box) > 8:
         return {}
-    simulator, found = DAESimulator(scene), {}
+    simulator, failures = DAESimulator(scene), {}
     order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
-    for spread in _SPREADS:
-        box = Box.around(scene.system.parameters, spread, scene.box.names)
+    for width in _WIDTHS:
+        box = Box.around(scene.system.parameters, width, scene.box.names)
         corners = box.from_unit(np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
         P = np.tile(nominal, (len(corners), 1))
         P[:, [order.index(name) for name in box.names]] = corners
-        found[spread] = int((~simulator.run(P).ok).sum()), len(corners)
-    return found
+        failures[width] = int((~simulator.run(P).ok).sum()), len(corners)
+    return failures
 
 
 def _reference(trials: Sequence[Trial]) -> tuple[Trial | None, float]:
@@ -238,8 +241,9 @@ def _reference(trials: Sequence[Trial]) -> tuple[Trial | None, float]:
 
 def _error(values: Array, true: Array) -> float:
     """Largest over outputs of the root mean square error over that of the deviation from the mean."""
-    spread = np.std(true, axis=0)
-    spread = np.where(spread > 1e-12 * np.abs(true).max(axis=0), spread, np.maximum(np.abs(true).max(axis=0), 1e-300))
+    largest = np.abs(true).max(axis=0)
+    deviation = np.std(true, axis=0)
+    deviation = np.where(deviation > 1e-12 * largest, deviation, np.maximum(largest, 1e-300))
     with np.errstate(over="ignore", invalid="ignore"):
-        error = np.sqrt(np.mean(np.square(values - true), axis=0)) / spread
+        error = np.sqrt(np.mean(np.square(values - true), axis=0)) / deviation
     return float(np.nan_to_num(error, nan=np.inf, posinf=np.inf).max(initial=0.0))

@@ -17,18 +17,18 @@ _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
 
 def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
     """What is done to a scene, by name; what would leave it as it is is left out."""
-    found: list[tuple[str, Callable[[], Scene]]] = []
+    variants: list[tuple[str, Callable[[], Scene]]] = []
     if any(_stiffnesses(element) for element in scene.system.elements):
-        found += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]
+        variants += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]
     if len(scene.system.bodies) > 1:
-        found += [(f"mass ratio x {factor:g}", lambda k=factor: lighter(scene, k)) for factor in _LARGER]
+        variants += [(f"mass ratio x {factor:g}", lambda k=factor: lighter(scene, k)) for factor in _LARGER]
     if _paced(scene):
-        found += [(f"time scale x {scale:g}", lambda c=scale: slower(scene, c)) for scale in _SCALES]
+        variants += [(f"time scale x {scale:g}", lambda c=scale: slower(scene, c)) for scale in _SCALES]
     begin = scene.times[0]
     for factor in _LONGER:
         longer = begin + factor * (scene.times - begin)
-        found.append((f"horizon x {factor}", lambda longer=longer: scene.with_times(longer)))
-    return found
+        variants.append((f"horizon x {factor}", lambda longer=longer: scene.with_times(longer)))
+    return variants
 
 
 def stiffer(scene: Scene, factor: float) -> Scene:

@@ -66,9 +66,9 @@ class Job:
     family: str
     solvers: Sequence[tuple[float, Solver]]
 
-    def trial(self, k: int, **found: Any) -> Trial:
+    def trial(self, k: int, **results: Any) -> Trial:
         setting, solver = self.solvers[k]
-        return Trial(self.scene, repr(solver), self.family, setting, **found)
+        return Trial(self.scene, repr(solver), self.family, setting, **results)
 
     def run(self) -> Iterator[Trial]:
         """All trials in this process."""
@@ -78,8 +78,8 @@ class Job:
                 scene = self.make() if scene is None else scene
                 run = simulate(scene, solver)
             except SymmbError as error:
-                told = str(error).splitlines()[0]
-                yield self.trial(k, reason=told.removeprefix(f"{scene.name}: ") if scene else told)
+                reason = str(error).splitlines()[0]
+                yield self.trial(k, reason=reason.removeprefix(f"{scene.name}: ") if scene else reason)
                 continue
             finite = bool(np.isfinite(run.values).all())
             yield self.trial(

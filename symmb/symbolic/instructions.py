@@ -63,10 +63,10 @@ def interpret(
     """
     if not f.is_a("SXFunction"):
         raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
-    given, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
-    if given != expected:
+    sizes, expected = [len(values) for values in inputs], [f.nnz_in(i) for i in range(f.n_in())]
+    if sizes != expected:
         raise DeclarationError(
-            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {given} are given."
+            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {sizes} are given."
         )
     # Every work slot is written before it is read, so the filling value of `work` is never seen.
     work = [constant(0.0)] * f.sz_w()

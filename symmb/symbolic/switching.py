@@ -76,8 +76,8 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
             return _Value(ca.SX.binary(code, arguments[0].sx, arguments[1].sx), on)
         return _Value(ca.SX.unary(code, arguments[0].sx), on)
 
-    given = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
-    interpret(f, given, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
+    values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
+    interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
     return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()))
 
 

@@ -101,10 +101,10 @@ def initial(expression: ca.SX) -> ca.SX:
             f"initial: {expression} must be made of coordinates and parameters alone. "
             "Velocities, multipliers and times at the start need no state: list them in start."
         )
-    kept = _STARTS.setdefault(moving[0], [])
+    values = _STARTS.setdefault(moving[0], [])
     state = ca.SX.sym("initial", *expression.shape)
     names = [s.name() for s in ca.vertsplit(ca.vec(state))]
-    kept += declare(names, Kind.STATE, ca.vec(state), ca.SX.zeros(state.numel(), 1), ca.vec(expression))
+    values += declare(names, Kind.STATE, ca.vec(state), ca.SX.zeros(state.numel(), 1), ca.vec(expression))
     return state
 
 

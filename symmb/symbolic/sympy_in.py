@@ -51,12 +51,12 @@ def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
     import sympy
 
     _check_names(expression, symbols)
-    seen: dict[Any, ca.SX] = {}
+    converted: dict[Any, ca.SX] = {}
 
     def convert(node: Any) -> ca.SX:
-        if node not in seen:
-            seen[node] = _convert(node, symbols, convert)
-        return seen[node]
+        if node not in converted:
+            converted[node] = _convert(node, symbols, convert)
+        return converted[node]
 
     if isinstance(expression, sympy.MatrixBase):
         matrix = ca.SX(*expression.shape)

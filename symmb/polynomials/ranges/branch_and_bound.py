@@ -49,24 +49,24 @@ class _Tables:
 def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
     """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``."""
     tables = _tables(terms.products)
-    b, (given, m) = tables.basis, legendre.shape
+    b, (n_given, m) = tables.basis, legendre.shape
     # The basis is changed in C: threads of a matrix product of NumPy's would spin on in the way of those below.
-    change = terms.change if given <= FEW else None
+    change = terms.change if n_given <= FEW else None
     C = terms.coefficients(legendre) if change is None else np.ascontiguousarray(legendre, dtype=float)
     depth = _LEVELS * b.d
-    found, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
-    of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, found, points, gaps))
+    ranges, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
+    of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, ranges, points, gaps))
     library = load(_SOURCE)
 
     def work(next_polynomial: ctypes.c_long) -> None:
         sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
         own = [np.zeros(size) for size in sizes]
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
-        sizes = ctypes.c_long(m), of, to, ctypes.c_long(given)
+        sizes = ctypes.c_long(m), of, to, ctypes.c_long(n_given)
         library.ranges(ctypes.byref(search), ctypes.byref(next_polynomial), *sizes, *rest)
 
     on_threads(work, m)
-    return *found, *points, *gaps
+    return *ranges, *points, *gaps
 
 
 @lru_cache(maxsize=64)

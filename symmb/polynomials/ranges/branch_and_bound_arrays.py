@@ -88,8 +88,8 @@ def _fixed(terms: Terms, boxes: _Boxes) -> tuple[_Boxes, Array]:
         C[rows[:, None, None], fibres[:, 1:]] = 0.0
         C[rows[:, None], fibres[:, 0]] = own.sum(axis=2)
     inside = monotone & (np.abs(centre) < 1) & (np.abs(linear) > slope)
-    kept = np.flatnonzero(~inside.any(axis=1))
-    return _Boxes(C, centre, half, boxes.owner)[kept], np.where(half > 0, slope, -1.0)[kept]
+    undecided = np.flatnonzero(~inside.any(axis=1))
+    return _Boxes(C, centre, half, boxes.owner)[undecided], np.where(half > 0, slope, -1.0)[undecided]
 
 
 def _lower_bounds(terms: Terms, boxes: _Boxes) -> tuple[Array, Array]:

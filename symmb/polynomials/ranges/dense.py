@@ -58,9 +58,9 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     for k, (x, values) in enumerate(tables):
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
-    found, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
+    extremes, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
-    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, found, points)]
+    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, extremes, points)]
     library = load(_SOURCE)
 
     def work(next_polynomial: ctypes.c_long) -> None:
@@ -70,7 +70,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     on_threads(work, m)
     at = np.empty((2, m, d))
     at[:, :, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
-    return found[0], found[1], at[0], at[1]
+    return extremes[0], extremes[1], at[0], at[1]
 
 
 @cache

@@ -88,8 +88,8 @@ class Exact:
 
     def bounds(self, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
         """Lower and upper bounds, each (m,), of polynomials with Legendre coefficients (n_b, m)."""
-        found = self.search(alpha, coefficients)
-        return found.lower, found.upper
+        extremes = self.search(alpha, coefficients)
+        return extremes.lower, extremes.upper
 
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
         """Bounds with the points where they are nearly taken."""

@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 
 
-def plain(value: Any) -> Any:
+def to_jsonable(value: Any) -> Any:
     """Nested mappings, sequences, arrays and numbers as JSON can write them.
 
     Examples
     --------
-    >>> plain({"lower": np.array([[0.5, -np.inf]]), "failed": np.int64(2)})
+    >>> to_jsonable({"lower": np.array([[0.5, -np.inf]]), "failed": np.int64(2)})
     {'lower': [[0.5, None]], 'failed': 2}
     """
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_jsonable(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return plain(np.asarray(value).tolist())
+        return to_jsonable(np.asarray(value).tolist())
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [to_jsonable(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
