@@ -13,6 +13,8 @@ import symmb as mb
 from symmb.cli.main import main
 from symmb.cli.specs import method, solver
 
+pytestmark = pytest.mark.slow
+
 SCENE = '''
 """Planar double pendulum of two homogeneous rods (Wang & Yang 2021, sec. 4.2)."""
 import numpy as np

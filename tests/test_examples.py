@@ -11,6 +11,8 @@ import sympy
 
 import symmb as mb
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 
 

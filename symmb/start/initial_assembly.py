@@ -47,7 +47,7 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
         if irregular.any():
             raise AssemblyError(
                 f"Joint {constraint_of_row(dae, int(irregular.argmax()))!r} is singular at the guess: its rows are not "
-                "finite there, as those of a Distance between points that coincide. Give another guess."
+                "finite there, as those of a Distance whose points coincide. Give a guess away from this position."
             )
         step = np.linalg.lstsq(J, -r, rcond=1e-10)[0]
         for damping in 0.5 ** np.arange(_HALVINGS):

@@ -15,6 +15,8 @@ from models import cubic, double_pendulum
 from symmb.codegen.engine import Engine, Tolerances, model_function
 from symmb.simulation.simulator import Reduction
 
+pytestmark = pytest.mark.slow
+
 TIMES = np.linspace(0, 5, 41)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
 DUFFING = ca.vertcat(X[1], -X[0] - P * X[0] ** 3 + ca.cos(T) / 3)

@@ -23,6 +23,8 @@ from symmb.codegen.engine import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 from symmb.simulation.simulator import Reduction
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(mb.__file__).parents[1]
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
 MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has no states

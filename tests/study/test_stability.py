@@ -15,6 +15,8 @@ from symmb.cli.main import main
 from symmb.study.stress import lighter, slower, stresses
 from symmb.study.trials import Job, run_jobs
 
+pytestmark = pytest.mark.slow
+
 SPRUNG = """
 import numpy as np
 import symmb as mb
