@@ -3,13 +3,9 @@
 Results of the rooms above draw themselves with these functions.
 """
 
-from symmb.plot.figures import (
-    Band,
-    Curve,
-    family,
-    labels,
-    plot_bounds,
-    plot_comparison,
-    plot_stability,
-    plot_trajectory,
-)
+from symmb.plot.bounds import plot_bounds
+from symmb.plot.comparison import plot_comparison
+from symmb.plot.curves import Band, Curve, family
+from symmb.plot.layout import labels
+from symmb.plot.stability import plot_stability
+from symmb.plot.trajectory import plot_trajectory

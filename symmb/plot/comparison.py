@@ -1,0 +1,152 @@
+"""The picture of a comparison: bounds over time, and error against run time."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from symmb._types import Array
+from symmb.plot.bounds import draw_bounds
+from symmb.plot.curves import Band, Curve
+from symmb.plot.layout import (
+    COLOURS,
+    DASHES,
+    DIAGRAM_HEIGHT,
+    DPI,
+    HEAD_HEIGHT,
+    LEAST_ERROR,
+    MARKERS,
+    MOST_PANELS,
+    NUMBER_DISTANCE,
+    ROW_HEIGHT,
+    cyclic,
+    n_rows,
+    new_figure,
+    save,
+    style_axes,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_comparison(
+    t: Array,
+    names: Sequence[str],
+    reference: Band,
+    curves: Sequence[Curve],
+    *,
+    measured: npt.NDArray[np.bool_],
+    uncertainty: Array,
+    title: str = "",
+    path: str | Path | None = None,
+) -> "Figure":
+    """Bounds over time above, mean error against run time below.
+
+    Parameters
+    ----------
+    t : (n_t,)              times [s]
+    names : n_y names       of the outputs
+    curves                  the settings to draw; a family is one curve of the error diagram, and its most
+                            accurate setting stands for it above
+    measured : (n_y,)       which outputs count in the mean error
+    uncertainty : (n_y,)    the reference's, in the norm of the error; mean errors below its mean are drawn
+                            there, hollow
+    path : optional         where to write the picture; the suffix decides the format
+    """
+    families: dict[str, list[Curve]] = {}
+    for curve in curves:
+        families.setdefault(curve.family, []).append(curve)
+    shown = hardest_outputs(curves, measured)
+    n_legend = -(-(len(families) + 1) // 3)
+    heights = [HEAD_HEIGHT + 0.2 * n_legend + ROW_HEIGHT * n_rows(len(shown)), DIAGRAM_HEIGHT]
+    figure = new_figure(sum(heights))
+    above, below = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
+    best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
+    draw_bounds(above, t, names, shown, reference, best, title)
+    _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
+    return save(figure, path)
+
+
+def _draw_errors(
+    axes: "Axes", families: Sequence[Sequence[Curve]], measured: npt.NDArray[np.bool_], uncertainty: Array
+) -> None:
+    known = uncertainty[measured & np.isfinite(uncertainty)]
+    floor = max(float(known.mean()) if known.size else 0.0, LEAST_ERROR)
+    axes.set(xscale="log", yscale="log")
+    numbers: list[tuple[float, float, str, str]] = []
+    for k, group in enumerate(families):
+        settings = sorted(group, key=lambda curve: curve.evaluations)
+        points = [(curve.seconds, largest_error(curve, measured), curve.evaluations) for curve in settings]
+        points = [(x, y, n) for x, y, n in points if y < np.inf]
+        if not points:
+            continue
+        colour, marker = cyclic(COLOURS, k), {"marker": cyclic(MARKERS, k), "markersize": 6}
+        style: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
+        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **style)
+        axes.plot([], [], **style, **marker, label=group[0].family)
+        for x, y, n in points:
+            face = "white" if y < floor else colour
+            axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
+            numbers.append((x, max(y, floor), str(n), colour))
+    if floor > LEAST_ERROR:
+        label = "reference's uncertainty\n(hollow: error not above it)"
+        axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
+    axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
+    axes.set_ylabel("mean error, share of the width", fontsize=8.5)
+    axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
+    axes.margins(0.06, 0.1)
+    if all(y == floor for _, y, _, _ in numbers):  # margins are a share of the height, of which there is none
+        axes.set_autoscaley_on(False)
+        axes.set_ylim(0.1 * floor, 10.0 * floor)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
+    write_numbers(axes, numbers)
+    style_axes(axes)
+
+
+def write_numbers(axes: "Axes", numbers: Sequence[tuple[float, float, str, str]]) -> None:
+    """Each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
+    from matplotlib.patheffects import withStroke
+
+    place = np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / DPI
+    taken = list(place)
+    for at, (x, y, text, colour) in zip(place, numbers, strict=True):
+        others = np.array([point for point in taken if point is not at])
+        offsets = [np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)]
+        gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
+        best = offsets[int(np.argmax(np.minimum(gaps, NUMBER_DISTANCE)))]
+        taken.append(at + best)
+        axes.annotate(
+            text,
+            (x, y),
+            tuple(best),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            color=colour,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+            zorder=2.5,
+        )
+
+
+def largest_error(curve: Curve, measured: npt.NDArray[np.bool_]) -> float:
+    """Mean error over the outputs that count; infinite where it is not a number."""
+    error = _or_infinite(curve.error[measured])
+    return float(error.mean()) if error.size else 0.0
+
+
+def _or_infinite(error: Array) -> Array:
+    return np.where(np.isnan(error), np.inf, error)
+
+
+def hardest_outputs(curves: Sequence[Curve], measured: npt.NDArray[np.bool_]) -> list[int]:
+    """The outputs to draw, in their order: those with the largest median error."""
+    if len(measured) <= MOST_PANELS or not curves:
+        return list(range(min(len(measured), MOST_PANELS)))
+    median = np.median([_or_infinite(curve.error) for curve in curves], axis=0)
+    return sorted(np.argsort(np.where(measured, -median, 1.0), kind="stable")[:MOST_PANELS].tolist())
