@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -219,6 +219,18 @@ def _parser() -> argparse.ArgumentParser:
         subcommand.set_defaults(run=run)
         return subcommand
 
+    _add_scene_commands(command, methods, solvers)
+    text = "show the folder of compiled models, how many there are and their size"
+    cache_command = commands.add_parser(
+        "cache", help=text, description=text + ". They are built again when they are needed."
+    )
+    cache_command.add_argument("--clear", action="store_true", help="remove them")
+    cache_command.set_defaults(run=_cache)
+    return parser
+
+
+def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
+    """The commands that take a scene, with their options."""
     compare = command(
         "compare",
         "bound the scene's outputs by several methods and measure each",
@@ -256,11 +268,3 @@ def _parser() -> argparse.ArgumentParser:
 
     codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")
-
-    text = "show the folder of compiled models, how many there are and their size"
-    cache_command = commands.add_parser(
-        "cache", help=text, description=text + ". They are built again when they are needed."
-    )
-    cache_command.add_argument("--clear", action="store_true", help="remove them")
-    cache_command.set_defaults(run=_cache)
-    return parser

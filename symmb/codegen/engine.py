@@ -1,22 +1,15 @@
 """Ensembles in compiled lanes: steps for W samples side by side, blocks of them on threads."""
 
 import ctypes
-import functools
-import hashlib
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from symmb._types import Array
-from symmb.codegen import cache, tableau
 from symmb.codegen.build import load
-from symmb.codegen.c_source import c_source
-from symmb.codegen.emit import Emitter
-from symmb.codegen.graph import INPUT, Graph, graph_of
+from symmb.codegen.model_source import Scheme, source_of
 from symmb.codegen.threads import side_by_side
 
 MOST_STEPS = 1_000_000
@@ -26,10 +19,6 @@ REASONS = (
     "Newton's method does not converge, however short the step",
     f"{MOST_STEPS} steps are not enough",
 )
-_LARGE = 5000
-"""Values of a model whose compiler would take too long over sines and cosines in place."""
-_SMALL = 32
-"""States whose slopes fit into the cache nearest to the core."""
 
 
 @dataclass(frozen=True)
@@ -92,25 +81,6 @@ class Counts:
     most: int
 
 
-@dataclass(frozen=True)
-class Scheme:
-    """What the engine has to know of a scheme whose steps are functions, see `scheme_function`.
-
-    Attributes
-    ----------
-    n_w, n_z : int         numbers in the history and of unknowns
-    order : int
-    growth : float         how many times as long as the one before a step may be
-    newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
-    """
-
-    n_w: int
-    n_z: int
-    order: int
-    growth: float
-    newton: float
-
-
 class Engine:
     """An initial value problem compiled for many samples.
 
@@ -133,7 +103,7 @@ class Engine:
         self.counts = Counts(0, 0, 0)
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
-        self.source = _kept(f, (fixed, scheme), lambda: _scheme_source(f, scheme) if scheme else _source(f, fixed))
+        self.source = source_of(f, fixed, scheme)
         self._open()
 
     def _open(self) -> None:
@@ -203,171 +173,3 @@ class Engine:
             raise MemoryError("not enough memory for the compiled engine")
         self.counts = Counts(study.steps, study.iterations, study.most)
         return failed_samples
-
-
-def model_function(
-    x: ca.SX,
-    p: ca.SX,
-    t: ca.SX,
-    rates: ca.SX,
-    outputs: ca.SX,
-    projected: ca.SX | None,
-    start: tuple[ca.SX, ca.SX] | None = None,
-) -> ca.Function:
-    """(x, p, t) -> rates, outputs and, as far as given, project, newton and start.
-
-    Parameters
-    ----------
-    x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
-    rates, outputs, projected : SX      x' (n_x,), what is wanted (n_y,), and x on the constraints or None
-    start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
-        without it runs are given their starts
-    """
-    parts = {"rates": rates, "outputs": outputs}
-    if projected is not None:
-        parts["project"] = projected
-    if start is not None:
-        parts["newton"], parts["start"] = start
-    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
-
-
-def scheme_function(
-    w: ca.SX,
-    z: ca.SX,
-    p: ca.SX,
-    t: ca.SX,
-    h: ca.SX,
-    *,
-    history: ca.SX,
-    guess: ca.SX,
-    correct: ca.SX,
-    follow: ca.SX,
-    outputs: ca.SX,
-    projected: ca.SX | None,
-    start: tuple[ca.SX, ca.SX] | None = None,
-) -> ca.Function:
-    """((w, h, z), p, t) -> the functions of c/implicit_step.h.
-
-    `projected`, if not None, and `start` are functions of the state, with which w begins.
-    """
-    x = ca.vertcat(w, h, z)
-
-    def whole(state: ca.SX) -> ca.SX:
-        return ca.vertcat(state, x[state.numel() :])
-
-    parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
-    if projected is not None:
-        parts["project"] = whole(projected)
-    if start is not None:
-        parts["newton"], parts["start"] = start[0], whole(start[1])
-    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
-
-
-def _kept(f: ca.Function, options: object, write: Callable[[], str]) -> str:
-    """The source of a model, from the cache if it is large and was written before, by this very generator."""
-    if f.n_instructions() < _LARGE:
-        return write()
-    key = hashlib.sha256("\0".join([f.serialize(), repr(options), _generator()]).encode()).hexdigest()[:32]
-    path = cache.find(key, ".c")
-    if path is not None:
-        return path.read_text(encoding="utf-8")
-    source = write()
-    cache.keep(key, source.encode(), ".c")
-    return source
-
-
-@functools.cache
-def _generator() -> str:
-    """A hash of every file of the package: a source is printed from many of them."""
-    files = sorted(path for path in Path(__file__).parents[1].rglob("*") if path.suffix in (".py", ".h"))
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
-
-
-def _source(f: ca.Function, fixed: bool) -> str:
-    graph = graph_of(f)
-    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
-    order, n_own = _order(graph, nodes["rates"])
-    place = [order.index(i) for i in range(len(order))]
-    nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
-    for name in nodes.keys() & {"project", "start"}:
-        nodes[name] = [nodes[name][i] for i in order]
-    stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
-    sizes = {"N_OWN": n_own, "N_K": stages * n_own}
-    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
-    return _study(graph, nodes, place, f.numel_in(1), sizes, steps)
-
-
-def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
-    graph = graph_of(f)
-    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
-    n_w, n_z = scheme.n_w, scheme.n_z
-    sizes = {
-        "N_OWN": 0,
-        "N_W": n_w,
-        "N_Z": n_z,
-        "N_TESTED": len(nodes["correct"]) - n_z,
-        "N_E": len(nodes["follow"]) - n_w,
-        "N_K": max(len(nodes["follow"]), len(nodes["correct"])),
-        "ORDER": scheme.order,
-        "GROWTH": scheme.growth,
-    }
-    return _study(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, [c_source("implicit_step")])
-
-
-def _study(
-    graph: Graph,
-    nodes: Mapping[str, list[int]],
-    place: list[int],
-    n_p: int,
-    sizes: Mapping[str, float],
-    steps: Sequence[str],
-) -> str:
-    """The C of a study: a model, whose functions consist of nodes, and how it takes its steps."""
-    emitter = Emitter(graph, place)
-    for name, values in nodes.items():
-        emitter.function(name, values)
-    model, n_c = emitter.source()
-    explicit = "rates" in nodes
-    used = emitter.used(nodes["outputs"]) if explicit else []
-    sizes = {
-        "N_X": len(place),
-        "N_P": n_p,
-        "N_C": n_c,
-        "N_CARRIED": emitter.n_carried,
-        "N_Y": len(nodes["outputs"]),
-        "N_USED": len(used),
-        "PROJECTED": int("project" in nodes),
-        "STARTED": int("start" in nodes),
-        "N_U": len(nodes.get("newton", ())),
-        "LARGE": int(len(graph.nodes) > _LARGE),
-        **sizes,
-    }
-    lists = {"place": place, "used": used}
-    return "\n".join(
-        [
-            *(f"#define {name} {value}" for name, value in sizes.items()),
-            c_source("lanes"),
-            *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
-            model,
-            c_source("block", "projection"),
-            *steps,
-            c_source("ensemble"),
-        ]
-    )
-
-
-def _order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
-    """States in the order of `tableau`, and how many have slopes of their own: all of a small model.
-
-    Where slopes fit into the cache nearest to the core, to load fewer of them does not pay for the longer sums.
-    """
-    if len(rates) <= _SMALL:
-        return list(range(len(rates))), len(rates)
-    integral: dict[int, int] = {}
-    for i, k in enumerate(rates):
-        node = graph.nodes[k]
-        if node.operation == INPUT and node.source == 0 and node.index not in integral and i not in integral:
-            integral[node.index] = i
-    integral = {v: x for v, x in integral.items() if v not in integral.values()}
-    own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
-    return [*own, *integral.values()], len(own)

@@ -24,28 +24,9 @@ from symmb.mechanics import Body, Element, Ground, Joint, Parameters, Spatial
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
+from symmb.model.multipliers import Multipliers, Reaction
 from symmb.model.summary import system_text
 from symmb.symbolic import Symbol, is_zero, latex, rate, saddle_solver, t, to_sympy
-
-
-class Multipliers(ca.SX):
-    """All multipliers as one SX vector; called with the name of a joint, those of that joint."""
-
-    rows: dict[str, slice]
-
-    def __call__(self, name: str) -> ca.SX:
-        if name not in self.rows:
-            raise DeclarationError(f"No constraint {name!r} with multipliers.{did_you_mean(name, self.rows)}")
-        return ca.SX(self)[self.rows[name]]
-
-
-class Reaction:
-    """Reaction on the body of a joint's second point, there, in world axes: force (3,) [N], torque (3,) [N m]."""
-
-    def __init__(self, force: ca.SX, torque: ca.SX) -> None:
-        self.force, self.torque = force, torque
-        self.fx, self.fy, self.fz = ca.vertsplit(force)
-        self.tx, self.ty, self.tz = ca.vertsplit(torque)
 
 
 class System:

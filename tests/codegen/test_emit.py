@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.codegen.engine import Engine, Tolerances, model_function
+from symmb.codegen import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(3)

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import cubic, double_pendulum
-from symmb.codegen.engine import Engine, Tolerances, model_function
+from symmb.codegen import Engine, Tolerances, model_function
 from symmb.simulation.simulator import Reduction
 
 pytestmark = pytest.mark.slow

@@ -18,8 +18,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import symmb as mb
 from models import cubic, double_pendulum
 from symmb.cli.main import main
-from symmb.codegen import build
-from symmb.codegen.engine import Engine, Tolerances, model_function
+from symmb.codegen import Engine, Tolerances, build, model_function
 from symmb.codegen.fallback import ArrayEngine
 from symmb.simulation.simulator import Reduction
 

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
-from symmb.codegen.engine import Engine, Tolerances, model_function
+from symmb.codegen import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 from symmb.symbolic.jets import jets
 

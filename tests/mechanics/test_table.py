@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
-from symmb.codegen.engine import Engine, Tolerances, model_function
+from symmb.codegen import Engine, Tolerances, model_function
 from symmb.codegen.fallback import ArrayEngine
 
 RNG = np.random.default_rng(11)

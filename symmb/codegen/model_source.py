@@ -1,0 +1,219 @@
+"""The C source of an ensemble: the model's functions and the files for its steps."""
+
+import functools
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from symmb.codegen import cache, tableau
+from symmb.codegen.c_source import c_source
+from symmb.codegen.emit import Emitter
+from symmb.codegen.graph import INPUT, Graph, graph_of
+
+LARGE_MODEL = 5000
+"""Values of a model above which sines and cosines are calls of one function: compilers take minutes otherwise. See
+tests/benchmarks/scaling.py."""
+CACHED_STATES = 32
+"""States whose slopes fit into the cache nearest to the core, of 32 kB: 16 slopes of 8 lanes. See
+tests/benchmarks/ensemble.py."""
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What the engine has to know of a scheme whose steps are functions, see `scheme_function`.
+
+    Attributes
+    ----------
+    n_w, n_z : int         numbers in the history and of unknowns
+    order : int
+    growth : float         how many times as long as the one before a step may be
+    newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
+    """
+
+    n_w: int
+    n_z: int
+    order: int
+    growth: float
+    newton: float
+
+
+def model_function(
+    x: ca.SX,
+    p: ca.SX,
+    t: ca.SX,
+    rates: ca.SX,
+    outputs: ca.SX,
+    projected: ca.SX | None,
+    start: tuple[ca.SX, ca.SX] | None = None,
+) -> ca.Function:
+    """(x, p, t) -> rates, outputs and, as far as given, project, newton and start.
+
+    Parameters
+    ----------
+    x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
+    rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
+    start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
+        without it runs are given their starts
+    """
+    parts = {"rates": rates, "outputs": outputs}
+    if projected is not None:
+        parts["project"] = projected
+    if start is not None:
+        parts["newton"], parts["start"] = start
+    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+
+
+def scheme_function(
+    w: ca.SX,
+    z: ca.SX,
+    p: ca.SX,
+    t: ca.SX,
+    h: ca.SX,
+    *,
+    history: ca.SX,
+    guess: ca.SX,
+    correct: ca.SX,
+    follow: ca.SX,
+    outputs: ca.SX,
+    projected: ca.SX | None,
+    start: tuple[ca.SX, ca.SX] | None = None,
+) -> ca.Function:
+    """((w, h, z), p, t) -> the functions of c/implicit_step.h.
+
+    `projected`, if not None, and `start` are functions of the state, with which w begins.
+    """
+    x = ca.vertcat(w, h, z)
+
+    def whole(state: ca.SX) -> ca.SX:
+        return ca.vertcat(state, x[state.numel() :])
+
+    parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
+    if projected is not None:
+        parts["project"] = whole(projected)
+    if start is not None:
+        parts["newton"], parts["start"] = start[0], whole(start[1])
+    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+
+
+def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None) -> str:
+    """The C of an ensemble of f. That of a large model is kept in the cache, since it takes seconds to write.
+
+    Parameters
+    ----------
+    f : ca.Function            from `model_function` or `scheme_function`
+    fixed : bool               whether steps are fixed, of an explicit method
+    scheme : Scheme or None    of a `scheme_function`
+    """
+
+    def write() -> str:
+        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed)
+
+    if f.n_instructions() < LARGE_MODEL:
+        return write()
+    key = hashlib.sha256("\0".join([f.serialize(), repr((fixed, scheme)), _generator()]).encode()).hexdigest()[:32]
+    path = cache.find(key, ".c")
+    if path is not None:
+        return path.read_text(encoding="utf-8")
+    source = write()
+    cache.keep(key, source.encode(), ".c")
+    return source
+
+
+@functools.cache
+def _generator() -> str:
+    """A hash of every file of the package: a source is printed from many of them."""
+    files = sorted(path for path in Path(__file__).parents[1].rglob("*") if path.suffix in (".py", ".h"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+def _explicit_source(f: ca.Function, fixed: bool) -> str:
+    graph = graph_of(f)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    order, n_own = _state_order(graph, nodes["rates"])
+    place = [order.index(i) for i in range(len(order))]
+    nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
+    for name in nodes.keys() & {"project", "start"}:
+        nodes[name] = [nodes[name][i] for i in order]
+    stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
+    sizes = {"N_OWN": n_own, "N_K": stages * n_own}
+    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
+    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps)
+
+
+def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
+    graph = graph_of(f)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    n_w, n_z = scheme.n_w, scheme.n_z
+    sizes = {
+        "N_OWN": 0,
+        "N_W": n_w,
+        "N_Z": n_z,
+        "N_TESTED": len(nodes["correct"]) - n_z,
+        "N_E": len(nodes["follow"]) - n_w,
+        "N_K": max(len(nodes["follow"]), len(nodes["correct"])),
+        "ORDER": scheme.order,
+        "GROWTH": scheme.growth,
+    }
+    return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, [c_source("implicit_step")])
+
+
+def _ensemble_source(
+    graph: Graph,
+    nodes: Mapping[str, list[int]],
+    place: list[int],
+    n_p: int,
+    sizes: Mapping[str, float],
+    steps: Sequence[str],
+) -> str:
+    """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
+    emitter = Emitter(graph, place)
+    for name, values in nodes.items():
+        emitter.function(name, values)
+    model, n_c = emitter.source()
+    explicit = "rates" in nodes
+    used = emitter.used(nodes["outputs"]) if explicit else []
+    sizes = {
+        "N_X": len(place),
+        "N_P": n_p,
+        "N_C": n_c,
+        "N_CARRIED": emitter.n_carried,
+        "N_Y": len(nodes["outputs"]),
+        "N_USED": len(used),
+        "PROJECTED": int("project" in nodes),
+        "STARTED": int("start" in nodes),
+        "N_U": len(nodes.get("newton", ())),
+        "LARGE": int(len(graph.nodes) > LARGE_MODEL),
+        **sizes,
+    }
+    lists = {"place": place, "used": used}
+    return "\n".join(
+        [
+            *(f"#define {name} {value}" for name, value in sizes.items()),
+            c_source("lanes"),
+            *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
+            model,
+            c_source("block", "projection"),
+            *steps,
+            c_source("ensemble"),
+        ]
+    )
+
+
+def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
+    """States in the order of `tableau`, and how many of them have slopes of their own: in a small model all.
+
+    Fewer slopes mean longer sums. This pays only if the slopes do not fit into the cache nearest to the core.
+    """
+    if len(rates) <= CACHED_STATES:
+        return list(range(len(rates))), len(rates)
+    integral: dict[int, int] = {}
+    for i, k in enumerate(rates):
+        node = graph.nodes[k]
+        if node.operation == INPUT and node.source == 0 and node.index not in integral and i not in integral:
+            integral[node.index] = i
+    integral = {v: x for v, x in integral.items() if v not in integral.values()}
+    own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
+    return [*own, *integral.values()], len(own)
