@@ -46,13 +46,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     rate, lam, mu = ca.vertsplit(units * z, [0, n_x, n_x + dae.n_r, z.numel()])
     new = past + b * h * rate
     at = At(dae, new, p, t)
-    q = x[:n_q]
-    norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
-    rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
-    push = ca.SX.sym("mu", mu.numel())
-    # Angles are moved as if they were lengths: without units the correction would be what the unit of length makes it.
-    back = (of_q / length) ** 2 * ca.densify(ca.jacobian(rows, q).T @ push) if stabilized else ca.SX.zeros(n_q)
-    positions, towards = ca.Function("positions", [x, push, p, t], [rows, back])(new, mu, p, t)
+    positions, towards = _positions(dae, x, p, t, mu.numel(), heads)(new, mu, p, t)
     residual = ca.vertcat(
         tau**2 / energy * of_v * at.unbalance(rate[n_q : n_q + n_v], lam),
         tau / of_q * (at.qdot - rate[:n_q] + towards),
@@ -61,13 +55,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
         tau * (at.Phi_dot() / row_scales if stabilized else at.Phi_dot()[dae.n_c :, :] / row_scales[dae.n_c :, :]),
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
-    first = At(dae, x, p, t)
-    vdot, lam_first = first.solved()
-    slope = ca.vertcat(first.qdot, vdot, first.sdot)
-    bend = ca.jtimes(slope, x, slope) + ca.jacobian(slope, t)
-    begin = ca.vertcat(
-        x, ca.SX.zeros(n_quad), first.power(lam_first) if n_quad else ca.SX(0, 1), x - h * slope + h**2 / 2 * bend, h
-    )
+    begin = _first_history(At(dae, x, p, t), h, n_quad)
     here = At(dae, now, p, t - h)
     vdot_now, lam_now = here.solved()
     rate_now = ca.vertcat(here.qdot, vdot_now, here.sdot)
@@ -91,6 +79,28 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
         order=2,
         growth=2.0,
     )
+
+
+def _positions(dae: DAE, x: ca.SX, p: ca.SX, t: ca.SX, n_mu: int, heads: list[int]) -> ca.Function:
+    """(x, mu, p, t) -> rows of Phi and of the quaternions' norms, and the correction of q' by mu."""
+    q, mu = x[: dae.n_q], ca.SX.sym("mu", n_mu)
+    norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
+    rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
+    if not n_mu:
+        return ca.Function("positions", [x, mu, p, t], [rows, ca.SX.zeros(dae.n_q)])
+    # Angles are moved as if they were lengths: otherwise the correction would depend on the unit of length.
+    weights = (ca.DM(dae.coordinate_scales) / dae.scales.length) ** 2
+    back = weights * ca.densify(ca.jacobian(rows, q).T @ mu)
+    return ca.Function("positions", [x, mu, p, t], [rows, back])
+
+
+def _first_history(first: At, h: ca.SX, n_quad: int) -> ca.SX:
+    """The history at the start, with the state one step before it from a Taylor expansion of order 2."""
+    vdot, lam = first.solved()
+    slope = ca.vertcat(first.qdot, vdot, first.sdot)
+    bend = ca.jtimes(slope, first.x, slope) + ca.jacobian(slope, first.t)
+    power = first.power(lam) if n_quad else ca.SX(0, 1)
+    return ca.vertcat(first.x, ca.SX.zeros(n_quad), power, first.x - h * slope + h**2 / 2 * bend, h)
 
 
 def quaternions(dae: DAE) -> list[int]:
