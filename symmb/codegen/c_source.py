@@ -1,5 +1,6 @@
 """The fixed C of the folder c."""
 
+import re
 from pathlib import Path
 
 C_FOLDER = Path(__file__).parent / "c"
@@ -13,3 +14,9 @@ def c_source(*names: str) -> str:
     """
     texts = [(C_FOLDER / f"{name}.h").read_text(encoding="utf-8") for name in names]
     return "\n".join(line for text in texts for line in text.splitlines() if not line.startswith('#include "'))
+
+
+def c_number(name: str, constant: str) -> float:
+    """The value of `#define constant value` in a header of the folder c: numbers that Python shares stand there."""
+    (value,) = re.findall(rf"^#define {constant} (\S+)", (C_FOLDER / f"{name}.h").read_text(encoding="utf-8"), re.M)
+    return float(value)

@@ -9,16 +9,9 @@ from numpy.typing import NDArray
 
 from symmb._types import Array
 from symmb.codegen.build import load
-from symmb.codegen.model_source import Scheme, source_of
+from symmb.codegen.model_source import REASONS, Scheme, source_of
 from symmb.codegen.threads import side_by_side
-
-MOST_STEPS = 1_000_000
-REASONS = (
-    "the step became too short, or the state infinite or NaN",
-    "an output is not finite",
-    "Newton's method does not converge, however short the step",
-    f"{MOST_STEPS} steps are not enough",
-)
+from symmb.schemes import MOST_STEPS
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import functools
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 
 import casadi as ca
@@ -12,6 +13,7 @@ from symmb.codegen import cache, tableau
 from symmb.codegen.c_source import c_source
 from symmb.codegen.emit import Emitter
 from symmb.codegen.graph import INPUT, Graph, graph_of
+from symmb.schemes import MOST_STEPS
 
 LARGE_MODEL = 5000
 """Values of a model above which sines and cosines are calls of one function: compilers take minutes otherwise. See
@@ -19,6 +21,24 @@ tests/benchmarks/scaling.py."""
 CACHED_STATES = 32
 """States whose slopes fit into the cache nearest to the core, of 32 kB: 16 slopes of 8 lanes. See
 tests/benchmarks/ensemble.py."""
+
+
+class FailureCode(IntEnum):
+    """Why a sample failed, as the C tells it."""
+
+    STEPS = 0
+    OUTPUT = 1
+    NEWTON = 2
+    MANY = 3
+
+
+REASONS = (
+    "the step became too short, or the state infinite or NaN",
+    "an output is not finite",
+    "Newton's method does not converge, however short the step",
+    f"{MOST_STEPS} steps are not enough",
+)
+"""Of each FailureCode."""
 
 
 @dataclass(frozen=True)
@@ -192,6 +212,7 @@ def _ensemble_source(
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
+            f"enum {{ {', '.join(FailureCode.__members__)} }};",
             c_source("lanes"),
             *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             model,

@@ -8,7 +8,7 @@ section II.14): half the slopes to compute, keep and load.
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from symmb.schemes import dop853, runge_kutta
+from symmb.schemes import STEP_CONTROL, dop853, runge_kutta
 
 Weights = Mapping[int, float]
 
@@ -29,6 +29,7 @@ def pair() -> str:
     return "\n".join(
         [
             f"#define END {_place(12)}",
+            *(f"#define {name} {value!r}" for name, value in vars(STEP_CONTROL).items()),
             *_stages(range(1, 12), A, C, dop853.B),
             "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
             "  const V *k = a->k;",

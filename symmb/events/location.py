@@ -29,6 +29,10 @@ class Steps(NamedTuple):
         """Those of the given numbers."""
         return Steps(*(part[rows] for part in self))
 
+    def at(self, theta: Array) -> Array:
+        """States (N, n_x) at shares theta (N,) of the steps."""
+        return interpolated(self.x, np.moveaxis(self.F, 2, 0), theta[:, None])
+
 
 class Located(NamedTuple):
     """The first event of each of N steps.
@@ -110,7 +114,7 @@ class Location:
 
     def _at(self, steps: Steps, rows: Indices, theta: Array) -> tuple[Array, ...]:
         some = steps.some(rows)
-        return self._laws.arguments(interpolated(some.x, some.F, theta), some.p, some.t + theta * some.h)
+        return self._laws.arguments(some.at(theta), some.p, some.t + theta * some.h)
 
     def _roots(self, f: Callable[..., Array], steps: Steps, at: Indices, values: Array) -> Array:
         """Roots in parts of steps, at (m, 3) being step, part and contact, values those at the ends of the parts."""

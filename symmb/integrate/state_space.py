@@ -8,11 +8,21 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Indices
+from symmb.codegen import REASONS, FailureCode
 from symmb.events import longest_step
 from symmb.integrate.casadi_solvers import CVODES
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.solver import Solver
 from symmb.model import DAE
+from symmb.schemes import (
+    StepControl,
+    error_estimates,
+    error_norm,
+    first_step,
+    interpolant,
+    interpolated,
+    stages,
+)
 from symmb.start import independent_rows_and_columns
 from symmb.symbolic import batch
 
@@ -68,36 +78,59 @@ class _Partitioned(Integration):
         return dict(self._counts)
 
     def _one(self, x0: Array, p: Array) -> Run:
-        from scipy.integrate import DOP853  # takes longer to load than symmb
-
         if not np.isfinite(x0).all():
             return self._unstarted()
         times, n_x = self.times, self.n_x
         Y = np.full((len(times), n_x + self.n_quad), np.nan)
         Y[0] = y = np.concatenate([x0, np.zeros(self.n_quad)])
-        t, known, shortest = float(times[0]), 1, 1e-8 * float(times[-1] - times[0])
-        while known < len(times):
-            motion = _Motion(self._dae, p, self._chosen(y[:n_x], p, t))
-            self._counts["choices of coordinates"] += 1
-            solver = DOP853(motion.rates, t, y, times[-1], self._longest, self._rtol, self._atol)
-            while known < len(times) and solver.status == "running":
+        t, stored, message = float(times[0]), 1, ""
+        with np.errstate(all="ignore"):
+            while stored < len(times) and not message:
+                motion = _Motion(self._dae, p, self._chosen(y[:n_x], p, t), t)
+                self._counts["choices of coordinates"] += 1
                 try:
-                    message = solver.step()
+                    y, stored = self._advance(motion, y, Y, stored)
                 except np.linalg.LinAlgError:
                     message = "the dependent coordinates are not determined"
-                self._counts["steps"] += 1
-                if solver.t - t < shortest and solver.t < times[-1]:
-                    message = "the step became too short"
-                if message:
-                    return Run(Y[:, :n_x], Y[:, n_x:], t, message)
-                t, between = solver.t, solver.dense_output()
-                while known < len(times) and times[known] <= t:
-                    Y[known] = motion.completed(between(times[known]), float(times[known]))
-                    known += 1
-                y = motion.completed(solver.y, t)
-                if motion.condition(y, t) > _WORSE * motion.first_condition:
-                    break
-        return Run(Y[:, :n_x], Y[:, n_x:])
+                except _Breakdown as breakdown:
+                    message = str(breakdown)
+                t = motion.t
+        return Run(Y[:, :n_x], Y[:, n_x:], t if message else np.nan, message)
+
+    def _advance(self, motion: "_Motion", y: Array, Y: Array, stored: int) -> tuple[Array, int]:
+        """Steps from y until the end or until the coordinates no longer suit: y there, and how many outputs Y holds."""
+        times, tolerances = self.times, (self._rtol, self._atol)
+        span = float(times[-1] - times[0])
+
+        def rates(y: Array, t: Array) -> Array:
+            return motion.rates(float(t[0]), y[:, 0])[:, None]
+
+        x, at = y[:, None], np.array([motion.t])
+        slope = rates(x, at)
+        h = first_step(rates, x, slope, at, float(times[-1]) - motion.t, *tolerances)
+        control = StepControl(at, h, float(times[-1]), span, self._longest)
+        while True:
+            t_new, h = control.propose()
+            k, x_new = stages(rates, x, slope, control.t, h)
+            accepted, stuck, exhausted = control.judge(error_norm(x, x_new, error_estimates(k, h), *tolerances), h)
+            self._counts["steps"] += 1
+            if stuck[0] or exhausted[0]:
+                code = FailureCode.MANY if exhausted[0] else FailureCode.STEPS
+                raise _Breakdown(REASONS[code])
+            if not accepted[0]:
+                continue
+            slope, due = rates(x_new, t_new), times[stored:][times[stored:] <= t_new]
+            if due.size:
+                F = interpolant(rates, x, x_new, [*k, slope], control.t, h)
+                states = interpolated(x, F, (due - control.t) / h)
+                for y_output, t_output in zip(states.T, due, strict=True):
+                    Y[stored] = motion.completed(y_output, float(t_output))
+                    stored += 1
+            x, control.t = x_new, t_new
+            motion.t = float(t_new[0])
+            y = motion.completed(x[:, 0], motion.t)
+            if stored == len(times) or motion.condition(y, motion.t) > _WORSE * motion.first_condition:
+                return y, stored
 
     def _chosen(self, x: Array, p: Array, t: float) -> Indices:
         """Velocities that depend on the others: as many as rows."""
@@ -106,11 +139,15 @@ class _Partitioned(Integration):
         return independent_rows_and_columns(_matrix(self._dae, x, p, t) * self._dae.displacement_scales)[1]
 
 
-class _Motion:
-    """The equations of motion with chosen dependent velocities."""
+class _Breakdown(Exception):
+    """A run cannot go on."""
 
-    def __init__(self, dae: DAE, p: Array, dependent: Indices) -> None:
-        self._dae, self._p, self._dependent = dae, p, dependent
+
+class _Motion:
+    """The equations of motion with chosen dependent velocities, at time t so far."""
+
+    def __init__(self, dae: DAE, p: Array, dependent: Indices, t: float = 0.0) -> None:
+        self._dae, self._p, self._dependent, self.t = dae, p, dependent, t
         self.first_condition = np.inf
 
     def condition(self, y: Array, t: float) -> float:

@@ -4,7 +4,17 @@ The drivers that take the steps are in `codegen` and `integrate`.
 """
 
 from symmb.schemes import dop853, rosenbrock, runge_kutta
+from symmb.schemes.embedded_pair import (
+    MOST_STEPS,
+    STEP_CONTROL,
+    StepControl,
+    error_estimates,
+    error_norm,
+    first_step,
+    interpolant,
+    interpolated,
+    stages,
+)
 from symmb.schemes.generalized_alpha import generalized_alpha
 from symmb.schemes.nstiff_si2 import nstiff_si2
-from symmb.schemes.pair_step import error_norm, interpolated, pair_step
 from symmb.schemes.step import Step

@@ -134,7 +134,7 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
 
 
 def test_too_many_steps_fail_the_block(monkeypatch):
-    monkeypatch.setattr("symmb.codegen.fallback.MOST_STEPS", 3)
+    monkeypatch.setattr("symmb.schemes.embedded_pair.MOST_STEPS", 3)
     Y, failed_samples = swing(ArrayEngine, [0.0, 100.0]).values(np.ones((3, 2)), np.ones((3, 1)))
     assert np.isnan(Y[:, 1]).all() and (failed_samples.t_failed < 100.0).all()
 

@@ -11,7 +11,6 @@
 
 enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block should fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
-enum { STEPS, OUTPUT, NEWTON, MANY }; /* why a sample failed, see REASONS of engine.py */
 
 /* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
 typedef struct {

@@ -7,7 +7,9 @@
 
 #include "lanes.h"
 
-enum { STEPS = 15, ORDERS = 65, DIRECTIONS = 3, PIECES = 4 };
+#define ORDERS 65 /* one more than the highest degree */
+#define PIECES 4  /* of a wavy polynomial's last parameter: each holds a start of Newton's method */
+enum { STEPS = 15, DIRECTIONS = 3 };
 #define TINY 1e-300
 #define ENOUGH 1e-7 /* share of the range */
 

@@ -2,21 +2,12 @@
 
    The generated tableau gives stages(b), for k before the end of the step and x_new; errors(a, h, e5, e3), the estimates
    of orders 5 and 3; interpolant(b), for F of the states that outputs need; and END, the place in k of the slope at the
-   end of the step. */
+   end of the step; and the constants of the step control. */
 #ifndef EMBEDDED_PAIR_H
 #define EMBEDDED_PAIR_H
 
 #include "projection.h"
 #include "tableau.h"
-
-#define SAFETY 0.9        /* of the step that the error allows: Hairer, Norsett, Wanner, code DOP853, as all that follow */
-#define EXPONENT (1.0 / 8.0)
-#define MEMORY 0.04       /* weight of the error before, beta of DOP853: it keeps the step from swinging */
-#define SHRINK_LEAST 0.2  /* least factor of a step that is rejected */
-#define CHANGE_LEAST 0.333
-#define CHANGE_MOST 6.0   /* bounds of the factor of a step that is accepted */
-#define ERROR_LEAST 1e-4  /* smaller errors count as this in the memory */
-#define SHORTEST 1e-14    /* of the horizon: shorter steps are lost in rounding */
 
 enum { REJECTED, ACCEPTED, FAILED };
 

@@ -15,6 +15,7 @@
 #define PROJECTED 0 /* 1: project() moves states onto the constraints */
 #define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
 #define N_U 0
+enum { STEPS, OUTPUT, NEWTON, MANY }; /* why a sample failed: steps too short, an output or Newton's method, or too many */
 
 PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
 

@@ -11,7 +11,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { W = 8, PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent pays; terms not worth leaving
+#define W 8 /* doubles in a vector */
+enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent pays; terms not worth leaving
    out; further descents; polynomials that a thread takes at once */
 #define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
 #define PRUNED 0.9

@@ -4,7 +4,15 @@
 
 #include "block.h"
 
-#define END 2 /* place in k of the slope at the end of the step */
+#define END 2            /* place in k of the slope at the end of the step */
+#define SAFETY 0.9       /* of the step that the error allows */
+#define EXPONENT 0.5     /* of the error */
+#define MEMORY 0.08      /* weight of the error before */
+#define SHRINK_LEAST 0.2 /* least factor of a step that is rejected */
+#define CHANGE_LEAST 0.3
+#define CHANGE_MOST 5.0  /* bounds of the factor of a step that is accepted */
+#define ERROR_LEAST 1e-4 /* smaller errors count as this in the memory */
+#define SHORTEST 1e-14   /* share of the horizon */
 
 /* Slopes before the end of the step, and x_new. */
 PRIVATE void stages(Block *b) {

@@ -6,21 +6,19 @@ from functools import cache
 import numpy as np
 
 from symmb._types import Array
-from symmb.codegen import c_source, load
+from symmb.codegen import c_number, c_source, load
 from symmb.polynomials.legendre import MultiIndices
 from symmb.polynomials.ranges.parts import on_threads
 
 MOST_PARAMETERS = 3
-HIGHEST_DEGREE = 64
-"""As ORDERS of c/dense_search.h has it."""
+HIGHEST_DEGREE = int(c_number("dense_search", "ORDERS")) - 1
 _SAMPLES = 4
 """Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
 _FEWEST = 12
 _WAVY = 8
 """Above this degree the valleys along the parameter of the highest one may all be alike: it gets twice as many samples,
 and starts in each of several pieces."""
-_PIECES = 4
-"""As PIECES of c/dense_search.h has it."""
+_PIECES = int(c_number("dense_search", "PIECES"))
 
 
 class _Grid(ctypes.Structure):

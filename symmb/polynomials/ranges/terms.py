@@ -6,9 +6,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.codegen import c_number
 from symmb.polynomials.chebyshev import LowerSet
 
-LANES = 8
+LANES = int(c_number("polynomial_ranges", "W"))
 """Coefficients are padded to multiples of it, with at least one zero: that of all products that there are not."""
 FEW = 64
 """Coefficients that change basis fastest by one full matrix."""

@@ -1,0 +1,228 @@
+"""Runs of many samples from event to event."""
+
+from collections.abc import Iterator, Sequence
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import PropagationError
+from symmb._types import Array, Indices, Mask
+from symmb.codegen import REASONS, FailureCode
+from symmb.events import Event, ImpactLaws, Location, PostImpactState, Steps, evaluate_padded
+from symmb.integrate.integration import Integration, Run
+from symmb.integrate.problem import Problem, build_problem
+from symmb.integrate.stabilization import Projection
+from symmb.model import DAE, Impacts
+from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, stages
+
+CROWD_SPAN, CROWD = 1e-12, 1000
+"""More events than this within this share of the run's time do not come to an end. tests/events/test_impacts.py"""
+MOST_EVENTS = 50_000
+"""Events of a run: more take minutes, and mean a motion that bounces faster and faster."""
+CONTACT_STEP = 1e-13
+"""Share of the run's time: the least step after an event. Shorter ones are lost in rounding."""
+
+
+class EventIntegration(Integration):
+    """Runs of many samples from event to event.
+
+    Attributes
+    ----------
+    step : Function          (y, p, t, h) -> y at the end of a step, errors of orders 3 and 5, coefficients (n_y, 7)
+    rates : Function         (y, p, t) -> y', y = (x, work)
+    """
+
+    def __init__(self, dae: DAE, impacts: Impacts, times: Array, rtol: float, atol: float, work: bool) -> None:
+        self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
+        self.rtol, self.atol = rtol, atol
+        problem = build_problem(dae, Projection(), algebraic=False, work=work, one_step=True, projections=1)
+        quad = problem.quad if problem.quad.numel() else ca.SX.zeros(self.n_quad)
+        y = ca.vertcat(problem.x, ca.SX.sym("work", self.n_quad))
+        arguments = [y, problem.p, problem.t]
+        self.rates = ca.Function("rates", arguments, [ca.vertcat(problem.ode, quad)], {"cse": True})
+        self.step = _step_function(self.rates)
+        self._project = _projection(dae, impacts, problem)
+        self.laws = ImpactLaws(dae, impacts)
+        self.locate = Location(impacts, self.laws)
+        self._steps = self._events = 0
+
+    def statistics(self) -> dict[str, int]:
+        return {"steps": self._steps, "events": self._events}
+
+    def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
+        raise PropagationError("Lockstep needs a solver with a fixed step, and impacts end steps where they happen.")
+
+    def projected(self, y: Array, p: Array, t: Array) -> Array:
+        """States (N, n_y) on the constraints and in their closed contacts."""
+        (x,) = evaluate_padded(self._project, y[:, : self.n_x], p, t[:, None])
+        return np.hstack([x, y[:, self.n_x :]])
+
+    def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
+        runs = EventRuns(self, x0, p)
+        runs.advance()
+        self._steps, self._events = runs.n_steps, sum(map(len, runs.events))
+        Y, n_x = runs.Y, self.n_x
+        return [
+            self._unstarted() if not np.isfinite(x).all() else Run(y[:, :n_x], y[:, n_x:], t, why, tuple(events))
+            for x, y, t, why, events in zip(x0, Y, runs.t_failed, runs.messages, runs.events, strict=True)
+        ]
+
+
+class EventRuns:
+    """N runs under way, each with its own steps.
+
+    Attributes
+    ----------
+    Y : (N, n_t, n_y)            states and work at the output times, nan from a failure on
+    t_failed : (N,)              nan where a run did not fail [s]
+    messages : list of N         why
+    events : list of N lists
+    """
+
+    def __init__(self, integration: EventIntegration, x0: Array, p: Array) -> None:
+        self._integration, self._times, N = integration, integration.times, len(x0)
+        self._span = float(integration.times[-1] - integration.times[0])
+        self._y, self._p = np.hstack([x0, np.zeros((N, integration.n_quad))]), p
+        self.Y = np.full((N, len(integration.times), self._y.shape[1]), np.nan)
+        self.t_failed, self.messages = np.full(N, np.nan), [""] * N
+        self.events: list[list[Event]] = [[] for _ in range(N)]
+        self._stored = np.zeros(N, dtype=np.intp)  # outputs that are stored
+        t = np.full(N, integration.times[0], dtype=float)
+        self._steps = StepControl(t, np.full(N, self._span), integration.times[-1], self._span)
+        self._steps.live = np.flatnonzero(np.isfinite(x0).all(axis=1))
+        self._crowd_start, self._crowd = t.copy(), np.zeros(N, dtype=np.intp)
+
+    @property
+    def n_steps(self) -> int:
+        """Steps of all runs."""
+        return int(self._steps.steps.sum())
+
+    def advance(self) -> None:
+        """Run all to the end."""
+        with np.errstate(all="ignore"):
+            if self._steps.live.size:
+                self._start()
+            while self._steps.live.size:
+                self._step()
+
+    def _start(self) -> None:
+        """Contacts that are closed at the start, impacts at once, and the first steps."""
+        laws, live, t = self._integration.laws, self._steps.live, self._steps.t
+        self._y[live] = self._integration.projected(self._y[live], self._p[live], t[live])
+        faults = laws.start_faults(self._y[live, : self._integration.n_x], self._p[live], t[live])
+        self._fail([(int(live[i]), reason) for i, reason in reversed(faults)])
+        live = self._steps.live
+        if not live.size:
+            return
+        self._steps.h[live] = self._first_steps(live)
+        self._resolve(live, np.full(len(live), -1), np.zeros((len(live), len(laws.flags)), dtype=bool))
+        self._finish()
+
+    def _first_steps(self, lanes: Indices) -> Array:
+        def rates(y: Array, t: Array) -> Array:
+            return evaluate_padded(self._integration.rates, y.T, self._p[lanes], t[:, None])[0].T
+
+        y, t, integration = self._y[lanes].T, self._steps.t[lanes], self._integration
+        return first_step(rates, y, rates(y, t), t, self._span, integration.rtol, integration.atol)
+
+    def _step(self) -> None:
+        """A step of every run."""
+        integration, control, live = self._integration, self._steps, self._steps.live
+        y, p, t = self._y[live], self._p[live], control.t[live]
+        t_new, h = control.propose()
+        new, e3, e5, F = evaluate_padded(integration.step, y, p, t[:, None], h[:, None])
+        error = error_norm(y.T, new.T, [e3.T, e5.T], integration.rtol, integration.atol)
+        accepted, stuck, exhausted = control.judge(error, h)
+        rows = np.flatnonzero(accepted)
+        if rows.size:
+            steps = Steps(y[rows], p[rows], t[rows], h[rows], F.reshape(len(live), -1, 7)[rows])
+            self._accept(live[rows], steps, new[rows], t_new[rows])
+        for failed, code in ((stuck, FailureCode.STEPS), (exhausted, FailureCode.MANY)):
+            self._fail([(int(i), REASONS[code]) for i in live[failed]])
+        self._finish()
+
+    def _accept(self, lanes: Indices, steps: Steps, new: Array, t: Array) -> None:
+        integration = self._integration
+        located = integration.locate(steps._replace(x=steps.x[:, : integration.n_x], F=steps.F[:, : integration.n_x]))
+        has_event = located.has_event
+        if has_event.any():
+            rows = np.flatnonzero(has_event)
+            new[rows] = steps.some(rows).at(located.theta[rows])
+            t[rows] = steps.t[rows] + located.theta[rows] * steps.h[rows]
+        self._store_outputs(lanes, steps, t)
+        self._y[lanes], self._steps.t[lanes] = integration.projected(new, steps.p, t), t
+        self._resolve(lanes[has_event], located.closing[has_event], located.released[has_event])
+
+    def _store_outputs(self, lanes: Indices, steps: Steps, t: Array) -> None:
+        """Store the outputs from the start of the steps up to times t, without those at t."""
+        first, last = self._stored[lanes], np.searchsorted(self._times[:-1], t)
+        counts = np.maximum(last - first, 0)
+        if not counts.any():
+            return
+        rows = np.repeat(np.arange(len(lanes)), counts)
+        number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[rows]
+        t_output, some = self._times[number], steps.some(rows)
+        y = some.at((t_output - some.t) / some.h)
+        self.Y[lanes[rows], number] = self._integration.projected(y, some.p, t_output)
+        self._stored[lanes] = np.maximum(first, last)
+
+    def _resolve(self, lanes: Indices, closing: Indices, released: Mask) -> None:
+        """Continue after events of some runs: contacts that close, -1 for none, and contacts that open."""
+        if not lanes.size:
+            return
+        integration, control = self._integration, self._steps
+        x = self._y[lanes, : integration.n_x]
+        after: PostImpactState = integration.laws(x, self._p[lanes], control.t[lanes], closing, released)
+        self._y[lanes, : integration.n_x] = after.x
+        self._y[lanes, integration.n_x :] += after.work[:, None]
+        least = CONTACT_STEP * self._span
+        control.h[lanes] = np.minimum(control.h[lanes], np.maximum(after.next_contact_time, least))
+        for i, event in after.events:
+            self.events[lanes[i]].append(event)
+        self._fail([(int(lanes[i]), reason) for i, reason in after.failures])
+        self._fail([(int(i), self._endless_text(int(i))) for i in lanes[self._is_endless(lanes)]])
+
+    def _is_endless(self, lanes: Indices) -> Mask:
+        """Whether events follow each other without end; counts the events that stand close together."""
+        t = self._steps.t[lanes]
+        moved = t - self._crowd_start[lanes] > CROWD_SPAN * self._span
+        self._crowd_start[lanes] = np.where(moved, t, self._crowd_start[lanes])
+        self._crowd[lanes] = np.where(moved, 0, self._crowd[lanes] + 1)
+        return (self._crowd[lanes] > CROWD) | np.array([len(self.events[i]) > MOST_EVENTS for i in lanes], dtype=bool)
+
+    def _endless_text(self, lane: int) -> str:
+        names = dict.fromkeys(event.name for event in self.events[lane][-CROWD:])
+        return f"impacts of {', '.join(map(repr, names))} follow each other without end"
+
+    def _finish(self) -> None:
+        """Store the last output of runs at the end, and leave these out."""
+        control = self._steps
+        done = control.t[control.live] >= control.end
+        self.Y[control.live[done], -1] = self._y[control.live[done]]
+        control.live = control.live[~done]
+
+    def _fail(self, failures: Sequence[tuple[int, str]]) -> None:
+        for lane, reason in failures:
+            self.t_failed[lane], self.messages[lane] = self._steps.t[lane], reason
+        self._steps.live = self._steps.live[np.isnan(self.t_failed[self._steps.live])]
+
+
+def _step_function(rates: ca.Function) -> ca.Function:
+    """A whole step of the pair as one Function: 15 calls from Python would take longer than a small model's rates."""
+    x, p = ca.MX.sym("x", rates.numel_in(0)), ca.MX.sym("p", rates.numel_in(1))
+    t, h = ca.MX.sym("t"), ca.MX.sym("h")
+
+    def of_model(x: ca.MX, t: ca.MX) -> ca.MX:
+        return rates(x, p, t)
+
+    k, x_new = stages(of_model, x, of_model(x, t), t, h)
+    F = interpolant(of_model, x, x_new, [*k, of_model(x_new, t + h)], t, h)
+    return ca.Function("step", [x, p, t, h], [x_new, *error_estimates(k, h), ca.horzcat(*F)])
+
+
+def _projection(dae: DAE, impacts: Impacts, problem: Problem) -> ca.Function:
+    """(x, p, t) -> x on the constraints and in closed contacts."""
+    x = problem.x if problem.projected is None else problem.projected
+    q, v = impacts.project(*dae.arguments(x, problem.p, problem.t))
+    x = ca.vertcat(q, v, x[dae.n_q + dae.n_v :])
+    return ca.Function("project", [problem.x, problem.p, problem.t], [x], {"cse": True})
