@@ -29,12 +29,7 @@ def scene(*, restitution: float = 0.8, height: float = 1.0) -> mb.Scene:
     """
     p = mb.Parameters(restitution=restitution, height=height)
     ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    system = mb.System(
-        ball,
-        mb.Gravity(0, -9.81),
-        mb.Impact("floor", ball.y, p.restitution),
-        parameters=p,
-    )
+    system = mb.System(ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, p.restitution), parameters=p)
     return mb.Scene(
         system,
         start={"ball.y": p.height},

@@ -20,8 +20,5 @@ def scene() -> mb.Scene:
     """The cubic with x anywhere in its interval."""
     p = mb.Parameters(x=0.5)
     return mb.Scene(
-        mb.System(parameters=p),
-        outputs={"f": p.x**3 - 2 * p.x**2 + p.x},
-        box=mb.Box(x=(0.0, 1.0)),
-        name="cubic",
+        mb.System(parameters=p), outputs={"f": p.x**3 - 2 * p.x**2 + p.x}, box=mb.Box(x=(0.0, 1.0)), name="cubic"
     )

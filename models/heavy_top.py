@@ -33,10 +33,7 @@ def scene(*, theta: float = 0.6, phi_dot: float = -2.0, omega3: float = 100.0) -
     across = p.A - p.m * p.l**2
     top = mb.Body("top", mass=p.m, inertia=(across, across, p.C), pose=mb.Spatial(), com=(0, 0, p.l))
     system = mb.System(
-        top,
-        mb.Spherical("tip", mb.Ground().point(0, 0, 0), top.point(0, 0, 0)),
-        mb.Gravity(0, 0, -9.81),
-        parameters=p,
+        top, mb.Spherical("tip", mb.Ground().point(0, 0, 0), top.point(0, 0, 0)), mb.Gravity(0, 0, -9.81), parameters=p
     )
     R = top.rotation
     axes = {"e1": R[:, 0], "e3": R[:, 2]}

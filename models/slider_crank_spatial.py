@@ -44,12 +44,7 @@ def scene() -> mb.Scene:
         start={"crank.rotation": mb.rotation(axis=(1, 0, 0), angle=0.0), "crank.omega": (6.0, 0.0, 0.0)},
         guess={"slider.x": 0.2, "rod.x": 0.1, "rod.y": 0.05, "rod.z": 0.1},
         times=np.linspace(0.0, 5.0, 501),
-        outputs={
-            "theta": main.angle,
-            "theta_dot": crank.omega[0],
-            "x_slider": slider.x,
-            "x_slider_dot": slider.vx,
-        },
+        outputs={"theta": main.angle, "theta_dot": crank.omega[0], "x_slider": slider.x, "x_slider_dot": slider.vx},
         box=mb.Box.around(p, 0.01, names=["crank", "rod"]),
         name="spatial slider-crank",
     )

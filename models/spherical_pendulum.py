@@ -36,11 +36,7 @@ def scene(*, theta: float = 1.0, phi_dot: float = 2.0) -> mb.Scene:
     )
     return mb.Scene(
         system,
-        start={
-            "ball.x": p.length * np.sin(theta),
-            "ball.y": 0.0,
-            "ball.vy": p.phi_dot * p.length * np.sin(theta),
-        },
+        start={"ball.x": p.length * np.sin(theta), "ball.y": 0.0, "ball.vy": p.phi_dot * p.length * np.sin(theta)},
         guess={"ball.z": -p.length * np.cos(theta)},
         times=np.linspace(0.0, 5.0, 251),
         outputs={

@@ -208,10 +208,7 @@ def windows_in_space(n: int = 2, until: float = 0.6) -> mb.Scene:
     ground = mb.Ground()
     cranks, couplers = (
         [mb.Body(f"{name}{i}", 1.0, inertia, mb.Spatial()) for i in range(count)]
-        for name, count, inertia in (
-            ("crank", n + 1, (1 / 12, 1e-3, 1 / 12)),
-            ("coupler", n, (1e-3, 1 / 12, 1 / 12)),
-        )
+        for name, count, inertia in (("crank", n + 1, (1 / 12, 1e-3, 1 / 12)), ("coupler", n, (1e-3, 1 / 12, 1 / 12)))
     )
     joints = [mb.Revolute(f"foot{i}", ground.point(i, 0, 0), c.point(0, -0.5, 0)) for i, c in enumerate(cranks)]
     for i, coupler in enumerate(couplers):

@@ -55,10 +55,7 @@ def _outward(lower: Array, upper: Array, ulps: int = 1) -> Interval:
     """Ends widened by some units in the last place; an end that is not a number becomes infinite."""
     lower = lower - ulps * np.spacing(np.abs(lower))
     upper = upper + ulps * np.spacing(np.abs(upper))
-    return Interval(
-        np.where(np.isnan(lower), -np.inf, lower),
-        np.where(np.isnan(upper), np.inf, upper),
-    )
+    return Interval(np.where(np.isnan(lower), -np.inf, lower), np.where(np.isnan(upper), np.inf, upper))
 
 
 def _hull(*values: Array) -> tuple[Array, Array]:
@@ -84,8 +81,7 @@ def _multiply(a: Interval, b: Interval) -> Interval:
     not_negative = ((a.lower >= 0) & (b.lower >= 0)) | ((a.upper <= 0) & (b.upper <= 0))
     not_positive = ((a.lower >= 0) & (b.upper <= 0)) | ((a.upper <= 0) & (b.lower >= 0))
     return Interval(
-        np.where(not_negative, np.maximum(lower, 0.0), lower),
-        np.where(not_positive, np.minimum(upper, 0.0), upper),
+        np.where(not_negative, np.maximum(lower, 0.0), lower), np.where(not_positive, np.minimum(upper, 0.0), upper)
     )
 
 

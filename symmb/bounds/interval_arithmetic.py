@@ -62,12 +62,4 @@ class IntervalArithmetic(Method):
         lower, upper = np.zeros((2, len(simulator.times), len(simulator.outputs)))
         for row, value in zip(f.sparsity_out(0).row(), values, strict=True):
             lower[:, row], upper[:, row] = value.lower, value.upper
-        return Bounds(
-            t=simulator.times,
-            names=simulator.outputs,
-            lower=lower,
-            upper=upper,
-            kind=self.kind,
-            method=repr(self),
-            evaluations=1,
-        )
+        return self._result(simulator, lower, upper, 1)

@@ -3,7 +3,7 @@
 import time
 from abc import ABC, abstractmethod
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,12 +23,7 @@ class Method(ABC):
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 
     def bounds(
-        self,
-        simulator: Simulator,
-        box: Box,
-        *,
-        executor: Executor | None = None,
-        progress: Progress | None = None,
+        self, simulator: Simulator, box: Box, *, executor: Executor | None = None, progress: Progress | None = None
     ) -> Bounds:
         """Bound all outputs of a simulator at all its times over a box.
 
@@ -59,6 +54,10 @@ class Method(ABC):
         start = time.perf_counter()
         result = self._bounds(simulator, box, executor, progress)
         return replace(result, seconds=time.perf_counter() - start)
+
+    def _result(self, simulator: Simulator, lower: Array, upper: Array, evaluations: int, **details: Any) -> Bounds:
+        """Bounds of this method; `details` are the attributes of Bounds that it knows beyond lower and upper."""
+        return Bounds(simulator.times, simulator.outputs, lower, upper, self.kind, repr(self), evaluations, **details)
 
     @abstractmethod
     def _bounds(

@@ -83,14 +83,11 @@ class Optimization(Method):
         attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
         estimate = np.abs(attained - predicted) + np.abs(predicted - before)
         lower, upper = attained.reshape(2, *shape) * _SIGNS
-        return Bounds(
-            t=simulator.times,
-            names=simulator.outputs,
-            lower=lower,
-            upper=upper,
-            kind=self.kind,
-            method=repr(self),
-            evaluations=runs + len(P),
+        return self._result(
+            simulator,
+            lower,
+            upper,
+            runs + len(P),
             estimate=estimate.reshape(2, *shape).max(axis=0),
             inner=(lower, upper),
             failed=failure_records(simulator, box, P, bad),

@@ -111,27 +111,12 @@ class PolynomialChaos(Method):
             coefficients, inner, failed = self._streamed(fit, P, simulator, box, executor, progress)
         lower, upper = self.range.bounds(fit.alpha, coefficients)
         shape = len(simulator.times), len(simulator.outputs)
-        return Bounds(
-            simulator.times,
-            simulator.outputs,
-            lower.reshape(shape),
-            upper.reshape(shape),
-            self.kind,
-            repr(self),
-            len(P),
-            inner=inner,
-            failed=failed,
-            expansion=Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names),
-        )
+        lower, upper = lower.reshape(shape), upper.reshape(shape)
+        expansion = Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names)
+        return self._result(simulator, lower, upper, len(P), inner=inner, failed=failed, expansion=expansion)
 
     def _streamed(
-        self,
-        fit: Fit,
-        P: Array,
-        simulator: Simulator,
-        box: Box,
-        executor: Executor | None,
-        progress: Progress | None,
+        self, fit: Fit, P: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
     ) -> _Found:
         runs = node_values() if fit.line is not None else projection(fit.functionals, simulator)
         reduction = together(runs, extremes(simulator), failures())

@@ -105,10 +105,7 @@ METHODS: tuple[MethodEntry, ...] = (
     ),
     MethodEntry("vertex", "Vertex()", Vertex, examples=(Vertex(),)),
     MethodEntry(
-        "opt[:RUNS]",
-        "Optimization(budget=RUNS)",
-        Optimization,
-        examples=(Optimization(), Optimization(budget=30)),
+        "opt[:RUNS]", "Optimization(budget=RUNS)", Optimization, examples=(Optimization(), Optimization(budget=30))
     ),
     MethodEntry("swarm[:PARTICLES]", "Swarm(particles=PARTICLES)", Swarm, examples=(Swarm(particles=5, steps=10),)),
 )

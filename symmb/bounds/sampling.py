@@ -114,26 +114,11 @@ def _grid(method: Method, line: Array, d: int) -> Array:
 
 
 def _sampled(
-    method: Method,
-    unit: Array,
-    simulator: Simulator,
-    box: Box,
-    executor: Executor | None,
-    progress: Progress | None,
+    method: Method, unit: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
 ) -> Bounds:
     P = parameter_samples(simulator, box, unit)
     reduction = together(extremes(simulator), failures())
     (lower, upper), bad = simulator.stream(P, reduction, executor, progress)
     failed = failure_records(simulator, box, P, bad)
     require_some(method, failed, len(P))
-    return Bounds(
-        t=simulator.times,
-        names=simulator.outputs,
-        lower=lower,
-        upper=upper,
-        kind=method.kind,
-        method=repr(method),
-        evaluations=len(P),
-        inner=(lower, upper),
-        failed=failed,
-    )
+    return method._result(simulator, lower, upper, len(P), inner=(lower, upper), failed=failed)

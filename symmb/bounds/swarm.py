@@ -80,17 +80,7 @@ class Swarm(Method):
             moved = np.clip(x + _CONSTRICTION * (velocity + pull), -1.0, 1.0)
             x, velocity = moved, moved - x
         require_some(self, failed, self.steps * runs)
-        return Bounds(
-            t=simulator.times,
-            names=simulator.outputs,
-            lower=lower,
-            upper=upper,
-            kind=self.kind,
-            method=repr(self),
-            evaluations=self.steps * runs,
-            inner=(lower, upper),
-            failed=failed,
-        )
+        return self._result(simulator, lower, upper, self.steps * runs, inner=(lower, upper), failed=failed)
 
     def __repr__(self) -> str:
         return constructor_text(self)

@@ -79,16 +79,8 @@ class Taylor(Method):
             kinks += [kink] if kink else []
             if progress is not None:
                 progress(done, len(centers))
-        return Bounds(
-            t=simulator.times,
-            names=simulator.outputs,
-            lower=lower,
-            upper=upper,
-            kind=self.kind,
-            method=repr(self),
-            evaluations=len(centers) * math.comb(d + self.order, d),
-            caution=_caution(kinks),
-        )
+        evaluations = len(centers) * math.comb(d + self.order, d)
+        return self._result(simulator, lower, upper, evaluations, caution=_caution(kinks))
 
     def _part(self, jets: Array, unit: Array) -> tuple[Array, Array]:
         """Bounds (n_t, n_y) of one expansion from its jets along the directions ``unit`` (m, d)."""

@@ -73,11 +73,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _simulate(options: argparse.Namespace) -> None:
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, csv_file, picture = (
-        _file(options.json),
-        _file(options.csv, ".csv"),
-        _file(options.plot, *_PICTURES),
-    )
+    json_file, csv_file, picture = (_file(options.json), _file(options.csv, ".csv"), _file(options.plot, *_PICTURES))
     scene = load_scene(options.scene)
     parameters = _assignments(options.set)
     with Progress(f"simulating {scene.name}"):
@@ -232,10 +228,7 @@ def _parser() -> argparse.ArgumentParser:
 def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
     """The commands that take a scene, with their options."""
     compare = command(
-        "compare",
-        "bound the scene's outputs by several methods and measure each",
-        _compare,
-        f"{methods}\n\n{solvers}",
+        "compare", "bound the scene's outputs by several methods and measure each", _compare, f"{methods}\n\n{solvers}"
     )
     compare.add_argument(
         "--spread",

@@ -2,50 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.codegen.graph import CONSTANT, INPUT, Graph
 from symmb.symbolic import operation_name
 
 
-def _same(a: Array) -> Array:
-    return a
-
-
-def _twice(a: Array) -> Array:
-    return a + a
-
-
-def _lt(a: Array, b: Array) -> Array:
-    return np.less(a, b) * 1.0
-
-
-def _le(a: Array, b: Array) -> Array:
-    return np.less_equal(a, b) * 1.0
-
-
-def _eq(a: Array, b: Array) -> Array:
-    return np.equal(a, b) * 1.0
-
-
-def _ne(a: Array, b: Array) -> Array:
-    return np.not_equal(a, b) * 1.0
-
-
-def _not(a: Array) -> Array:
-    return np.logical_not(a) * 1.0
-
-
-def _and(a: Array, b: Array) -> Array:
-    return np.logical_and(a, b) * 1.0
-
-
-def _or(a: Array, b: Array) -> Array:
-    return np.logical_or(a, b) * 1.0
+def _truth(test: Callable[..., Mask], *values: Array) -> Array:
+    """1 where a test holds, else 0."""
+    return np.asarray(test(*values), dtype=float)
 
 
 def _if_else_zero(a: Array, b: Array) -> Array:
@@ -84,22 +54,22 @@ def _inverse_square(a: Array) -> Array:
 
 
 _OPERATIONS: dict[int, Callable[..., Array]] = {
-    ca.OP_ASSIGN: _same,
+    ca.OP_ASSIGN: np.asarray,
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
     ca.OP_MUL: np.multiply,
     ca.OP_DIV: np.divide,
     ca.OP_NEG: np.negative,
     ca.OP_SQ: np.square,
-    ca.OP_TWICE: _twice,
+    ca.OP_TWICE: partial(np.multiply, 2.0),
     ca.OP_INV: np.reciprocal,
-    ca.OP_LT: _lt,
-    ca.OP_LE: _le,
-    ca.OP_EQ: _eq,
-    ca.OP_NE: _ne,
-    ca.OP_NOT: _not,
-    ca.OP_AND: _and,
-    ca.OP_OR: _or,
+    ca.OP_LT: partial(_truth, np.less),
+    ca.OP_LE: partial(_truth, np.less_equal),
+    ca.OP_EQ: partial(_truth, np.equal),
+    ca.OP_NE: partial(_truth, np.not_equal),
+    ca.OP_NOT: partial(_truth, np.logical_not),
+    ca.OP_AND: partial(_truth, np.logical_and),
+    ca.OP_OR: partial(_truth, np.logical_or),
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
     ca.OP_FABS: np.abs,
     ca.OP_SIGN: _sign,
@@ -133,12 +103,7 @@ _OPERATIONS: dict[int, Callable[..., Array]] = {
     ca.OP_COPYSIGN: np.copysign,
     ca.OP_HYPOT: np.hypot,
 }
-_POWERS: dict[float, Callable[..., Array]] = {
-    -2.0: _inverse_square,
-    -1.0: np.reciprocal,
-    3.0: _cube,
-    4.0: _fourth,
-}
+_POWERS: dict[float, Callable[..., Array]] = {-2.0: _inverse_square, -1.0: np.reciprocal, 3.0: _cube, 4.0: _fourth}
 
 
 @dataclass(frozen=True)

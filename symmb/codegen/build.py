@@ -17,15 +17,7 @@ from symmb._errors import SymmbError
 from symmb.codegen import cache
 from symmb.codegen.c_source import C_FOLDER, c_source
 
-_FLAGS = (
-    "-O2",
-    "-shared",
-    "-fPIC",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-ffp-contract=fast",
-    "-w",
-)
+_FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
 _NATIVE = "-march=native", "-mcpu=native"  # the second for what builds for ARM and does not know the first
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")

@@ -31,14 +31,7 @@ class CompiledSolver(Solver):
 
     @abstractmethod
     def engine(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
     ) -> AnyEngine:
         """The runs, compiled if possible.
 

@@ -23,14 +23,7 @@ class _Explicit(CompiledSolver):
     """Newton steps of a projection."""
 
     def engine(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
     ) -> AnyEngine:
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps

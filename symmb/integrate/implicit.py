@@ -38,14 +38,7 @@ class _SchemeSolver(CompiledSolver):
         """The symbolic step, of the Taylor coefficients up to `order`."""
 
     def engine(
-        self,
-        dae: DAE,
-        times: Array,
-        y: ca.Function,
-        *,
-        order: int = 0,
-        work: bool = False,
-        start: Start | None = None,
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
     ) -> Engine:
         step = self.scheme(dae, order, work)
         w, n_x = step.w, step.n_x

@@ -14,15 +14,7 @@ from symmb.integrate.casadi_solvers import CVODES
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.solver import Solver
 from symmb.model import DAE
-from symmb.schemes import (
-    StepControl,
-    error_estimates,
-    error_norm,
-    first_step,
-    interpolant,
-    interpolated,
-    stages,
-)
+from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolated, stages
 from symmb.start import independent_rows_and_columns
 from symmb.symbolic import batch
 

@@ -51,10 +51,7 @@ class Box:
 
     @classmethod
     def around(
-        cls,
-        parameters: Mapping[str, SupportsFloat],
-        spread: float,
-        names: Iterable[str] | None = None,
+        cls, parameters: Mapping[str, SupportsFloat], spread: float, names: Iterable[str] | None = None
     ) -> "Box":
         """Nominal values widened by a share of themselves: nominal (1 ± spread).
 

@@ -15,13 +15,12 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 
+_EXAMPLE = Path(__file__).with_name("example.c.in")
+"""The main program, with places for names and numbers."""
+
 
 def save_c(
-    functions: Mapping[str, ca.Function],
-    folder: str | Path,
-    *,
-    name: str = "model",
-    example: str | None = None,
+    functions: Mapping[str, ca.Function], folder: str | Path, *, name: str = "model", example: str | None = None
 ) -> tuple[Path, ...]:
     """Write `<name>.c`, `<name>.h` and, with an example, `main.c`; files that are there are replaced.
 
@@ -117,7 +116,7 @@ def example_c(
         raise DeclarationError("The example needs at least one step and finite start values, parameters and times.")
     labels = [*coordinates, *(f"v[{i}]" for i in range(len(v))), *(f"s[{i}]" for i in range(len(s)))]
     first_order = "s" in groups
-    return _MAIN.substitute(
+    return Template(_EXAMPLE.read_text(encoding="utf-8")).substitute(
         name=name,
         n_q=len(q),
         n_v=len(v),
@@ -182,100 +181,3 @@ _HEADER = """\
  * back with f_release(mem).
  */
 """
-
-_MAIN = Template(r"""/* Integrates the model and prints time and coordinates (Runge-Kutta method of order 4).
- * Needs $name.c and $name.h beside it and a C compiler, nothing else:
- *
- *     cc main.c $name.c -lm -o $name && ./$name
- *
- * The state is x = (q, v, s). Constraints hold as closely as the steps are small: nothing projects back.
- */
-#include <stdio.h>
-
-#include "$name.h"
-
-enum { N_Q = $n_q, N_V = $n_v, N_S = $n_s, N_X = N_Q + N_V + N_S, STEPS = $steps };
-
-static const double T0 = $t0, T1 = $t1;
-
-static const double START[] = {
-$start
-};
-
-static const double P[] = {
-$parameters
-};
-
-static const char *const HEADS[] = {$heads};
-
-/* Spreads the stored entries of a column over x; see the header for the pattern. */
-static void scatter(const casadi_int *pattern, const double *stored, double *x)
-{
-    casadi_int i;
-    if (pattern[2]) {
-        for (i = 0; i < pattern[0]; ++i) x[i] = stored[i];
-        return;
-    }
-    for (i = 0; i < pattern[0]; ++i) x[i] = 0.0;
-    for (i = 0; i < pattern[3]; ++i) x[pattern[4 + i]] = stored[i];
-}
-
-/* dx = time derivative of x. */
-static int rate(double t, const double *x, double *dx, int mem)
-{
-    static casadi_int iw[$sz_iw];
-    static double w[$sz_w], rates[N_X];
-    const int first[] = {0, N_Q, N_Q + N_V};
-    const double *arg[$sz_arg] = {$arguments};
-    double *res[$sz_res] = {$results};
-    int block, flag = ${name}_rhs(arg, res, iw, w, mem);
-    for (block = 0; block < $blocks; ++block)
-        scatter(${name}_rhs_sparsity_out(block), rates + first[block], dx + first[block]);
-    return flag;
-}
-
-/* One step of length h from time t, in place. */
-static int step(double t, double h, double *x, int mem)
-{
-    static const double node[] = {0.0, 0.5, 0.5, 1.0};
-    static const double weight[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
-    double y[N_X], k[N_X] = {0.0}, sum[N_X] = {0.0};
-    int i, stage;
-    for (stage = 0; stage < 4; ++stage) {
-        for (i = 0; i < N_X; ++i) y[i] = x[i] + h * node[stage] * k[i];
-        if (rate(t + h * node[stage], y, k, mem)) return 1;
-        for (i = 0; i < N_X; ++i) sum[i] += weight[stage] * k[i];
-    }
-    for (i = 0; i < N_X; ++i) x[i] += h * sum[i];
-    return 0;
-}
-
-static void row(double t, const double *x)
-{
-    int i;
-    printf("%24.16e", t);
-    for (i = 0; i < N_Q; ++i) printf(" %24.16e", x[i]);
-    printf("\n");
-}
-
-int main(void)
-{
-    const double h = (T1 - T0) / STEPS;
-    double x[N_X];
-    int i, n, mem = ${name}_rhs_checkout();
-    for (i = 0; i < N_X; ++i) x[i] = START[i];
-    printf("%24s", "t");
-    for (i = 0; i < N_Q; ++i) printf(" %24s", HEADS[i]);
-    printf("\n");
-    row(T0, x);
-    for (n = 0; n < STEPS; ++n) {
-        if (step(T0 + n * h, h, x, mem)) {
-            fprintf(stderr, "The right-hand side failed in the step from t = %g.\n", T0 + n * h);
-            return 1;
-        }
-        row(T0 + (n + 1) * h, x);
-    }
-    ${name}_rhs_release(mem);
-    return 0;
-}
-""")

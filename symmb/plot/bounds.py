@@ -79,11 +79,7 @@ def draw_bounds(
         band = along(t, reference.lower[:, i]), along(t, reference.upper[:, i])
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
         for k, curve in enumerate(curves):
-            style: dict[str, Any] = {
-                "color": cyclic(COLOURS, k),
-                "linestyle": cyclic(DASHES, k),
-                "linewidth": 1.1,
-            }
+            style: dict[str, Any] = {"color": cyclic(COLOURS, k), "linestyle": cyclic(DASHES, k), "linewidth": 1.1}
             label = f"{curve.label}, {curve.kind}"
             axes.plot(abscissa(t), along(t, curve.lower[:, i]), label=label, **style)
             axes.plot(abscissa(t), along(t, curve.upper[:, i]), **style)

@@ -38,11 +38,7 @@ def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array
 
 
 def failure_texts(
-    dae: DAE,
-    P: Array,
-    t_failed: Array,
-    reasons: Sequence[str],
-    states: Callable[[int], tuple[Array, Array]],
+    dae: DAE, P: Array, t_failed: Array, reasons: Sequence[str], states: Callable[[int], tuple[Array, Array]]
 ) -> tuple[str, ...]:
     """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
 

@@ -84,11 +84,7 @@ class FunctionSimulator:
         return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
 
     def stream(
-        self,
-        P: Array,
-        reduction: Reduction[S],
-        executor: Executor | None = None,
-        progress: Progress | None = None,
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run P (N, d) in about 64 blocks, so that a few slow runs spread over many workers."""
         return stream(self, P, reduction, executor, progress, block=1 + len(P) // 64)

@@ -111,11 +111,7 @@ class Simulator(Protocol):
         ...
 
     def stream(
-        self,
-        P: Array,
-        reduction: Reduction[S],
-        executor: Executor | None = None,
-        progress: Progress | None = None,
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples P (N, d) block by block and keep only what ``reduction`` keeps."""
         ...

@@ -193,13 +193,7 @@ class FiniteElements:
         return self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
 
     def _modes(
-        self,
-        stiffness: Array,
-        X: Array,
-        origin: Array,
-        zeta: Array,
-        D: tuple[Array, Array] | None,
-        free: Indices,
+        self, stiffness: Array, X: Array, origin: Array, zeta: Array, D: tuple[Array, Array] | None, free: Indices
     ) -> Modes:
         """Invariants of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
         k, n, placed = len(self.positions), len(stiffness), self.positions - origin

@@ -17,10 +17,7 @@ _LEFT = {"method", "kind", "worst output"}
 def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
     """The rows as an aligned table; errors are means over the outputs that have a width, then the worst."""
     header = ["method", "kind", "runs", "failed", "run [s]", "error", "outer", "over", "under", "covered"]
-    lines = [
-        [*header, "worst output"],
-        *([*_cells(row, yardstick), _worst(row, yardstick, outputs)] for row in rows),
-    ]
+    lines = [[*header, "worst output"], *([*_cells(row, yardstick), _worst(row, yardstick, outputs)] for row in rows)]
     text = aligned(lines, left=[i for i, name in enumerate(lines[0]) if name in _LEFT])
     return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])
 

@@ -94,17 +94,7 @@ UNARY = {
 }
 NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
 BINARY = [NAMES[code] for code in EXTENSIONS if NAMES[code] not in UNARY]
-WIDER = {
-    "OP_FMOD",
-    "OP_REMAINDER",
-    "OP_COPYSIGN",
-    "OP_ATAN2",
-    "OP_EQ",
-    "OP_NE",
-    "OP_DIV",
-    "OP_POW",
-    "OP_CONSTPOW",
-}
+WIDER = {"OP_FMOD", "OP_REMAINDER", "OP_COPYSIGN", "OP_ATAN2", "OP_EQ", "OP_NE", "OP_DIV", "OP_POW", "OP_CONSTPOW"}
 
 
 def _points(low, high, n):

@@ -65,10 +65,7 @@ def test_parameters_out_of_the_box_keep_their_values(method):
 def test_taylor_with_parameters_out_of_the_box():
     result = propagate(Wave(), Taylor(order=3), Box(w=(0.95, 1.05)))
     angle, step = TIMES, 0.05 * TIMES
-    even, odd = (
-        -np.cos(angle) * step**2 / 2,
-        np.abs(np.sin(angle) * step) + np.abs(np.sin(angle) * step**3 / 6),
-    )
+    even, odd = (-np.cos(angle) * step**2 / 2, np.abs(np.sin(angle) * step) + np.abs(np.sin(angle) * step**3 / 6))
     # x^3 and x are bounded apart, [-1, 1] each.
     np.testing.assert_allclose(result.upper[:, 0], np.cos(angle) + np.maximum(even, 0) + odd, atol=1e-12)
     assert result.evaluations == 4

@@ -114,10 +114,7 @@ def test_sparse_grid_sums_as_chaospy_s():
     theirs, their_weights = chaospy.generate_quadrature(2, distribution, rule="gaussian", sparse=True)
     nodes, weights = SparseGrid(Gauss()).points(3, 2)
     for powers in np.ndindex(7, 7, 7):  # most of them beyond the rule's exactness, so that only the same grid agrees
-        ours, other = (
-            weights @ np.prod(nodes**powers, axis=1),
-            their_weights @ np.prod(theirs.T**powers, axis=1),
-        )
+        ours, other = (weights @ np.prod(nodes**powers, axis=1), their_weights @ np.prod(theirs.T**powers, axis=1))
         assert ours == pytest.approx(other, abs=1e-13)
 
 

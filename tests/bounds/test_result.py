@@ -32,8 +32,7 @@ FAILING = FunctionSimulator(_fails_above, {"amplitude": 1.0, "w": 1.0}, TIMES, [
 
 
 @pytest.mark.parametrize(
-    ("simulator", "method"),
-    [(Wave(), PolynomialChaos()), (Wave(), PolynomialChaos(order=3)), (FAILING, Scanning(5))],
+    ("simulator", "method"), [(Wave(), PolynomialChaos()), (Wave(), PolynomialChaos(order=3)), (FAILING, Scanning(5))]
 )
 def test_save_and_load(tmp_path, simulator, method):
     bounds = propagate(simulator, method, BOX)

@@ -83,16 +83,7 @@ def refused(capsys, *arguments):
 def test_compare_prints_and_writes(scene, tmp_path, capsys):
     json_file, picture = tmp_path / "c.json", tmp_path / "c.png"
     methods = ["vertex", "pce:2:paper", "mc:20"]
-    arguments = [
-        "compare",
-        scene(CUBIC),
-        "--methods",
-        *methods,
-        "--json",
-        str(json_file),
-        "--plot",
-        str(picture),
-    ]
+    arguments = ["compare", scene(CUBIC), "--methods", *methods, "--json", str(json_file), "--plot", str(picture)]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
     assert "PolynomialChaos.paper(order=2)" in printed and "sampled" in printed
@@ -110,16 +101,7 @@ def test_compare_prints_and_writes(scene, tmp_path, capsys):
 @pytest.mark.parametrize("spread", ["20%", "0.2"])
 def test_spread_replaces_the_box(scene, tmp_path, spread, capsys):
     json_file = tmp_path / "c.json"
-    arguments = [
-        "compare",
-        scene(PENDULUM),
-        "--spread",
-        spread,
-        "--methods",
-        "vertex",
-        "--json",
-        str(json_file),
-    ]
+    arguments = ["compare", scene(PENDULUM), "--spread", spread, "--methods", "vertex", "--json", str(json_file)]
     assert main([*arguments, "--solver", "cvodes:1e-6"]) == 0
     layout = json.loads(json_file.read_text())
     assert layout["box"]["l"] == pytest.approx([0.8, 1.2])

@@ -21,9 +21,7 @@ from symmb.integrate.solver import Solver
 def written(form, number="3"):
     """A text of a form, everything in brackets given."""
     return re.sub(
-        r"[A-Z]+",
-        lambda name: "0.125" if "TOL" in name[0] else number,
-        form.replace("[", "").replace("]", ""),
+        r"[A-Z]+", lambda name: "0.125" if "TOL" in name[0] else number, form.replace("[", "").replace("]", "")
     )
 
 

@@ -76,10 +76,7 @@ SAME = {
         lambda b: mb.Spring("s", mb.Ground().point(0, 0), b.point(0, 0.1), k * (1 + theta**2), l / 3),
         lambda b: mb.Spring("s", mb.Ground().point(0, 0), b.point(0, 0.1), P.k * (1 + b.theta**2), P.l / 3),
     ),
-    "torque": (
-        lambda b: mb.Torque("t", b, sp.exp(-t) * vy),
-        lambda b: mb.Torque("t", b, ca.exp(-mb.t) * b.vy),
-    ),
+    "torque": (lambda b: mb.Torque("t", b, sp.exp(-t) * vy), lambda b: mb.Torque("t", b, ca.exp(-mb.t) * b.vy)),
 }
 
 

@@ -63,15 +63,7 @@ def _build_and_run(folder):
 def test_example_builds_alone_and_agrees_with_scipy(tmp_path, rhs, s, oracle):
     t0, t1, steps = 0.5, 5.5, 2000
     text = example_c(
-        rhs,
-        q=Q0,
-        v=V0,
-        s=s,
-        parameters=PARAMETERS,
-        coordinates=["rod.theta", "clock.x"],
-        t0=t0,
-        t1=t1,
-        steps=steps,
+        rhs, q=Q0, v=V0, s=s, parameters=PARAMETERS, coordinates=["rod.theta", "clock.x"], t0=t0, t1=t1, steps=steps
     )
     # gamma as a bare C name would clash with the function of math.h
     functions = {"rhs": rhs, "gamma": PLAIN, "M": ca.Function("M", [P], [ca.diag(P)])}

@@ -129,8 +129,7 @@ def implicit_start():
 
 
 @pytest.mark.parametrize(
-    ("scene", "nominal"),
-    [(double_pendulum, [1.0, 0.8]), (spinning_body, [1.5, 0.0]), (implicit_start, [1.2, -0.45])],
+    ("scene", "nominal"), [(double_pendulum, [1.0, 0.8]), (spinning_body, [1.5, 0.0]), (implicit_start, [1.2, -0.45])]
 )
 def test_starts(scene, nominal):
     start = mb.DAESimulator(scene()).start

@@ -171,10 +171,7 @@ class WithJets(FunctionSimulator):
 
 def test_taylor_joins_where_there_are_jets():
     sim = WithJets(lambda k: k * T, {"k": 1.0}, T, ["y"])
-    assert [m for m in default_methods(sim, BOX) if isinstance(m, Taylor)] == [
-        Taylor(2),
-        Taylor(3),
-    ]
+    assert [m for m in default_methods(sim, BOX) if isinstance(m, Taylor)] == [Taylor(2), Taylor(3)]
 
 
 def test_the_first_run_that_fails_is_told():
