@@ -16,6 +16,8 @@ from symmb._types import Array, Mask
 from symmb.symbolic import operation_name
 
 FUNCTION_ULPS = 8
+"""Units in the last place by which values of elementary functions are widened: four times the errors of C libraries.
+tests/bounds/test_interval.py"""
 
 
 class Interval(NamedTuple):

@@ -18,9 +18,9 @@ from symmb.nodes import grid
 from symmb.simulation import Progress, Simulator
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
-"""Of what is minimised: a response, and its negative."""
+"""A response and its negative are minimised."""
 _BATCH = 8
-"""Runs with derivatives between two fits: fewer runs serve more, but every fit takes its time."""
+"""Runs with derivatives between two fits. Fewer would use each run better, but each fit takes time."""
 _NARROW = 1e-2
 """Share of an output's largest width that counts as its width at the times where it is narrower."""
 _ROUNDING = 1e-9

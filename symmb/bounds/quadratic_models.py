@@ -9,9 +9,9 @@ from symmb._types import Array
 _SWEEPS = 10
 """Passes over the coordinates."""
 _NEAR = 4
-"""Points that tell a curvature, times d + 1: those beyond weigh little."""
+"""Nearest points that determine a curvature, over d + 1: points farther away hardly change it."""
 _RANK = 1e-10
-"""Share of the largest singular value below which the other points tell nothing of a curvature."""
+"""Share of the largest singular value below which the points do not determine a curvature."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ from symmb.bounds.result import Bounds, Kind
 from symmb.model import Box
 from symmb.simulation import Progress, Reduction, Samples, Simulator
 
-_CONSTRICTION = 0.7298
-_PULL = 2.05
-"""Clerc and Kennedy's constants: (constriction) (velocity + pull towards own and common best)."""
+_CONSTRICTION, _PULL = 0.7298, 2.05
+"""Factor on the velocity, and largest pull towards the own and the common best point: Clerc and Kennedy (2002), IEEE
+Transactions on Evolutionary Computation 6, 58-73."""
 
 
 @dataclass(frozen=True)

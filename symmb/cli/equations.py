@@ -7,9 +7,9 @@ import casadi as ca
 import symmb as mb
 
 _MOST = 12
-"""Coordinates up to which the equations are printed; beyond, the summary has to do."""
+"""Coordinates up to which the equations are printed. For larger systems the summary alone is printed."""
 _LONGEST = 500
-"""Characters of an entry that can still be read."""
+"""Most characters of an entry that is printed: longer ones cannot be read."""
 
 
 def equations_text(system: mb.System) -> str:

@@ -1,4 +1,4 @@
-"""What runs at present, on a terminal, once it takes longer than a second."""
+"""A line on the terminal that shows the progress of long work."""
 
 import shutil
 import sys
@@ -6,15 +6,12 @@ import time
 from threading import Event, Thread
 from types import TracebackType
 
-_PATIENCE = 1.0
-_PERIOD = 0.2
+_PATIENCE, _PERIOD = 1.0, 0.2
+"""Time before the line appears, so that short work shows none, and time between two updates of it [s]."""
 
 
 class Progress:
-    """A context that keeps one line of stderr up to date; silent where stderr is no terminal.
-
-    Call it with what runs, how much of it is done, and out of how much.
-    """
+    """A context that keeps one line of stderr up to date. It writes nothing if stderr is not a terminal."""
 
     def __init__(self, label: str) -> None:
         self._text = label
@@ -24,7 +21,7 @@ class Progress:
         self._thread = Thread(target=self._watch, daemon=True)
 
     def __call__(self, label: str, done: int, total: int) -> None:
-        """Tell what runs; the line follows within a fraction of a second."""
+        """Set the text to the label of the work, the runs that are done and all its runs."""
         self._text = f"{label}: {done} of {total} runs"
 
     def __enter__(self) -> "Progress":

@@ -7,8 +7,8 @@ import casadi as ca
 
 from symmb.symbolic import interpret
 
-CONSTANT = -1
-INPUT = -2
+CONSTANT, INPUT = -1, -2
+"""Operations of a Node beside CasADi's, whose numbers are not negative."""
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from symmb.model import DAE
 from symmb.symbolic import On, batch, laws, switching
 
 _LOOKS = 20_000
-"""Equally spaced times at which laws of time are looked at, beside those of the outputs."""
+"""Equally spaced times at which laws of time are evaluated, beside the output times."""
 _SUSPECTS, _HALVINGS = 20, 30
-"""Places where a law of time turns most, and how often each is halved to see whether it jumps there."""
+"""Places where a law of time changes most, and bisections of each, which show whether the law jumps there."""
 _HIGH, _LOW = 0.5, 0.25
-"""Shares of a law's largest distance from its median that make a pulse, and within which one ends."""
+"""Shares of a law's largest distance from its median: above the first a pulse begins, below the second it ends."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class StateSpace(Solver):
 
 
 _WORSE = 100.0
-"""How many times worse than at the choice the dependent coordinates may be determined before a new one."""
+"""Growth of the condition number of the dependent coordinates after which they are chosen anew."""
 
 
 class _Partitioned(Integration):

@@ -39,7 +39,7 @@ class Stiffness:
 
 
 STIFF = 2e3
-"""Time constants in the time looked at: as many as explicit steps with fixed-point iterations, or half as many."""
+"""A motion is stiff if its horizon holds more shortest time constants: explicit steps are about as long as one."""
 
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:

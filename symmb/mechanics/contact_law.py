@@ -15,7 +15,7 @@ from symmb.mechanics.table import Table
 from symmb.symbolic import is_zero
 
 _TOUCH = 1e-12
-"""Penetration from which there is a force [m, rad]: shorter ones have third derivatives beyond double precision."""
+"""Penetration above which a contact has a force [m, rad]. Below it third derivatives exceed double precision."""
 
 
 class ContactLaw(ABC):

@@ -57,7 +57,7 @@ class Coulomb(FrictionLaw):
 
 
 _REST = 1e-4
-"""Speed over that of the transition at which its direction is lost; the slope of mu at rest is 5e-8 smaller by it."""
+"""Smallest speed, over the transition speed, whose direction counts. It makes the slope of mu at rest 5e-8 smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +116,8 @@ class Bristle(FrictionLaw):
 
 
 _ELASTIC = 0.7**2
+"""Square of the share of the largest deflection up to which bristles are elastic, as in the elasto-plastic model of
+Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic Control 47, 787-792."""
 
 
 def _require_coefficients(law: Coulomb | Bristle) -> None:

@@ -70,6 +70,7 @@ class GasSpring:
 
 
 _LEAST = 0.01
+"""Least volume over the volume at rest: the pressure stays finite where a motion would compress the gas to nothing."""
 
 
 @dataclass(frozen=True, eq=False)

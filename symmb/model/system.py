@@ -335,7 +335,8 @@ class System:
         )
 
 
-_CORNERS = 10  # so many parameters have a thousand corners; beyond, samples with a wrong sign fail one by one
+_CORNERS = 10
+"""Parameters up to which all corners of the box are checked, about a thousand. With more, samples fail one by one."""
 _LATEX = {
     "M": "M",
     "N": "N",

@@ -35,7 +35,7 @@ from symmb.symbolic import batch
 S = TypeVar("S")
 
 NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Runs of a pilot next to the nominal one, and how far their parameters are off, as a share of the nominal values."""
+"""Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 COMPILED_BLOCK = 1024
 """Samples of a block for the engine: enough for its lanes on many cores. Small models whose trajectories nobody looks
 at take up to 8 times as many, so that a block lasts much longer than threads take to start. See

@@ -310,11 +310,12 @@ def _finite(value: float) -> float | None:
 
 
 _LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
-"""Drift of energy that raises a doubt: least, and in relative tolerances, of which regular motion of multistep methods
-takes up to 1,000; near singular positions, where wrong branches were taken at 300 and more."""
+"""Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
+Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
+tests/test_problems.py"""
 _TIMES, _WORK, _CLOSER = 2000, 2e9, 2
-"""Times at which a run is looked at again that drifts, and these times the cube of velocities; how often one that fails
-is looked at again, each time so much closer to where it does."""
+"""A run that drifts is examined at so many times, but times (number of velocities)^3 stays below `_WORK`, which takes
+seconds. A run that fails is examined so often, each time closer to its failure."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 

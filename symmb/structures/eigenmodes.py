@@ -9,10 +9,14 @@ from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
 from symmb.structures.mass_samples import Sparse
 
-DENSE = 400  # degrees of freedom up to which all modes at once are cheaper
-SPARE = 6  # modes more than asked for: they tell that none below was missed
-MASSLESS = 1e-14  # of the largest flexibility
-SINGULAR = 1e-14  # of the scaled pivots
+DENSE = 400
+"""Degrees of freedom up to which the computation of all modes takes less time than inverse iteration."""
+SPARE = 6
+"""Modes computed beyond those that are asked for: they show that no lower one was missed."""
+MASSLESS = 1e-14
+"""Share of the largest flexibility below which a mode has no mass but for rounding."""
+SINGULAR = 1e-14
+"""Scaled pivot below which a matrix is singular but for rounding."""
 
 MECHANISM = (
     "has motions without strain energy besides the rigid ones. Fix loose parts, or choose interfaces (a clamped node) "

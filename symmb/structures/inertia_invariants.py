@@ -8,6 +8,7 @@ from symmb._types import Array
 from symmb.structures.mass_samples import Samples
 
 ROUNDING = 1e-12
+"""Share of the largest entry below which an entry is rounding, and becomes 0."""
 EPSILON = np.array(
     [[[0, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, -1], [0, 0, 0], [1, 0, 0]], [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]], float
 )

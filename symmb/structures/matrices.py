@@ -11,7 +11,8 @@ from symmb.structures.mass_samples import Samples, Sparse, at_nodes, rigid_motio
 from symmb.structures.validation import numbers
 
 OWNER = "FiniteElements.matrices"
-ASYMMETRY, STRAIN = 1e-8, 1e-6  # of the largest entries: what the printed digits of a file may cost
+ASYMMETRY, STRAIN = 1e-8, 1e-6
+"""Asymmetry, and strain under rigid motions, over the largest entries, that the printed digits of a file may cause."""
 
 
 def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields, replace
 from symmb._errors import DeclarationError
 from symmb.structures.validation import numbers, positive
 
-NU = 0.3  # of which the shear areas of the ready-made sections hardly depend
+NU = 0.3
+"""Poisson's ratio for the shear areas of the ready-made sections, which hardly depend on it."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from symmb.integrate import STIFF, Stiffness
 from symmb.study.trials import LEFT_OUT, Trial
 
 GOOD, STABLE = 1e-3, 0.1
-"""Errors below which a run serves most purposes, and below which it is not nonsense."""
+"""Relative errors below which a run is accurate enough for most purposes, and below which it is not useless."""
 _FAR = 1e-5
-"""Violation of position rows that is worth a word [m, -]."""
+"""Violation of position rows above which the report mentions it [m, -]."""
 
 
 def advice(

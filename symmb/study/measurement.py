@@ -16,15 +16,13 @@ from symmb.study.metrics import Yardstick
 from symmb.study.reference import find_reference
 from symmb.study.row import NotRun, Row
 
-_REPEATS = 3
-"""Fewest runs whose median is taken."""
-_ENOUGH = 0.1
-"""Short runs are repeated for so long [s]."""
+_REPEATS, _ENOUGH = 3, 0.1
+"""Least number of runs whose median is the run time. Short runs are repeated until they take this long together [s]."""
 _WARM_UP = 0.5
-"""A first run shorter than this is not counted [s]; a longer one is: the median of three sorts it out."""
+"""Time below which the first run does not count [s]. A longer one counts: the median leaves it out."""
 
 Progress = Callable[[str, int, int], None]
-"""Told what runs at present, and how many of its runs are done out of how many."""
+"""Called with the label of the work, the runs that are done and all its runs."""
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:

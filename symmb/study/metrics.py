@@ -11,7 +11,7 @@ import numpy.typing as npt
 from symmb._types import Array
 
 _SCALE = 1e-9
-"""Share of an output's scale below which a width or a deviation counts as none."""
+"""Share of an output's scale below which a width or a deviation counts as zero."""
 _ABSOLUTE = 1e-14
 """The same for an output that is zero throughout, whose scale is rounding noise [the output's own unit]."""
 _COVER = 1e-6

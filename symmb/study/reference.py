@@ -15,9 +15,9 @@ from symmb.simulation import Simulator
 from symmb.study.metrics import Yardstick
 
 _RUNS = 2000
-"""About the number of runs that the finer resolution takes."""
+"""Approximate number of runs of the finer resolution."""
 _GRID_DIMENSIONS = 5
-"""Most parameters that are scanned on a grid: beyond, `_RUNS` points leave two or three a dimension."""
+"""Most parameters that are scanned on a grid. With more, `_RUNS` points would leave two or three for each parameter."""
 _SAMPLES = 512, 2048
 """Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
 

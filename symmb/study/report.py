@@ -11,6 +11,7 @@ from symmb.study.metrics import Yardstick
 from symmb.study.row import NotRun, Row
 
 _WIDTH = 110
+"""Most characters of a line: wider tables wrap in usual terminals."""
 _LEFT = {"method", "kind", "worst output"}
 
 

@@ -22,12 +22,14 @@ from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
 
 TIMES = 51
-"""Output times: as few as show drift over time, since steps are no longer than the time between two."""
+"""Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""
 TOLERANCES = (1e-4, 1e-6, 1e-8)
+"""Relative tolerances that are tried: coarse, usual and fine."""
 STEPS = (50, 200, 800, 3200)
-"""Of fixed steps, over the horizon."""
+"""Numbers of fixed steps over the horizon that are tried."""
 _LIMIT, _REFERENCE_LIMIT, _ALL = 3.0, 10.0, 45.0
-"""Seconds that a trial may take, that a reference may, and after which no more begin."""
+"""Most time for a trial, most time for a reference, and time after which no trial begins [s]: the command takes about a
+minute."""
 _WIDTHS = 0.1, 0.2, 0.5
 """Half widths of wider boxes, as shares of the nominal values."""
 

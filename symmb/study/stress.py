@@ -1,4 +1,4 @@
-"""What any scene can be put to: stiffer springs, lighter bodies, another time scale, longer horizons."""
+"""Harder variants of a scene: stiffer springs, lighter bodies, another time scale, longer horizons."""
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
@@ -13,10 +13,11 @@ from symmb.model import Scene, System
 from symmb.symbolic import from_sympy, is_sympy, t
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
+"""Factors on stiffness and mass ratios, on time scales, and on the horizon: up to those that engineers meet."""
 
 
 def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
-    """What is done to a scene, by name; what would leave it as it is is left out."""
+    """The variants that differ from the scene: name and function that makes it."""
     variants: list[tuple[str, Callable[[], Scene]]] = []
     if any(_stiffnesses(element) for element in scene.system.elements):
         variants += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]

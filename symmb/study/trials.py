@@ -17,8 +17,9 @@ from symmb.simulation import simulate
 
 LEFT_OUT = "left out for want of time"
 _TICK = 0.2
+"""Time between two looks at the running trials [s]: short beside a trial, long beside a look."""
 _SETUP = 8.0
-"""Seconds that the first trial of a job may take longer: what is compiled for it is kept only if it ends."""
+"""Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What of an expression depends on time alone, and where it has kinks or jumps."""
+"""The parts of an expression that depend on time alone, and where they have kinks or jumps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import casadi as ca
 from symmb.symbolic.instructions import interpret
 
 _GUARD = 1e-20
-"""A bound as small as this keeps a denominator from vanishing and is never met."""
+"""Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
 _KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),

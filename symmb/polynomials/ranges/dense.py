@@ -11,13 +11,15 @@ from symmb.polynomials.legendre import MultiIndices
 from symmb.polynomials.ranges.parts import on_threads
 
 MOST_PARAMETERS = 3
+"""Parameters up to which the grid is small enough: its size grows with their power. DIRECTIONS of the C."""
 HIGHEST_DEGREE = int(c_number("dense_search", "ORDERS")) - 1
 _SAMPLES = 4
 """Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
 _FEWEST = 12
+"""Least number of intervals between samples: low degrees cost nothing."""
 _WAVY = 8
-"""Above this degree the valleys along the parameter of the highest one may all be alike: it gets twice as many samples,
-and starts in each of several pieces."""
+"""Degree above which the valleys along a parameter may all be alike. This parameter gets twice as many samples, and
+Newton's method starts in each of `_PIECES` pieces. tests/polynomials/test_ranges.py"""
 _PIECES = int(c_number("dense_search", "PIECES"))
 
 
