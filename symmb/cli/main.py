@@ -1,4 +1,4 @@
-"""The commands, their options, and what they print."""
+"""The commands, their options and their output."""
 
 import argparse
 import io
@@ -28,14 +28,14 @@ _ROUNDING = 1e-12, 1e-30
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
+    """Run a command.
 
     Returns
     -------
     int     0; 1 if a simulation broke down, 2 on bad input, each with one sentence on stderr; 130 if interrupted
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show '≤' gets '?'
+        sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
     options = _parser().parse_args(arguments)
     try:
         options.run(options)
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, SimulationError) else 2
-    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
+    except BrokenPipeError:  # the reader of the pipe, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
@@ -125,7 +125,7 @@ def _cache(options: argparse.Namespace) -> None:
 
 
 def _extremes(trajectory: mb.Trajectory) -> str:
-    """First, last, least and largest value of every output, as an aligned table; what is rounding only is 0."""
+    """First, last, least and largest value of every output in a table. Rounding is shown as 0."""
     t, values = trajectory.t, trajectory.values
     size = np.abs(values)
     rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
@@ -172,7 +172,7 @@ def _assignments(texts: Sequence[str]) -> dict[str, float]:
 
 
 def _file(name: str | None, *suffixes: str) -> Path | None:
-    """Where a result shall go; refused before the work rather than after it."""
+    """The path of a result, checked before the work."""
     if name is None:
         return None
     path = Path(name)
@@ -184,7 +184,7 @@ def _file(name: str | None, *suffixes: str) -> Path | None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells what is wrong in one line; the usage is for `--help`."""
+    """Prints an error in one line, without the usage, which `--help` shows."""
 
     def error(self, message: str) -> NoReturn:
         if "required: SCENE" in message:
@@ -205,7 +205,7 @@ def _parser() -> argparse.ArgumentParser:
     def command(name: str, text: str, run, epilog: str = "", usage: str = "[options]") -> argparse.ArgumentParser:
         subcommand = commands.add_parser(
             name,
-            usage=f"%(prog)s SCENE {usage}",  # argparse would put SCENE last, where --methods would take it
+            usage=f"%(prog)s SCENE {usage}",  # argparse would put SCENE last, after the values of --methods
             help=text,
             description=text,
             epilog=epilog,

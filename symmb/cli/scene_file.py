@@ -1,4 +1,4 @@
-"""Scenes by file or by name: find, run, and say in one sentence what is wrong."""
+"""Scenes from a file or by name: errors are told in one sentence."""
 
 import importlib.util
 import sys
@@ -13,14 +13,14 @@ from symmb.model import Scene
 
 _PACKAGE = Path(__file__).parents[1]
 _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
-"""Where shipped scenes lie: inside an installed package, beside it in a checkout."""
+"""Folders of shipped scenes: in an installed package, and beside it in a checkout."""
 
 
 def load_scene(given: str) -> Scene:
     """The scene of a Python file, or of a shipped model by its name.
 
-    The file runs with its own `__file__` and its folder importable; `scene()` is called without
-    arguments. A scene without a name of its own gets the file's.
+    The file runs with its own `__file__`, and it can import from its folder. `scene()` is called without arguments. A
+    scene without a name gets that of the file.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def _find(given: str) -> Path:
 
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
-    """Code of the file at work: its folder can be imported from, and what it raises becomes a sentence."""
+    """A context for the code of the file: it can import from its folder, and its exceptions become a sentence."""
     folder = str(path.parent.resolve())
     sys.path.insert(0, folder)
     try:
@@ -75,7 +75,7 @@ def _foreign(path: Path) -> Iterator[None]:
 
 
 def _sentence(error: BaseException, path: Path) -> str:
-    """Kind and text of an error, and the last line of the file that took part in it; a SyntaxError tells its own."""
+    """Kind and text of an error, and its last line in the file. A SyntaxError contains its line."""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
     where = f" (line {lines[-1]})" if lines else ""

@@ -1,4 +1,4 @@
-"""Methods and solvers as the command line writes them."""
+"""Methods and solvers on the command line."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ method, solver = read_method, read_solver
 
 
 def table(title: str, specs: Sequence[Spec]) -> str:
-    """The forms and what they stand for, as `--help` prints them."""
+    """The forms and their meanings, for `--help`."""
     width = max(len(spec.form) for spec in specs) + 2
     return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
 

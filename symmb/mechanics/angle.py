@@ -12,11 +12,11 @@ from symmb.symbolic import Kind, Symbol, declare, triad, turn
 def relative_angle(
     name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, axis_b: ca.SX
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:
-    """Angle of body b against body a about an axis fixed in both [rad], and the records its state needs.
+    """Angle of body b relative to body a about an axis fixed in both [rad], and the records of its state.
 
-    For bodies that turn about z alone it is a difference of coordinates. Quaternions know an angle only up to whole
-    turns: a first-order state named `name.angle` follows it, and does nothing but choose the number of turns,
-    so that an error in it never becomes an error of the angle.
+    For bodies that turn about z alone it is a difference of coordinates. Quaternions determine an angle only up to
+    whole turns. Therefore a first-order state named `name.angle` follows the angle. It only chooses the number of
+    turns, so that its error is not an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (b.frame.angle - a.frame.angle) * axis_a[2], ()

@@ -13,7 +13,7 @@ from symmb.symbolic import ddt, is_zero, vector
 
 
 class AbstractBody:
-    """What bodies and the ground share: a name, a pose, a frame and points."""
+    """Base of bodies and the ground: a name, a pose, a frame and points."""
 
     name: str
     pose: Pose
@@ -22,7 +22,7 @@ class AbstractBody:
 
     @property
     def owner(self) -> "AbstractBody":
-        """The body whose coordinates carry the frame."""
+        """The body whose coordinates determine the frame."""
         return self
 
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
@@ -86,8 +86,8 @@ class Body(AbstractBody):
     Parameters
     ----------
     name : str             without dots; coordinates are called `name.x`, ...
-    mass : Expr            [kg], not negative; 0 is a massless body. If it changes along the motion, what joins or
-                           leaves has the body's own velocity
+    mass : Expr            [kg], not negative; 0 is a massless body. If it changes along the motion, the mass that
+                           joins or leaves has the body's velocity
     inertia : Expr         about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values
                            or a symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`
     pose : Pose            how the body moves
@@ -116,21 +116,21 @@ class Body(AbstractBody):
 
     @property
     def center(self) -> AbstractBody:
-        """What carries the centre of mass: gravity acts there."""
+        """The frame of the centre of mass, where gravity acts."""
         return self
 
     @property
     def nearly_singular(self) -> bool:
-        """Whether its block of M loses digits when it is inverted."""
+        """Whether the inverse of its block of M would lose digits."""
         return False
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with the body by itself, one sentence with remedy each."""
+        """Faults of the declaration of the body: a sentence with a remedy for each."""
         return ()
 
     def inertial(self, mass: ca.SX, J: ca.SX) -> "Inertial":
-        """The body's share of the equations, from its mass and its inertia about the centre of mass (3, 3)."""
+        """Contribution of the body to the equations, from its mass and its inertia about the centre of mass (3, 3)."""
         S, omega = self.frame.S, self.frame.omega
         gyroscopic = S.T @ ca.vertcat(ca.SX(3, 1), -ca.cross(omega, J @ omega))
         return Inertial(ca.sparsify(S.T @ ca.diagcat(mass, mass, mass, J) @ S), gyroscopic)
@@ -138,7 +138,7 @@ class Body(AbstractBody):
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """What a body itself adds to the equations of motion.
+    """The contribution of a body to the equations of motion.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class Inertial:
     Q : (n_v,)             gyroscopic and elastic forces, which conserve energy
     Q_work : (n_v,)        forces of its own damping
     potential : scalar     strain energy [J]
-    flows : bool           whether a change of M along the motion is mass that joins or leaves
+    flows : bool           whether M changes along the motion because mass joins or leaves
     """
 
     M: ca.SX
@@ -157,7 +157,7 @@ class Inertial:
 
 
 class Ground(AbstractBody):
-    """The world frame, which does not move."""
+    """The world frame, at rest."""
 
     def __init__(self) -> None:
         self.name = "ground"
@@ -218,7 +218,7 @@ class Point:
 
 
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
-    """Inertia about the centre of mass in body axes, (3, 3), from what the pose takes.
+    """Inertia about the centre of mass in body axes, (3, 3), from the form that the pose expects.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Joints and drives: each writes its rows of Phi once, in three dimensions; rows that vanish by structure fall away.
+"""Joints and drives. Each gives its rows of Phi in three dimensions; rows that are zero by structure are left out.
 
 Rows are differences b - a. Axes are vectors in the frame of point_a's body, and the same vectors in point_b's unless
 `axis_b` says otherwise.
@@ -38,11 +38,11 @@ class Constraint(Element):
         return ca.SX(0, 1)
 
     def assembly_cosines(self) -> ca.SX:
-        """Cosines that are 1 in the meant assembly and -1 at the flipped root of the rows, (n,)."""
+        """Cosines (n,) that are 1 in the intended assembly and -1 in the other solution of the rows."""
         return ca.SX(0, 1)
 
     def positive(self, bind: Bind) -> ca.SX:
-        """What must be above 0 for the rows to make sense, such as a length, (n,)."""
+        """Expressions (n,) that must be above 0, such as a length."""
         return ca.SX(0, 1)
 
 
@@ -76,7 +76,7 @@ class Joint(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class AxisJoint(Joint):
-    """A joint with an axis in each body; `turns` and `slides` say what it lets the bodies do about and along it."""
+    """A joint with an axis in each body. `turns` and `slides` tell whether it allows rotation and translation."""
 
     turns: ClassVar[bool] = False
     slides: ClassVar[bool] = False
@@ -114,7 +114,7 @@ class AxisJoint(Joint):
 
     @cached_property
     def frames(self) -> tuple[ca.SX, ca.SX]:
-        """The joint's frame carried by body a and by body b in world axes, third column the axis, (3, 3) each."""
+        """The joint's frame on body a and on body b in world axes, (3, 3) each. The third column is the axis."""
         a, b = self.axes
         F = triad(a)
         return self.point_a.body.frame.R @ F, self.point_b.body.frame.R @ turn(a, b) @ F
@@ -142,13 +142,13 @@ class AxisJoint(Joint):
 
 
 class _Hinged(AxisJoint):
-    """A joint that turns about its axis and can say how far."""
+    """A joint that turns about its axis and measures the angle."""
 
     turns: ClassVar[bool] = True
 
     @property
     def angle(self) -> ca.SX:
-        """Angle of body b against body a about the axis, its turns counted [rad]."""
+        """Angle of body b relative to body a about the axis, with whole turns [rad]."""
         return self._angle[0]
 
 
@@ -207,7 +207,7 @@ class Weld(AxisJoint):
 
 
 class Universal(AxisJoint):
-    """Hooke joint: the points coincide, `axis` of body a stays at right angles to `axis_b` of body b (needed)."""
+    """Hooke joint: the points coincide, and `axis` of body a is normal to `axis_b` of body b, which must be given."""
 
     poses = (_SPATIAL, _SPATIAL)
 
@@ -288,7 +288,8 @@ class Distance(Joint):
 class Gear(AxisJoint):
     """Gear pair: the angle of body b is `ratio` times that of body a, each about its axis against the ground.
 
-    The angles are 0 where the frames are parallel to the world's; a negative ratio turns them against each other.
+    The angles are 0 where the frames are parallel to the world's. With a negative ratio the bodies turn in opposite
+    directions.
     """
 
     turns: ClassVar[bool] = True
@@ -315,7 +316,7 @@ class Gear(AxisJoint):
 class Motion(Constraint):
     """Drive: a position expression follows a law of time, expression - law = 0.
 
-    Its multiplier is minus the driving force on the expression [N, N m], as M v' + Phi_v' lam = Q has it.
+    Its multiplier is minus the driving force on the expression [N, N m], by M v' + Phi_v' lam = Q.
     """
 
     name: str

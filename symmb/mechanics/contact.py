@@ -20,14 +20,14 @@ from symmb.symbolic import Symbol, Z, ddt, triad, unit, vector
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
     """The action of a bound law: `loads` turns its force into loads.
 
-    Energy is stored if nothing of what is `fixed` in the bodies, sizes and points and directions, moves in them.
+    The force stores energy if all points, directions and sizes in `fixed` are at rest in their bodies.
     """
     force = law.force(penetration, ddt(penetration))
     return Action(loads(force), law.potential(penetration) if is_constant(law.stores, *fixed) else None)
 
 
 def law_faults(title: str, law: object) -> Iterator[str]:
-    """Fault of what should be a law of contact."""
+    """Fault of an object that is not a law of contact."""
     if not isinstance(law, ContactLaw):
         yield (
             f"{title}: expected a law of contact, got {law!r}. "
@@ -98,7 +98,7 @@ def _velocity(body: AbstractBody, r: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class BushContact(PairForce):
-    """A pin in a cylindrical bush that is wider than it: the pin is free until it reaches the wall.
+    """A pin in a wider cylindrical bush. The pin is free until it reaches the wall.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class BushContact(PairForce):
         clearance = bind(self.clearance, f"{self.title}: clearance")
         d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
         across = d - ca.dot(d, axis) * axis
-        # Where the axes coincide no direction leads to the wall, and none is needed.
+        # Where the axes coincide, there is no direction to the wall, and no force.
         squared = ca.sumsqr(across)
         apart = squared > MEETING**2
         distance = ca.if_else(apart, ca.sqrt(ca.if_else(apart, squared, 1)), 0)
@@ -137,14 +137,14 @@ class BushContact(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class ToothContact(PairForce):
-    """A tooth between two flanks: free over the backlash, then pressed back from either side.
+    """A tooth between two flanks. It is free over the backlash, and each flank pushes it back.
 
     Parameters
     ----------
     name : str
     point_a : Point        halfway between the flanks
     point_b : Point        on the tooth
-    direction : tuple      in which the flanks face each other (tangent to the pitch circle), in point_a's body
+    direction : tuple      from flank to flank (tangent to the pitch circle), in the axes of point_a's body
     backlash : Expr        play from flank to flank, half of it to each side [m]
     law : ContactLaw       of one flank
     """
@@ -173,7 +173,7 @@ class ToothContact(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class TorsionContact(ForceElement):
-    """A coupling with backlash: free to turn over it, then pressed back from either side.
+    """A coupling with backlash. It turns freely over the backlash, and each stop pushes it back.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class TorsionContact(ForceElement):
     body_a, body_b : Body or Ground
     backlash : Expr        play from stop to stop, half of it to each side [rad]
     law : ContactLaw       of one stop, in angles: torque [N m] from radians
-    angle : Expr           of b against a halfway between the stops [rad]
+    angle : Expr           of b relative to a, halfway between the stops [rad]
     axis : tuple           in both bodies' axes
     """
 

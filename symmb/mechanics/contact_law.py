@@ -1,7 +1,7 @@
-"""Laws of normal contact: the force of a penetration and its rate, never a pull, smooth enough on either side of touch.
+"""Laws of normal contact: a force as a function of penetration and its rate. It never pulls.
 
-What has a root or a power is evaluated at an argument that is safe where nothing touches, and left out there: all
-derivatives are then finite, and 0 before touch.
+Roots and powers are evaluated at a positive argument where the surfaces do not touch, and their values are not used
+there. All derivatives are then finite, and 0 without contact.
 """
 
 from abc import ABC, abstractmethod
@@ -23,7 +23,7 @@ class ContactLaw(ABC):
 
     @abstractmethod
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
-        """Force [N] from the penetration [m] and its rate [m/s], 0 where they do not touch and never below."""
+        """Force [N] from the penetration [m] and its rate [m/s]. It is never negative, and 0 without contact."""
 
     def potential(self, penetration: ca.SX) -> ca.SX | None:
         """Energy stored [J]; None of a law with losses."""
@@ -31,12 +31,12 @@ class ContactLaw(ABC):
 
     @property
     def stores(self) -> ca.SX:
-        """What the stored energy depends on besides the penetration: it is conserved if these are constant."""
+        """Expressions in the stored energy beside the penetration. Energy is conserved if they are constant."""
         return ca.SX(0, 1)
 
 
 def _power(base: ca.SX, exponent: Expr) -> ca.SX:
-    """A power of what is above 0; that of Hertz by a root, which takes a fraction of the time."""
+    """A power of a positive number. The power 3/2 of Hertz is computed by a root, which is much faster."""
     if not ca.SX(exponent).is_constant():
         return base**exponent
     return base * ca.sqrt(base) if float(exponent) == 1.5 else base ** float(exponent)
@@ -44,7 +44,7 @@ def _power(base: ca.SX, exponent: Expr) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class _Hertzian(ContactLaw):
-    """F = k d^n (1 + chi d'), d the penetration; chi is what the laws differ in."""
+    """F = k d^n (1 + chi d') with the penetration d. The laws differ in chi."""
 
     stiffness: Expr
     restitution: Expr
@@ -64,7 +64,7 @@ class _Hertzian(ContactLaw):
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
         touching = penetration > _TOUCH
-        loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # its sign is a kink in touch only
+        loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # its sign causes a kink only during contact
         d = ca.if_else(touching, penetration, 1)
         pushing = touching if is_zero(ca.SX(self.chi)) else ca.logic_and(touching, loss > 0)
         return ca.if_else(pushing, self.stiffness * _power(d, self.exponent) * loss, 0)
@@ -89,7 +89,7 @@ class HuntCrossley(_Hertzian):
     ----------
     stiffness : Expr       k [N/m^n]
     restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr           v of approach at first touch [m/s]
+    speed : Expr           v of approach when the contact begins [m/s]
     exponent : Expr        n, 3/2 of Hertz if left out [-]
 
     References
@@ -110,7 +110,7 @@ class LankaraniNikravesh(_Hertzian):
     ----------
     stiffness : Expr       k [N/m^n]
     restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr           v of approach at first touch [m/s]
+    speed : Expr           v of approach when the contact begins [m/s]
     exponent : Expr        n, 3/2 of Hertz if left out [-]
 
     References
@@ -132,7 +132,7 @@ class Flores(_Hertzian):
     ----------
     stiffness : Expr       k [N/m^n]
     restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr           v of approach at first touch [m/s]
+    speed : Expr           v of approach when the contact begins [m/s]
     exponent : Expr        n, 3/2 of Hertz if left out [-]
 
     References
@@ -148,7 +148,9 @@ class Flores(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class KelvinVoigt(ContactLaw):
-    """F = k d + c d', a spring beside a damper; with damping it jumps at touch and ends before the surfaces part.
+    """F = k d + c d', a spring and a damper in parallel.
+
+    With damping the force jumps when the contact begins, and it is 0 before the surfaces part.
 
     Parameters
     ----------
@@ -178,7 +180,7 @@ class KelvinVoigt(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class Tabulated(ContactLaw):
-    """A force read from a table of penetrations, beside a damper; it is not below 0 either.
+    """A force from a table of penetrations, with a damper in parallel. It is never negative.
 
     Parameters
     ----------
@@ -197,5 +199,5 @@ class Tabulated(ContactLaw):
 
 
 def _pushing(penetration: ca.SX, force: ca.SX) -> ca.SX:
-    force = ca.if_else(penetration > 0, force, 0)  # its sign is a kink in touch only
+    force = ca.if_else(penetration > 0, force, 0)  # its sign causes a kink only during contact
     return ca.if_else(force > 0, force, 0)

@@ -1,4 +1,4 @@
-"""What constraints and forces have in common."""
+"""The base of constraints and forces."""
 
 import math
 from abc import ABC, abstractmethod
@@ -14,17 +14,17 @@ from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
 from symmb.symbolic import is_zero, vector
 
 Bind = Callable[[Any, str], ca.SX]
-"""Turns a law as declared (number, SX or SymPy) into SX; the text says whose law it is, for error messages."""
+"""Converts an expression (number, SX or SymPy) into SX. The text names its owner in error messages."""
 
 
 class Element(ABC):
-    """A declared constraint or force: it has a name, knows its bodies and finds its own faults."""
+    """A constraint or a force, with its name, its bodies and the faults of its declaration."""
 
     name: str
 
     @property
     def title(self) -> str:
-        """Class and name, as messages tell it."""
+        """Class and name for messages."""
         return f"{type(self).__name__} {self.name!r}"
 
     @abstractmethod
@@ -33,7 +33,7 @@ class Element(ABC):
 
     @abstractmethod
     def faults(self) -> Iterator[str]:
-        """What is wrong with the declaration by itself, one sentence with remedy each."""
+        """Faults of the declaration: a sentence with a remedy for each."""
 
 
 def point_faults(title: str, *points: object) -> Iterator[str]:
@@ -58,7 +58,7 @@ def body_faults(title: str, *bodies: object) -> Iterator[str]:
 def pose_faults(
     title: str, bodies: tuple[AbstractBody, ...], allowed: tuple[tuple[type[Pose], ...], ...]
 ) -> Iterator[str]:
-    """Faults of a joint whose bodies have poses it makes no sense with."""
+    """Faults of a joint whose bodies have poses that it does not support."""
     for body, poses in zip(bodies, allowed, strict=True):
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
@@ -67,13 +67,13 @@ def pose_faults(
 
 
 def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
-    """Fault of a direction that is none."""
+    """Fault of an invalid direction."""
     if is_zero(vector(axis, f"{what} of {title}")):
         yield f"{title}: {what} {axis} has no direction. Give a vector that is not zero."
 
 
 def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Iterator[str]:
-    """Faults of what turns two bodies about an axis fixed in both."""
+    """Faults of an element that turns two bodies about an axis fixed in both."""
     faults = list(body_faults(title, body_a, body_b))
     yield from faults
     if faults:
@@ -88,7 +88,7 @@ def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Ite
 
 
 def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
-    """Fault of an element whose two points cannot move against each other."""
+    """Fault of an element whose two points cannot move relative to each other."""
     if len(bodies) > 1 and all(isinstance(body, Ground) for body in bodies):
         yield f"{title}: both points are on the ground, nothing is left to act on."
     elif len(bodies) > 1 and bodies[0] is bodies[1]:
@@ -99,7 +99,7 @@ Law = TypeVar("Law")
 
 
 def bound(law: Law, bind: Bind, title: str) -> Law:
-    """A law, a dataclass, with its numbers and expressions bound; tables in it and what was left out stay."""
+    """A law, a dataclass, whose numbers and expressions are bound. Its tables, and options that are None, stay."""
     laws = {f.name: getattr(law, f.name) for f in fields(law) if f.init}  # pyright: ignore[reportArgumentType]
     return replace(
         law,  # pyright: ignore[reportArgumentType]
@@ -110,7 +110,7 @@ def bound(law: Law, bind: Bind, title: str) -> Law:
 def require_number(
     law: object, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
 ) -> None:
-    """Raise if a number of a law is out of its range; expressions are known at run time only."""
+    """Raise if a number of a law is out of its range. Expressions are not checked."""
     if isinstance(value, int | float) and not (value > above and least <= value <= most):
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []

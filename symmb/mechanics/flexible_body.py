@@ -24,7 +24,7 @@ from symmb.structures import Modes
 from symmb.symbolic import rotation_matrix, rotation_z, vector
 
 _IN_PLANE = 1e-9
-"""Share of the largest displacement of a mode that may point out of the plane of a planar body: rounding."""
+"""Share of the largest displacement of a mode up to which its part out of the plane is rounding."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -32,7 +32,7 @@ class FlexibleBody(Body):
     """A flexible body in modal coordinates `name.eta1`, ... of a floating frame; rigid where there are no modes.
 
     The frame is that of the modes: at the centre of mass of the undeformed body, or clamped to one of its nodes.
-    Deformations are small; what joins or loads the body acts at its nodes.
+    Deformations are small. Joints and loads act at the nodes of the body.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class FlexibleBody(Body):
 
     @property
     def nearly_singular(self) -> bool:
-        # Modes in a clamped frame hold most of what the frame's own motion does.
+        # Modes in a clamped frame contain most of the frame's own motion.
         return bool(self.modes.S.any() or self.modes.G0.any())
 
     @property
@@ -103,7 +103,7 @@ class FlexibleBody(Body):
 
     @property
     def eta_dot(self) -> ca.SX:
-        """Their rates [m sqrt(kg)/s], (n,)."""
+        """Rates of the modal coordinates [m sqrt(kg)/s], (n,)."""
         return self.frame.v[-self._n :] if self._n else ca.SX(0, 1)
 
     @property

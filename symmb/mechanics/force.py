@@ -58,7 +58,8 @@ def fixed_at(body: AbstractBody, r: ca.SX) -> Point:
 def push(point: Point, body: AbstractBody, force: ca.SX) -> tuple[Load, Load]:
     """A world force at a point, and the opposite one on another body.
 
-    The reaction acts where the point is: only then do the loads balance and conserve energy.
+    The reaction acts at the position of the point. Otherwise the loads would not balance and energy would not be
+    conserved.
     """
     return force_at(point, force), force_at(fixed_at(body, point.r), -force)
 
@@ -74,7 +75,7 @@ def is_constant(*laws: ca.SX) -> bool:
 
 
 def is_moved(distance: ca.SX) -> bool:
-    """Whether a distance depends on time by itself, as from a support that a law moves: its forces do work then."""
+    """Whether a distance depends explicitly on time, as from a support with a given motion. Its forces then do work."""
     return any(is_time(symbol) for symbol in symbols_in(distance))
 
 
@@ -130,9 +131,8 @@ class Gravity(ForceElement):
 class SpringDamper(PairForce):
     """Spring and damper along the line between two points: pull k (d - length) + c d'.
 
-    A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper resists
-    along the line alone, or it would brake the common rotation of its bodies; for damping in all directions use
-    `Bushing`.
+    A spring of length 0 pulls along the vector between the points and stays smooth where they meet. A damper acts along
+    the line only: otherwise it would brake the common rotation of its bodies. `Bushing` damps in all directions.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class SpringDamper(PairForce):
             yield Action(self._pull(force), 0.5 * k * stretch if is_constant(k, length) and not is_moved(d) else None)
         if not is_zero(c):
             rate = ddt(d)
-            # Points closer than 1e-12 m have no line between them: the pull fades there and stays finite.
+            # Points closer than 1e-12 m have no line between them: the pull decreases to 0 there and stays finite.
             yield Action(self._pull(c * ca.dot(d, rate) / ca.fmax(ca.sumsqr(d), MEETING**2) * d))
 
 
@@ -179,7 +179,7 @@ def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDa
 class TorsionSpring(ForceElement):
     """Torsion spring and damper between two bodies about an axis fixed in both.
 
-    The torque on body b is -(stiffness (alpha - angle) + damping alpha'), alpha the angle of b against a.
+    The torque on body b is -(stiffness (alpha - angle) + damping alpha'), with the angle alpha of b relative to a.
 
     Parameters
     ----------
@@ -235,8 +235,8 @@ class Bushing(PairForce):
     name : str
     point_a, point_b : Point
     stiffness, damping : scalar or (x, y, z)                          [N/m], [N s/m]
-    rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad]; the small rotation of b
-                           against a, of which the sine is taken about each axis
+    rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad]; for the small
+                           rotation of b relative to a: the sine of its angle about each axis
     """
 
     stiffness: Expr

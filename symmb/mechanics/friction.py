@@ -1,4 +1,4 @@
-"""Friction: laws that resist slip under a normal force, and the force between two bodies that slide on each other."""
+"""Friction laws, and the friction force between two bodies that slide on each other."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -14,24 +14,24 @@ from symmb.symbolic import Kind, Symbol, ddt, declare, unit, vector
 
 
 class FrictionLaw(ABC):
-    """What resists slip."""
+    """A law of friction."""
 
     @abstractmethod
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        """Force (k,) [N] against the velocity of slip (k,) [m/s], k 1 or 2, and the records of the states it needs."""
+        """Friction force (k,) [N] for the slip velocity (k,) [m/s], k = 1 or 2, and the records of its states."""
 
 
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
-    u is the speed of slip over `speed`, at which mu is about mu_s. Below, the force falls to 0 with the slip: what
-    rests under a force f creeps, at about speed f / (4 mu_k N). For what must stick there is `Bristle`.
+    u is the slip speed over `speed`, at which mu is about mu_s. At lower speeds the force is about proportional to the
+    slip. A body under a force f below the limit creeps at about speed f / (4 mu_k N). Use `Bristle` where bodies stick.
 
     Parameters
     ----------
     kinetic : Expr         mu_k of sliding [-]
-    speed : Expr           of the transition [m/s]: the smaller, the closer to Coulomb's law and the stiffer
+    speed : Expr           of the transition [m/s]. Smaller ones are closer to Coulomb's law, and stiffer
     static : Expr          mu_s before sliding [-]; mu_k if left out
 
     References
@@ -64,18 +64,18 @@ _REST = 1e-4
 class Bristle(FrictionLaw):
     """Stick and slip by bristles that bend with the slip, F = N (k z + d(z')): elastic until they break away.
 
-    The deflection z of a bristle, a first-order state called `name.bristle`, follows the slip up to 0.7 of what it can
-    hold, z_s = mu(v) / k with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2); above, it yields more and more,
-    and stays at z_s while it slides. Under less than 0.7 of the breakaway force nothing creeps, whatever shakes.
-    d is c z' for small rates and never above mu: plain damping would stop like a wall what sets out fast.
+    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 of its
+    largest value z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Above it yields, and in steady
+    sliding it is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they vibrate. d is c z' for small
+    rates and never above mu: linear damping would stop a fast body at once.
 
     Parameters
     ----------
     kinetic : Expr         mu_k of sliding [-]
     stiffness : Expr       k of the bristles, for each newton of normal force [1/m]
-    damping : Expr         c of the bristles, for each newton of normal force [s/m]: lets elastic rest come to rest
+    damping : Expr         c of the bristles, for each newton of normal force [s/m]; elastic vibrations decay
     static : Expr          mu_s of breaking away [-]; mu_k if left out
-    speed : Expr           at which mu falls from mu_s to mu_k (Stribeck) [m/s]
+    speed : Expr           Stribeck speed, at which mu falls from mu_s to mu_k [m/s]
 
     References
     ----------
@@ -107,7 +107,7 @@ class Bristle(FrictionLaw):
         s = (bent - _ELASTIC) / (1 - _ELASTIC)
         blend = s**3 * (10 + s * (6 * s - 15))
         yielding = ca.if_else(bent < 1, blend, 1) * along
-        # Bristles that straighten again do not yield.
+        # Bristles do not yield while their deflection decreases.
         rate = slip - ca.if_else(ca.logic_and(bent > _ELASTIC, along > 0), yielding, 0) * zeta
         records = declare(names, Kind.STATE, z, rate, ca.SX.zeros(n))
         damping = self.damping * rate
@@ -136,7 +136,7 @@ class Friction(PairForce):
     name : str
     point_a, point_b : Point
     axis : tuple           of sliding, in the axes of point_a's body
-    normal_force : Expr    that presses the bodies together, not negative [N]
+    normal_force : Expr    between the bodies, not negative [N]
     law : FrictionLaw      `Coulomb(...)` or `Bristle(...)`
     """
 
@@ -160,6 +160,6 @@ class Friction(PairForce):
 
 
 def friction_faults(title: str, law: object) -> Iterator[str]:
-    """Fault of what should be a friction law."""
+    """Fault of an object that is not a friction law."""
     if not isinstance(law, FrictionLaw):
         yield f"{title}: expected a friction law, got {law!r}. Use Coulomb(...) or Bristle(...)."

@@ -1,4 +1,4 @@
-"""Impacts: a gap that closes, and Newton's law of restitution at the instant it does."""
+"""Impacts: Newton's law of restitution at the instant when a gap closes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class Impact(Element):
 
         M (v+ - v-) + G' L = W' P,      G (v+ - v-) = 0,      g'+ = -e g'-,      W = dg'/dv,
 
-    so that all constraints go on to hold. Simultaneous impacts follow one another, in the order in which they were
-    declared, until no gap that is 0 closes any more. A rebound that would rise no higher than the rounding of positions
-    ends the bouncing: the contact then stays closed, held by a force that pushes, until that force would have to pull.
+    so that all constraints hold after it. Simultaneous impacts are resolved one after the other, in the order of their
+    declaration, until no gap that is 0 closes. If a rebound is not higher than the rounding of positions, the contact
+    stays closed: a constraint with a pushing force, until this force would pull.
 
     Parameters
     ----------

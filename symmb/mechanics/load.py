@@ -1,4 +1,4 @@
-"""Loads of machines: springs of any law, hydraulic dampers, gas springs, soil."""
+"""Loads of machines: nonlinear springs, hydraulic dampers, gas springs, soil."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from symmb.symbolic import ddt, unit, vector
 
 @dataclass(frozen=True, eq=False)
 class NonlinearSpring(PairForce):
-    """A force along the line between two points by any law of their distance and its rate.
+    """A force along the line between two points as a function of their distance and its rate.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class NonlinearSpring(PairForce):
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.point_b.r - self.point_a.r
-        # Points closer than 1e-12 m have no line between them: the force fades there and stays finite.
+        # Points closer than 1e-12 m have no line between them: the force decreases to 0 there and stays finite.
         length = ca.sqrt(ca.fmax(ca.sumsqr(d), MEETING**2))
         pull = bind(self.pull(length, ca.dot(d, ddt(d)) / length), f"{self.title}: pull")
         force = pull * d / length
@@ -48,13 +48,14 @@ class GasSpring:
 
     Parameters
     ----------
-    pressure : Expr        at `length` [Pa], so high that the one outside does not count
+    pressure : Expr        at `length` [Pa]; the pressure outside is neglected
     volume : Expr          at `length` [m^3]
-    area : Expr            of the piston [m^2]; below 0 where the gas is pressed as the points part, as in a recuperator
-    length : Expr          of the line between the points to which pressure and volume belong [m]
-    exponent : Expr        n, 1 of slow and 1.4 of fast changes of air [-]
+    area : Expr            of the piston [m^2]; negative if the gas is compressed when the points part, as in a
+                           recuperator
+    length : Expr          between the points at which pressure and volume are given [m]
+    exponent : Expr        n, polytropic exponent: 1 for slow and 1.4 for fast changes of air [-]
 
-    Below a hundredth of `volume` the gas is not pressed further.
+    Below a hundredth of `volume` the pressure stays constant.
     """
 
     pressure: Expr
@@ -75,7 +76,7 @@ _LEAST = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Orifice:
-    """Fluid that a piston presses through an opening, as in recoil brakes: a law of `NonlinearSpring`.
+    """A fluid that a piston pushes through an opening, as in recoil brakes: a law of `NonlinearSpring`.
 
     F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. Around rest v |v| is
     v sqrt(v^2 + speed^2): laminar flow, and smooth.
@@ -107,7 +108,7 @@ class Orifice:
 
 @dataclass(frozen=True, eq=False)
 class Soil(ForceElement):
-    """Soil under a foot: it carries along its normal, without pull, and holds by springs and dampers otherwise.
+    """Soil under a foot. It pushes along its normal, and springs and dampers hold the foot in the other directions.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ class Soil(ForceElement):
     stiffness, damping : scalar or (x, y, z)                          across the normal [N/m], [N s/m]
     rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad], as of a `Bushing`
 
-    The springs across the normal act whether the foot is pressed down or not: spades and ribs stay in the soil.
+    The springs across the normal act even without a normal force: spades and ribs stay in the soil.
     """
 
     name: str

@@ -1,8 +1,8 @@
-"""How a body may move: each pose gives coordinates, velocities and the frame they span.
+"""The poses of bodies: coordinates, velocities and the frame that they determine.
 
-All poses feed one and the same kinematics: position r (3,), rotation R (3, 3), body to world, and the twist
+All poses give the same kinematics: position r (3,), rotation R (3, 3), body to world, and the twist
 (r', omega) in R^6 = S v, with r' in world axes, omega in body axes and S a selection of velocities. A planar pose is
-the spatial one with structural zeros. A flexible body has modal coordinates after those of its floating frame.
+a spatial one with structural zeros. A flexible body has modal coordinates after those of its floating frame.
 """
 
 from abc import ABC, abstractmethod
@@ -27,11 +27,11 @@ from symmb.symbolic import (
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Coordinates of one body and a frame that they carry: the body's own, or that of a node of a flexible one.
+    """Coordinates of a body and a frame that they determine: that of the body, or of a node of a flexible body.
 
     q (n_q,), v (n_v,), rate q' = N v (n_q,), r (3,) [m], R (3, 3), twist (r', omega) = S v with S (6, n_v), the angle
-    about +z [rad] of what turns about z alone, and `rigid` (n_v, 6): velocities at which the body moves as if it were
-    rigid, from the frame's twist. `records` keep the symbols known.
+    about +z [rad] of a body that turns about z alone, and `rigid` (n_v, 6), which gives the velocities of a rigid
+    motion from the frame's twist. `records` hold the symbols.
     """
 
     q: ca.SX
@@ -56,7 +56,7 @@ class Frame:
 
 
 class Pose(ABC):
-    """What a body may do: its coordinates and the frame they span.
+    """The pose of a body: its coordinates and the frame that they determine.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Pose(ABC):
 
     @abstractmethod
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """q moved by the small displacement delta (n_v,), as velocity times time; quaternions with norm 1."""
+        """q after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}()"
@@ -169,5 +169,5 @@ class Fixed(Pose):
 
 
 def turns_about_z(pose: Pose) -> bool:
-    """Whether a pose can turn about z alone, so that its angle is a plain coordinate."""
+    """Whether the body turns about z alone, so that its angle is a coordinate."""
     return isinstance(pose, Planar | Fixed)

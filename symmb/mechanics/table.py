@@ -1,4 +1,4 @@
-"""Curves given by points: smooth interpolants as expressions."""
+"""Curves through points: smooth interpolants as expressions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,9 +14,9 @@ from symmb._types import Array, Expr
 class Table:
     """A curve through points (x, y): cubic pieces with continuous slopes, and no overshoot between the points.
 
-    Where the points rise, the curve rises; where they stay, it stays. So no area becomes negative and no pressure
-    rings beside a steep front, as they would with a spline of continuous curvature. Beyond the first and the last
-    point the value stays what it is there.
+    The curve is monotone between points, and constant between equal ones. A spline of continuous curvature would
+    oscillate beside a steep front, and an area could become negative. Beyond the first and the last point the value is
+    constant.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Table:
 
 
 def _slopes(h: Array, slope: Array) -> Array:
-    """Slopes at the points: a harmonic mean of those on both sides, 0 at extremes; at the ends of a parabola."""
+    """Slopes at the points: harmonic means of those on both sides, 0 at extremes, those of parabolas at the ends."""
     if len(h) == 1:
         return np.array([slope[0], slope[0]])
     w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
@@ -89,7 +89,7 @@ def _slopes(h: Array, slope: Array) -> Array:
 
 
 def _end(h: float, h_next: float, slope: float, slope_next: float) -> float:
-    """Slope of the parabola through three points at an outer one, limited so that the curve does not overshoot."""
+    """Slope at an outer point of the parabola through three points, limited so that the curve does not overshoot."""
     m = ((2 * h + h_next) * slope - h * slope_next) / (h + h_next)
     if m * slope <= 0:
         return 0.0

@@ -1,4 +1,4 @@
-"""Gathers what was declared into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
+"""Collects the declared elements into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Collected:
-    """A valid declaration in equations: see `System` for the notation."""
+    """The equations of a valid declaration. `System` explains the notation."""
 
     bodies: tuple[Body, ...]
     bind: Binding
@@ -50,9 +50,9 @@ class Collected:
     block_sizes: tuple[int, ...]
     states: tuple[Symbol, ...]
     M: ca.SX
-    M_flow: ca.SX  # the share of M whose change along the motion is mass that joins or leaves
+    M_flow: ca.SX  # the part of M that changes because mass joins or leaves
     Q: ca.SX
-    Q_work: ca.SX  # the share of Q without potential, whose power is counted
+    Q_work: ca.SX  # the part of Q without potential, whose power is integrated
     potential: ca.SX
     Phi: ca.SX
     Psi: ca.SX
@@ -60,12 +60,12 @@ class Collected:
     row_names: tuple[str, ...]
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
     assembly_cosines: ca.SX
-    positive: tuple[tuple[str, ca.SX], ...]  # what must be above 0 at every parameter value, with its name
-    decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates that nothing touches: name, x, name, vx
-    n_declared_rows: int  # rows written by the joints, those that vanish included
+    positive: tuple[tuple[str, ca.SX], ...]  # expressions that must be above 0 for all parameters, with their names
+    decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates without force and constraint: name, x, name, vx
+    n_declared_rows: int  # rows that the joints declare, with those that are zero
 
     def keeping(self, numbers: Sequence[int]) -> "Collected":
-        """A copy with the rows of these numbers only, in rising order."""
+        """A copy with some rows only, given by their numbers in rising order."""
         n_c = self.Phi.numel()
         owners = [next(name for name, where in self.rows.items() if where.start <= i < where.stop) for i in numbers]
         first = {name: owners.index(name) for name in dict.fromkeys(owners)}
@@ -78,12 +78,12 @@ class Collected:
         )
 
     def with_states(self, states: Sequence[Symbol]) -> "Collected":
-        """A copy that also integrates the given first-order states."""
+        """A copy with additional first-order states."""
         return replace(self, states=(*self.states, *states))
 
 
 def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Collected:
-    """Validate the declaration and write its equations.
+    """Validate the declaration and derive its equations.
 
     Raises
     ------
@@ -109,7 +109,7 @@ class _Faults:
         self.lines = lines
 
     def attempt(self, f: Callable[[], T], otherwise: T, what: str = "A law") -> T:
-        """The result of f, or what stands for it where f raises a fault of the declaration."""
+        """The result of f, or a substitute where f raises a fault of the declaration."""
         try:
             return f()
         except DeclarationError as error:
@@ -122,7 +122,7 @@ class _Faults:
         return otherwise
 
     def raise_any(self) -> None:
-        """DeclarationError with every fault once."""
+        """Raise a DeclarationError that names every fault once."""
         if self.lines:
             raise DeclarationError("\n".join(dict.fromkeys(self.lines)))
 
@@ -133,7 +133,7 @@ Inertia = tuple[Body, tuple[ca.SX, ca.SX]]
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """What the elements write: actions by title, rows by name of the constraint, laws of impacts by name."""
+    """Contributions of the elements: actions by title, rows by name of the constraint, laws of impacts by name."""
 
     constraints: list[Constraint]
     impacts: list[Impact]
@@ -234,7 +234,7 @@ def _diagcat(blocks: Sequence[ca.SX]) -> ca.SX:
 def _forces(
     bodies: Sequence[Body], shares: Sequence[Inertial], actions: Mapping[str, Sequence[Action]]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Generalised forces without and with potential, gyroscopic terms among the latter, and the potential."""
+    """Generalised forces without and with potential, and the potential. Gyroscopic terms belong to the latter."""
     zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
     work, conservative = dict(zero), dict(zero)
     potential = ca.SX(0)
@@ -273,7 +273,7 @@ def _row_names(rows: dict[str, list[ca.SX]]) -> tuple[str, ...]:
 
 
 def _without_untouched(c: Collected) -> Collected:
-    """Leave out the particle coordinates that no force, no constraint and no other equation touches."""
+    """Leave out the particle coordinates that no force, no constraint and no other equation contains."""
     n = c.q.numel()
     if not any(isinstance(b.pose, Particle) for b in c.bodies):
         return c

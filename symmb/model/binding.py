@@ -1,4 +1,4 @@
-"""Laws as declared (numbers, SX, SymPy) become SX whose symbols are all known."""
+"""Conversion of declared expressions (numbers, SX, SymPy) into SX with known symbols."""
 
 from collections.abc import Collection, Sequence
 
@@ -13,7 +13,7 @@ from symmb.symbolic import Kind, Symbol, from_sympy, is_sympy, is_zero, lookup, 
 
 
 class Binding:
-    """Turns laws into SX over the parameters, coordinates and velocities of one system, and time."""
+    """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
 
     def __init__(self, parameters: Parameters, bodies: Sequence[Body]) -> None:
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
@@ -34,8 +34,8 @@ class Binding:
 
         Raises
         ------
-        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` says whose
-                               law it is
+        DeclarationError       if it contains NaN, infinity or a symbol neither known nor in `also`; `what` names its
+                               owner in the message
         """
         if is_sympy(law):
             try:
@@ -72,7 +72,7 @@ class Binding:
             )
 
     def states(self, expression: ca.SX) -> tuple[Symbol, ...]:
-        """The first-order states that stand in an expression."""
+        """The first-order states in an expression."""
         records = [lookup(s) for s in symbols_in(expression) if s.element_hash() not in self._known]
         return tuple(r for r in records if r is not None and r.kind is Kind.STATE)
 

@@ -53,19 +53,19 @@ class Box:
     def around(
         cls, parameters: Mapping[str, SupportsFloat], spread: float, names: Iterable[str] | None = None
     ) -> "Box":
-        """Nominal values widened by a share of themselves: nominal (1 ± spread).
+        """Intervals nominal (1 ± spread) around nominal values.
 
         Parameters
         ----------
         parameters : mapping of name to nominal value
         spread : share of the nominal value, 0.05 for ± 5 %
-        names : the parameters to widen; all of them where left out
+        names : the parameters with intervals; all of them if left out
 
         Raises
         ------
         DeclarationError
-            If a name is unknown, a nominal value is 0 (a share of it is no interval) or the spread does not
-            lie between 0 and 1, ends excluded: the interval must not reach 0.
+            If a name is unknown, if a nominal value is 0, so that its interval would have no width, or if the
+            spread is not between 0 and 1: the interval must not reach 0.
 
         Examples
         --------

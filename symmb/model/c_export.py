@@ -1,6 +1,6 @@
 """C source of a model's Functions, with a header that explains them and a main program that uses them.
 
-What is written builds with any C compiler; neither symmb nor CasADi is needed any more.
+The files need a C compiler, and neither symmb nor CasADi.
 """
 
 import json
@@ -22,14 +22,14 @@ _EXAMPLE = Path(__file__).with_name("example.c.in")
 def save_c(
     functions: Mapping[str, ca.Function], folder: str | Path, *, name: str = "model", example: str | None = None
 ) -> tuple[Path, ...]:
-    """Write `<name>.c`, `<name>.h` and, with an example, `main.c`; files that are there are replaced.
+    """Write `<name>.c`, `<name>.h` and, with an example, `main.c`; existing files are replaced.
 
     The C functions are called `<name>_<key>`: a bare `gamma` would clash with the one in math.h.
 
     Parameters
     ----------
     functions                key -> Function
-    folder                   made if it is not there
+    folder                   it is created if it does not exist
     name                     stem of the files and prefix of the C functions
     example                  text of `main.c`, for instance from `example_c`
 
@@ -84,16 +84,16 @@ def example_c(
 ) -> str:
     """Text of a `main.c` that integrates the model and prints time and coordinates, step by step.
 
-    The method is the classical Runge-Kutta method of order 4 with a fixed step. Nothing is projected back
-    onto the constraints, so they hold as closely as the step size allows.
+    The method is the classical Runge-Kutta method of order 4 with a fixed step. States are not projected
+    onto the constraints: the violation depends on the step size.
 
     Parameters
     ----------
-    rhs                      (q, v, p, t) -> (qdot, vdot), or (q, v, s, p, t) -> (qdot, vdot, sdot); it must
-                             be written under the key "rhs"
+    rhs                      (q, v, p, t) -> (qdot, vdot), or (q, v, s, p, t) -> (qdot, vdot, sdot); its key
+                             must be "rhs"
     q, v, s                  start: coordinates, velocities, first-order states, (n_q,), (n_v,), (n_s,)
     parameters               name -> value, in the order of the vector p
-    coordinates              a name for each entry of q, heads of the columns
+    coordinates              a name for each entry of q: the heads of the columns
     t0, t1                   first and last time [s]
     steps                    number of steps, which is one less than the number of rows printed
     name                     as in `save_c`
@@ -164,7 +164,7 @@ def _layout(name: str, pattern: ca.Sparsity) -> str:
 
 
 def _numbers(labelled: Iterable[tuple[str, float]]) -> str:
-    """The inside of a C array, one labelled number a line; C has no empty arrays."""
+    """The numbers of a C array, one in a line with its label. An empty array gets a zero, because C has none."""
     return "\n".join(f"    {float(value)!r}, /* {label} */" for label, value in labelled) or "    0.0"
 
 

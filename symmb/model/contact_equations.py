@@ -1,12 +1,12 @@
-"""Closed contacts in the equations of motion, and what the instant of an impact needs.
+"""The equations of motion with closed contacts, and the equations of an impact.
 
 With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces along them,
 
     M B + G' L = W',    G B = 0,    D = W B,
 
-the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P. Which
-contacts are closed is told by states c of 0 and 1: (c D c + 1 - c) f = -c (W v'_free + zeta) is 0 for open ones, so
-that one set of equations serves all combinations.
+the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P.
+States c of 0 and 1 tell which contacts are closed. By (c D c + 1 - c) f = -c (W v'_free + zeta) the forces in open ones
+are 0, so that one set of equations holds for all combinations.
 """
 
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ class Impacts:
     Attributes
     ----------
     names : tuple of n str
-    closed : (n,) indices       of the states s that tell which contacts are closed
+    closed : (n,) indices       of the states s for closed contacts
     gaps                        -> gaps (n,) and their rates (n,)
-    forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), sizes
-                                of the terms that these are sums of (n,), and what inertia they meet 1 / D_kk (n,)
+    forces                      -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the
+                                sizes of the terms in these sums (n,), and effective inertias 1 / D_kk (n,)
     impulses                    -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
-    project                     -> q (n_q,), v (n_v,) moved least in the norm of M so that closed gaps and their rates
-                                vanish
+    project                     -> q (n_q,), v (n_v,) after the least change in the norm of M that makes closed gaps
+                                and their rates 0
     """
 
     names: tuple[str, ...]
@@ -88,7 +88,7 @@ class Contacts:
 
     @property
     def power(self) -> ca.SX:
-        """Of the forces in closed contacts [W]: those on what moves by a law of time do work."""
+        """Power of the forces in closed contacts [W]: they do work on bodies that move by a law of time."""
         return -ca.dot(self.force, self.at_rest)
 
     def compiled(self, retract: ca.Function) -> Impacts:

@@ -1,4 +1,4 @@
-"""The DAE bundle: what solvers get. It knows no coordinates by name, and it pickles, which SX does not."""
+"""The DAE bundle for solvers: compiled functions, which unlike SX expressions can be pickled."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from symmb.symbolic import symmetric_solver, t
 
 @dataclass(frozen=True)
 class Scales:
-    """How large lengths, masses and rows of constraints are, so that solvers need not know in what units.
+    """Typical sizes of lengths, energies and rows of constraints. They make solvers independent of units.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Scales:
 
     @property
     def size(self) -> float:
-        """What absolute tolerances are multiplied with: the length, but at most 1."""
+        """Factor of absolute tolerances: the length, but at most 1."""
         return min(1.0, self.length)
 
 
@@ -63,14 +63,14 @@ class DAE:
     min_norm_correction  (..., r) -> delta (n_v,): least displacement in the norm of M with G delta = r
     energy                 -> T, V [J]
     power                  (..., lam) -> power of forces without potential and of drives [W]
-    distribute_multipliers  (..., lam) -> multipliers of all rows of the system: of those with the same effect the ones
-                           of least norm; where redundant rows are left out
+    distribute_multipliers  (..., lam) -> multipliers of all rows of the system: the ones of
+                           least norm with the same effect; only if redundant rows are left out
     retract                (q, delta) -> q moved by delta
-    assembly_cosines  (q, p) -> cosines of the joints, 1 in the meant assembly
+    assembly_cosines  (q, p) -> cosines of the joints, 1 in the intended assembly
     s_start                (q, p) -> start of the first-order states
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
     impacts : Impacts      gaps that close, and velocities that jump then
-    scales : Scales        of the motion; 1 as long as nothing is known of it
+    scales : Scales        of the motion; 1 if they are unknown
     """
 
     q_names: tuple[str, ...]
@@ -154,13 +154,13 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
 
-        With impacts, what their instants need is written in the place of the main program, whose steps know no events.
+        With impacts, the functions of their equations are written instead of the main program, which has no events.
 
         Parameters
         ----------
-        folder : path                   made if it is not there
-        start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): what the main
-                                        program integrates; default: neutral coordinates at rest, nominal
+        folder : path                   it is created if it does not exist
+        start : mapping, optional       "q" (n_q,), "v" (n_v,), "s" (n_s,), "p" (n_p,), "times" (n_t,): the main
+                                        program integrates it; default: neutral coordinates at rest, nominal
                                         parameters, one second
 
         Returns
@@ -240,13 +240,13 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
 
 
 _OPTIONAL = ("Phi", "Phi_q", "Phi_t", "Phi_dot", "G", "gamma", "min_norm_correction", "power", "distribute_multipliers")
-"""Functions that a DAE has only if the scene needs them."""
+"""Functions that only some scenes need."""
 
 
 def _equations_of_motion(
     system: System, contacts: Contacts | None, all_rows: ca.SX, rows: Sequence[int] | None
 ) -> dict[str, ca.Function | None]:
-    """The Functions of the states, by name: those that the scene needs."""
+    """The Functions of the states that the scene needs, by name."""
     lam = ca.SX(system.lam)
     right = ca.SX.sym("gamma", lam.numel())
     solve = system.solve if contacts is None else contacts.solve
@@ -285,9 +285,9 @@ def _equations_of_motion(
 def _functions(
     states: list[tuple[str, ca.SX]], outputs: dict[str, dict[str, ca.SX]], extra: dict[str, tuple[str, ca.SX]]
 ) -> dict[str, ca.Function | None]:
-    """A Function of the states, and of what some take besides, for each dictionary of outputs.
+    """A Function of the states, and of additional inputs, for each dictionary of outputs.
 
-    Common expressions are found once for all of them: most have the factors of M in common.
+    Common expressions are searched once for all of them: most share the factors of M.
     """
     reduced = iter(ca.cse([e for parts in outputs.values() for e in parts.values()]))
     functions: dict[str, ca.Function | None] = {}
@@ -299,11 +299,11 @@ def _functions(
 
 
 def _distribute_multipliers(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
-    """Least multipliers (n_r,) of all rows of G with the effect of lam (k,) on some that are independent."""
+    """Multipliers (n_r,) of all rows of G of least norm, with the same effect as lam (k,) on independent rows."""
     numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
     independent, dependent = G[numbers, :], G[others, :]
     solve = symmetric_solver(independent @ independent.T)
-    # left = C kept: lam is what [1; C]' makes of all multipliers, the least of which are [1; C] (1 + C'C)^-1 lam.
+    # The rows left out are C times those kept, so lam = [1; C]' all; the least norm has [1; C] (1 + C'C)^-1 lam.
     C = ca.horzcat(*[solve(independent @ dependent[i, :].T) for i in range(len(others))]).T
     of_left = symmetric_solver(ca.SX.eye(len(others)) + C @ C.T)(C @ lam)
     every = ca.SX(G.shape[0], 1)
@@ -318,7 +318,7 @@ def _is_scalar_part(system: System, name: str) -> bool:
 
 
 def _retract(system: System, delta: ca.SX) -> ca.SX:
-    """The retraction of all bodies; coordinates that were left out of a particle simply are not there."""
+    """The retraction of all bodies. It leaves out the coordinates that their particles do not have."""
     c = system.collected
     out, at_q, at_v = [], 0, 0
     for body, n_v in zip(c.bodies, c.block_sizes, strict=True):

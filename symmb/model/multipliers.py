@@ -7,7 +7,7 @@ from symmb._names import did_you_mean
 
 
 class Multipliers(ca.SX):
-    """All multipliers as one SX vector; called with the name of a joint, those of that joint."""
+    """All multipliers as one SX vector. A call with the name of a joint gives those of the joint."""
 
     rows: dict[str, slice]
 
@@ -18,7 +18,7 @@ class Multipliers(ca.SX):
 
 
 class Reaction:
-    """Reaction on the body of a joint's second point, there, in world axes: force (3,) [N], torque (3,) [N m]."""
+    """Reaction on the second body of a joint, at its point, in world axes: force (3,) [N], torque (3,) [N m]."""
 
     def __init__(self, force: ca.SX, torque: ca.SX) -> None:
         self.force, self.torque = force, torque

@@ -1,4 +1,4 @@
-"""A scene: a system with its start, its times, what is looked at, and which parameters are uncertain."""
+"""A scene: a system with its start, output times, outputs and uncertain parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,22 +30,22 @@ class Prescribed:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """A system together with what is asked of it.
+    """A system with its start, output times, outputs and uncertain parameters.
 
     Parameters
     ----------
     system : System
     start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> number or expression of parameters;
-                           these hold exactly, the others follow from Phi = 0 and its rate, free velocities are 0
+                           they hold exactly. The others follow from Phi = 0 and its rate. Free velocities are 0
     times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
                            coordinates and velocities
     box : Box              intervals of the uncertain parameters
-    guess : mapping        first guesses for coordinates not listed in start; they pick the assembly branch. Modes of
-                           flexible bodies start undeformed and at rest unless listed in start or, to follow, here
+    guess : mapping        first guesses for coordinates that are not listed in start: they select the assembly. Modes
+                           of flexible bodies start undeformed and at rest, unless they are listed in start or here
     name : str             for tables and files
-    equilibrium : bool     start where all forces balance: coordinates that are not listed in start, modes included, are
-                           solved for so that nothing moves, at every parameter value anew
+    equilibrium : bool     start in static equilibrium: coordinates that are not listed in start, modes included, are
+                           solved for, anew for each parameter value
 
     Raises
     ------
@@ -65,7 +65,7 @@ class Scene:
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
         attempts = [lambda: self.prescribed, lambda: self.guesses]
-        if not untimely:  # what moves uniformly needs the start time
+        if not untimely:  # coordinates that move uniformly need the start time
             attempts.append(lambda: self._bound_outputs)
         for attempt in attempts:
             try:
@@ -90,7 +90,7 @@ class Scene:
 
     @cached_property
     def prescribed(self) -> Prescribed:
-        """The start as listed; modes of flexible bodies are at rest and undeformed unless a guess sets them free."""
+        """The listed start. Modes of flexible bodies are at rest and undeformed, unless a guess is given for them."""
         return _with_modes(self, _resolve(self.system, self.start, "start"))
 
     @cached_property
@@ -136,7 +136,7 @@ class Scene:
         return ca.vertcat(*self._bound_outputs.values()) if self._bound_outputs else ca.SX(0, 1)
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
-        """Any expression of the scene as SX of q, v, v', s, lam, p and t; untouched coordinates move uniformly."""
+        """Any expression of the scene as SX of q, v, v', s, lam, p and t. Decoupled coordinates move uniformly."""
         bound = self.system.bind(expression, what, also=self.system.solved_hashes)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.decoupled:

@@ -1,4 +1,4 @@
-"""What a system has and what fell away, in words."""
+"""A system in words: what it has, and what was left out."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -21,11 +21,11 @@ def system_text(
     Phi_t: ca.SX,
     power: ca.SX,
 ) -> str:
-    """A few lines: bodies, sizes, the structure of M, and what the scene does without.
+    """A few lines: bodies, sizes, the structure of M, and parts that were left out.
 
     Parameters
     ----------
-    c, elements, parameters          what was declared
+    c, elements, parameters          equations, elements and parameters
     M : (n_v, n_v)                   mass matrix, with the sizes of its diagonal blocks
     Phi_t : (n_c, 1)                 partial time derivative of the position rows
     power : scalar                   power of the forces without potential [W]

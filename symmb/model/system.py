@@ -1,4 +1,4 @@
-"""The equations of motion of a system of bodies, constraints and forces, derived when they are asked for.
+"""The equations of motion of a system of bodies, constraints and forces. Each part is derived at its first use.
 
     M(q, p) v' + G' lam = Q(q, v, p, t)          q' = N(q) v
     Phi(q, p, t) = 0                             positions
@@ -7,7 +7,8 @@
 
 q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
 multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in
-body axes. M is block-diagonal, a block for each body. What a scene does not have is not there: `print(system)` tells.
+body axes. M is block-diagonal, a block for each body. Parts that a scene
+does not need are left out: `print(system)` lists them.
 """
 
 import itertools
@@ -34,7 +35,7 @@ class System:
 
     Parameters
     ----------
-    *elements : Body, Constraint, ForceElement or Impact, in the order in which coordinates and rows shall stand
+    *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
     parameters : Parameters
 
     Raises
@@ -58,15 +59,15 @@ class System:
         self.collected: Collected = collect(self.elements, self.parameters)
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
-        """A copy that also integrates the given first-order states, which outputs ask for."""
+        """A copy with additional first-order states, which outputs need."""
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected = self.collected.with_states(states)
-        copy.lam, copy.vdot = self.lam, self.vdot  # the outputs may hold these very symbols
+        copy.lam, copy.vdot = self.lam, self.vdot  # outputs may contain these symbols
         return copy
 
     def keeping(self, rows: Sequence[int]) -> "System":
-        """A copy with the constraint rows of these numbers only, and multipliers of its own."""
+        """A copy with some constraint rows only, given by their numbers, and new multipliers."""
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected = self.collected.keeping(rows)
@@ -74,7 +75,7 @@ class System:
 
     @property
     def bind(self) -> Binding:
-        """Turns expressions of the system's symbols (numbers, SX or SymPy) into SX; all symbols must be known."""
+        """Converts expressions of the system's symbols (numbers, SX or SymPy) into SX. All symbols must be known."""
         return self.collected.bind
 
     @property
@@ -123,7 +124,7 @@ class System:
 
     @cached_property
     def solved_hashes(self) -> frozenset[int]:
-        """Hashes of multipliers and accelerations, by which outputs that contain some are known."""
+        """Hashes of multipliers and accelerations: they identify outputs that contain some."""
         return frozenset(s.element_hash() for s in ca.vertsplit(ca.vertcat(ca.SX(self.lam), self.vdot)))
 
     def ddt(self, expression: Expr) -> ca.SX:
@@ -201,7 +202,7 @@ class System:
 
     @cached_property
     def gamma(self) -> ca.SX:
-        """Right side of G v' = gamma, (n_c + n_psi,): what the rates of the rows change by without accelerations."""
+        """Right side of G v' = gamma, (n_c + n_psi,): minus the change of the rows' rates without accelerations."""
         along_s = ca.jtimes(self.Phi_dot, self.s, self.s_rate) if self.s.numel() else 0
         return ca.densify(-(ca.jtimes(self.Phi_dot, self.q, self.qdot) + along_s + ca.jacobian(self.Phi_dot, t)))
 
@@ -229,7 +230,7 @@ class System:
     def power(self) -> ca.SX:
         """Power of forces without potential, of drives, and of mass that joins or leaves [W], in q, v, s, lam, p, t.
 
-        What joins a body, or leaves it, has the body's own velocity: M v' = Q holds as it stands.
+        Mass that joins a body, or leaves it, has the velocity of the body, so that M v' = Q holds.
         """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
         M = self.collected.M_flow
@@ -271,7 +272,7 @@ class System:
 
     @cached_property
     def positive(self) -> tuple[tuple[str, ...], ca.Function]:
-        """What must be above 0, masses and lengths: names (n,) and a Function p -> values (n,)."""
+        """Masses and lengths, which must be above 0: names (n,) and a Function p -> values (n,)."""
         names, values = zip(*self.collected.positive, strict=True) if self.collected.positive else ((), ())
         return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(*values) if values else ca.SX(0, 1)])
 

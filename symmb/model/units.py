@@ -1,4 +1,4 @@
-"""Units of outputs, where the expression shows them."""
+"""Units of outputs, as far as they follow from the expression."""
 
 import casadi as ca
 
@@ -7,13 +7,13 @@ from symmb.symbolic import lookup, symbols_in
 _UNITS = {"x": "m", "y": "m", "z": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "vz": "m/s", "omega": "rad/s"}
 _UNITS |= {f"omega_{c}": "rad/s" for c in "xyz"}
 _RATE = ".rate"
-"""End of the names of accelerations, which are symbols that only outputs know."""
+"""End of the names of accelerations, which are symbols in outputs only."""
 
 
 def unit_of(expression: ca.SX) -> str:
     """Unit of an expression with a coordinate, a velocity or an acceleration that has the factor 1 or -1, else ''.
 
-    Lengths come before angles: in x + l sin(theta) it is x that tells.
+    Lengths have precedence over angles: x + l sin(theta) has the unit of x.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What can be wrong with a declaration: each function gives the faults of one kind, or raises those of one element."""
+"""Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
 
 from collections.abc import Sequence
 
@@ -26,7 +26,7 @@ from symmb.symbolic import is_zero
 
 
 def name_faults(elements: Sequence[object]) -> list[str]:
-    """Elements that are none, and names that are none or used twice."""
+    """Arguments that are no elements, and names that are invalid or used twice."""
     faults, names = [], set()
     for e in elements:
         if not isinstance(e, Body | Element):
@@ -51,7 +51,7 @@ def membership_faults(elements: Sequence[object]) -> list[str]:
             continue
         try:
             attached = e.bodies()
-        except AttributeError:  # a wrong kind of point, which the element's own faults tell
+        except AttributeError:  # a wrong kind of point, which is one of the element's own faults
             continue
         for body in attached:
             if isinstance(body, AbstractBody) and isinstance(body.owner, Body) and id(body.owner) not in known:
@@ -60,7 +60,7 @@ def membership_faults(elements: Sequence[object]) -> list[str]:
 
 
 def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
-    """Mass (scalar) and inertia (3, 3) of a body as SX; all that is wrong with them is raised at once."""
+    """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
     faults = []
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     if mass.numel() != 1:
@@ -95,7 +95,7 @@ def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:
 
 
 def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
-    """The rows that do not vanish; each must depend on a coordinate."""
+    """The rows that are not zero. Each must depend on a coordinate."""
     nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
     faults = []
     for row in nonzero:
@@ -112,7 +112,7 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
 
 
 def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
-    """The velocity-only rows that do not vanish; each must be linear in the velocities."""
+    """The velocity-only rows that are not zero. Each must be linear in the velocities."""
     rows = constraint.velocity_rows(bind)
     nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
     for row in nonzero:

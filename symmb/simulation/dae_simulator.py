@@ -37,29 +37,28 @@ S = TypeVar("S")
 NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 COMPILED_BLOCK = 1024
-"""Samples of a block for the engine: enough for its lanes on many cores. Small models whose trajectories nobody looks
-at take up to 8 times as many, so that a block lasts much longer than threads take to start. See
-tests/benchmarks/ensemble.py."""
+"""Samples of a block for the engine: enough for its lanes on many cores. Small models without trajectories take up to 8
+times as many, so that a block takes much longer than the start of threads. tests/benchmarks/ensemble.py"""
 
 
 class DAESimulator:
-    """Runs a scene for samples of its parameters. It compiles once, when it first runs, and it pickles.
+    """Runs a scene for samples of its parameters. It compiles once, at its first run, and it can be pickled.
 
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default: pilot runs choose it when it is first needed, mostly DormandPrince()
+    solver : Solver, optional      default: pilot runs choose it at its first use, mostly DormandPrince()
 
     Attributes
     ----------
     parameters : dict              name -> nominal value, in the order of the columns of P
     times : (n_t,) array           [s]
     outputs : tuple of str         names of the n_y outputs
-    units : tuple of str           of the outputs, '' where the expression does not show it
+    units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
-    reason : str                   why this solver, if none was given
-    setup_seconds : float          deriving, compiling and starting; asking for it builds what runs need
-    threads : int                  CasADi threads that samples are spread over; 1 in a copy sent elsewhere
+    reason : str                   why symmb chose this solver, if none was given
+    setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
+    threads : int                  CasADi threads for samples; 1 in a pickled copy
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -92,12 +91,12 @@ class DAESimulator:
 
     def __getstate__(self) -> dict[str, Any]:
         self.prepare()
-        # Whoever gets a copy runs many of them side by side already.
+        # A pickled copy is one of many that run in parallel.
         return {**self.__dict__, "threads": 1}
 
     @property
     def solver(self) -> Solver:
-        """The solver; if none was given, pilot runs choose it when it is first needed."""
+        """The solver. If none was given, pilot runs choose it at its first use."""
         if self._solver is None:
             begin = time.perf_counter()
             pilots: dict[Solver, DAESimulator] = {}
@@ -120,11 +119,11 @@ class DAESimulator:
 
     @property
     def compiled(self) -> bool:
-        """Whether samples run in compiled lanes; a scene without states has nothing to integrate."""
+        """Whether samples run in compiled lanes. A scene without states is not integrated."""
         return self.solver.runs_in_lanes(self.dae) and self.y.numel_in(0) > 0
 
     def prepare(self) -> None:
-        """Build what runs need, if it is not built yet."""
+        """Prepare the runs, if they are not prepared yet."""
         if self.compiled:
             self.engine()
         else:
@@ -163,7 +162,7 @@ class DAESimulator:
         self._engines: dict[int, AnyEngine] = {}
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
-        """One run at the nominal parameters, and some next to them: one run may pass a singular position by luck."""
+        """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
         pilots[solver] = copy = self.solved_by(solver)
         copy.prepare()
         P = self.dae.p_nominal[None]
@@ -175,12 +174,12 @@ class DAESimulator:
         if copy.compiled and not message:
             shares = np.random.default_rng(0).uniform(-NEIGHBOUR_DISTANCE, NEIGHBOUR_DISTANCE, (NEIGHBOURS, P.shape[1]))
             ensemble = copy.run(P * (1 + shares))
-            late = ensemble.t_failed[~ensemble.ok] > self.times[0]  # others cannot be assembled by any solver
+            late = ensemble.t_failed[~ensemble.ok] > self.times[0]  # no solver can start the others
             message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
         return Pilot(message, steps, seconds, steps > MANY)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
-        """The compiled integration of the Taylor coefficients up to `order`, built when first asked for."""
+        """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
         solver, key = self.solver, (order, work)
         if key not in self._integrations:
             begin = time.perf_counter()
@@ -189,7 +188,7 @@ class DAESimulator:
         return self._integrations[key]
 
     def engine(self, order: int = 0) -> AnyEngine:
-        """The outputs, or their Taylor coefficients up to `order`, in compiled lanes; built when first asked for."""
+        """The outputs, or their Taylor coefficients up to `order`, in compiled lanes, built at the first use."""
         solver = cast(CompiledSolver, self.solver)
         if order not in self._engines:
             begin = time.perf_counter()
@@ -200,7 +199,7 @@ class DAESimulator:
         return self._engines[order]
 
     def run(self, P: Array) -> Samples:
-        """Run samples P (N, d); a sample that breaks down is nan from there on."""
+        """Run samples P (N, d). Outputs of a sample are nan after its failure."""
         with LOCK:
             P = np.ascontiguousarray(P, dtype=float)
             if self.compiled:
@@ -213,7 +212,7 @@ class DAESimulator:
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples block by block and keep only what the reduction keeps."""
+        """Run samples block by block, and reduce each block."""
         block = BLOCK
         if self.compiled:
             block = COMPILED_BLOCK * (1 if reduction.trajectories else max(1, min(8, 100 // self.y.numel_in(0))))
@@ -229,7 +228,7 @@ class DAESimulator:
         return batch(f, *arguments, threads=self.threads)[0].reshape(N, n_t, -1)
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), a larger run each.
+        """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), by larger runs.
 
         Raises
         ------
@@ -266,7 +265,7 @@ class DAESimulator:
         return kinks(self.dae)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """When the run at p0 (d,) has first met a kink or a jump that depends on its state [s], and which there are."""
+        """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
         with LOCK:
             if self._kinks is None or not self._kinks.on_state.any():
                 return None
@@ -278,11 +277,11 @@ class DAESimulator:
             return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
-        """All samples side by side with a fixed step: (i, Y_i (N, n_y)) for every output time.
+        """All samples in parallel with a fixed step: (i, Y_i (N, n_y)) for every output time.
 
         Raises
         ------
-        PropagationError       if the solver chooses its steps
+        PropagationError       if the solver controls its step
         """
         P = np.ascontiguousarray(P, dtype=float)
         x0, _ = self.start.states(P)

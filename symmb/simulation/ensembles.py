@@ -1,4 +1,4 @@
-"""Trajectories of many samples of a DAE, and the texts of those that failed."""
+"""Trajectories of many samples of a DAE, and messages of failed samples."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from symmb.start import Start, singularity
 
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
-"""Failed samples of a block whose joints are named: as many as are printed."""
+"""Failed samples of a block whose messages name joints: as many as are printed."""
 
 
 def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
@@ -58,7 +58,7 @@ def failure_texts(
 
 @dataclass(eq=False)
 class CompiledEnsemble:
-    """An Ensemble from the engine: it computes trajectories or extremes only when they are asked for."""
+    """An Ensemble from the engine. It computes trajectories or extremes at their first use."""
 
     dae: DAE
     start: Start
@@ -91,7 +91,7 @@ class CompiledEnsemble:
 
     @property
     def failed_samples(self) -> FailedSamples:
-        """What the engine tells of failed samples."""
+        """The failed samples of the engine."""
         if self._failed is None:
             _ = self.Y
         return cast(FailedSamples, self._failed)
@@ -108,7 +108,7 @@ class CompiledEnsemble:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """One text for each failed sample, in order."""
+        """A message for each failed sample, in order."""
         failed = self.failed_samples
         reasons = failed.reasons
         at_start = np.flatnonzero(self.t_failed == self.t_start)

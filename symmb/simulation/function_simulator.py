@@ -70,7 +70,7 @@ class FunctionSimulator:
             values = dict(zip(self.parameters, row.tolist(), strict=True))
             try:
                 result = self.f(**values)
-            except Exception as error:  # the function is foreign: whatever it raises is a failed run
+            except Exception as error:  # the function is the user's: any exception is a failed run
                 t_failed[i] = self.times[0]
                 messages.append(f"{type(error).__name__}: {error} ({_text(values)})")
                 continue
@@ -86,7 +86,7 @@ class FunctionSimulator:
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run P (N, d) in about 64 blocks, so that a few slow runs spread over many workers."""
+        """Run P (N, d) in about 64 blocks, so that many workers share slow runs."""
         return stream(self, P, reduction, executor, progress, block=1 + len(P) // 64)
 
     def _shaped(self, result: Any) -> Array:

@@ -3,4 +3,4 @@
 from threading import RLock
 
 LOCK = RLock()
-"""CasADi's reference counts are not atomic: Python threads take turns. CasADi's own threads do the work."""
+"""CasADi's reference counts are not atomic: one Python thread at a time calls CasADi. CasADi's own threads compute."""

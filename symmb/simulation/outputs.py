@@ -32,6 +32,6 @@ def jet_outputs(y: ca.Function, order: int) -> ca.Function:
     P = [ca.SX.sym(f"p_{j}", n_p) for j in range(order + 1)]
     t = ca.SX.sym("t")
     coefficients = ca.vertcat(*jets(y(X[0], P[0], t), [X, P]))
-    if order > 1:  # the line of parameters has no higher coefficients
+    if order > 1:  # parameters p_0 + p_1 eps have no higher coefficients
         coefficients = ca.substitute(coefficients, ca.vertcat(*P[2:]), ca.SX.zeros(n_p * (order - 1)))
     return ca.Function("jets", [ca.vertcat(*X), ca.vertcat(*P[:2]), t], [coefficients], {"cse": True})

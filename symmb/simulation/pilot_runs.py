@@ -1,4 +1,4 @@
-"""Runs of a scene by one solver after another, and whether they can be trusted."""
+"""Runs of a scene by several solvers, and checks of their results."""
 
 import time
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ POSITION_DRIFT, ENERGY_DRIFT, SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
 singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
 STIFFNESS_SAMPLES = 5
-"""Output times at which the stiffness of a run is judged."""
+"""Output times at which stiffness is estimated."""
 
 
 class PilotRuns:
@@ -26,9 +26,9 @@ class PilotRuns:
     Attributes
     ----------
     simulator : DAESimulator
-    solver, reason              the solver that was given or that the scene needs, and why; None if it is to be chosen
+    solver, reason              the given or the required solver, and the reason; None if it is to be chosen
     p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
-    start_fault : str           why the scene does not start; empty if it does
+    start_fault : str           why the scene cannot start; empty if it can
     text : str                  the parameters as text
     done : dict                 solver -> its run and trajectory
     """
@@ -73,7 +73,7 @@ class PilotRuns:
         return Pilot(run.message, counts.get("steps", 0), seconds, False)
 
     def judge(self, solver: Solver) -> Pilot:
-        """Run by a solver, and say what speaks against the result."""
+        """Run by a solver, and return what is wrong with the result."""
         pilot = self.run(solver)
         run, trajectory = self.done[solver]
         if pilot.message:
@@ -83,7 +83,7 @@ class PilotRuns:
             return replace(pilot, doubt=f"drifts off its constraints by {drift:.0e} of its size")
         singularity = trajectory.singularity
         if trajectory.energy_drift > (SINGULAR_ENERGY_DRIFT if singularity else ENERGY_DRIFT):
-            # Where positions are singular branches of the motion meet, and a solver may have taken another one.
+            # Branches of the motion meet in singular positions: the solver may have taken another one.
             where = f"{singularity}, " if singularity else ""
             return replace(pilot, doubt=f"{where}energy drifts by {trajectory.energy_drift:.0e}")
         return replace(pilot, slow=pilot.steps > MANY and self.is_stiff_along(run.X))

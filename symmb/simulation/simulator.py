@@ -1,4 +1,4 @@
-"""What the uncertainty side knows of a simulation: parameters in, trajectories out, block by block.
+"""The interface between bounding methods and simulations: parameters in, trajectories out, block by block.
 
 A simulator runs samples in blocks whose limits depend on the sample index alone. A reduction turns each
 block into a small state, and the states are merged in block order. So the result is the same to the last
@@ -18,14 +18,14 @@ from symmb._types import Array, Executor, Indices, Mask
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
-"""Called with the number of samples done and the number of all."""
+"""Called with the number of finished samples and the number of all."""
 
 BLOCK = 128
-"""Samples a block: large enough for batched loops, small enough for 12 outputs x 1001 times to take 12 MB."""
+"""Samples of a block: enough for vectorised loops, few enough that 12 outputs x 1001 times take 12 MB."""
 
 
 class Samples(Protocol):
-    """Trajectories of N samples at n_t times, computed when they are asked for; see `Ensemble`."""
+    """Trajectories of N samples at n_t times, computed at their first use. See `Ensemble`."""
 
     @property
     def Y(self) -> Array: ...
@@ -54,7 +54,7 @@ class Ensemble:
     Y : (N, n_t, n_y) outputs, nan from the first invalid time on where a sample failed
     ok : (N,) bool
     t_failed : (N,) time at which a sample failed [s], nan where ok
-    messages : one text for each failed sample, in order
+    messages : a message for each failed sample, in order
     events : (N, n_t) numbers of events up to each time, between which responses are smooth; None where there are none
     """
 
@@ -72,14 +72,14 @@ class Ensemble:
 
 @dataclass(frozen=True)
 class Reduction(Generic[S]):
-    """How trajectories become a small state; picklable if its three functions are.
+    """A reduction of trajectories to a small state. It can be pickled if its functions can.
 
     Attributes
     ----------
     init : () -> state of no samples
     update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
     merge : (state, state) -> state of both, the first one with the lower sample numbers
-    trajectories : whether ``update`` looks at ``block.Y``; without, blocks may be larger
+    trajectories : whether ``update`` uses ``block.Y``; without it, blocks may be larger
     """
 
     init: Callable[[], S]
@@ -89,7 +89,7 @@ class Reduction(Generic[S]):
 
 
 class Simulator(Protocol):
-    """Anything that turns parameter samples into trajectories: symbolic model, function, external program."""
+    """A source of trajectories for parameter samples: a symbolic model, a function, an external program."""
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -113,7 +113,7 @@ class Simulator(Protocol):
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples P (N, d) block by block and keep only what ``reduction`` keeps."""
+        """Run samples P (N, d) block by block, and reduce each block."""
         ...
 
 
@@ -131,13 +131,13 @@ class Kinked(Protocol):
     """Capability: whether a run meets kinks or jumps of its equations, beyond which expansions do not hold."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """When the run at p0 (d,) has first met one [s], and which there are."""
+        """Time at which the run at p0 (d,) first meets one [s], and their names."""
         ...
 
 
 @runtime_checkable
 class March(Protocol):
-    """Capability: all samples advanced side by side from one output time to the next."""
+    """Capability: all samples advance in parallel from one output time to the next."""
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """Pairs (i, Y_i (N, n_y)) for the times i = 0 ... n_t - 1; rows of failed samples are nan."""
@@ -173,10 +173,10 @@ def stream(
     ----------
     simulator : picklable if the executor runs in other processes
     P : (N, d) parameter values
-    reduction : what to keep
+    reduction : of each block
     executor : anything with an ordered ``map``; None runs here
-    progress : called after each block with samples done and all
-    block : samples a block; must not depend on the executor
+    progress : called after each block with the finished samples and all
+    block : samples of a block; must not depend on the executor
 
     Raises
     ------
@@ -226,7 +226,7 @@ def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indic
 
 
 def _append(state: tuple[Ensemble, ...], block: Samples, indices: Indices) -> tuple[Ensemble, ...]:
-    # What another process computed on request must be computed there.
+    # Trajectories must be computed in the process that runs the block.
     return (*state, Ensemble(block.Y, block.ok, block.t_failed, block.messages, block.events))
 
 

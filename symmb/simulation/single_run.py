@@ -30,10 +30,10 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-    solver : Solver            default CVODES(), for stiff scenes CVODES(stiff=True), where these break down that with
-                               AugmentedLagrangian(), with Impacts EventDriven(); `trajectory.reason` tells why
-    parameters : mapping       values in the place of nominal ones
-    times, outputs             in the place of the scene's own
+    solver : Solver            default: CVODES(); CVODES(stiff=True) for stiff scenes; CVODES with AugmentedLagrangian()
+                               if these fail; EventDriven() with impacts. `trajectory.reason` gives the reason
+    parameters : mapping       values instead of the nominal ones
+    times, outputs             instead of those of the scene
 
     Returns
     -------
@@ -80,7 +80,7 @@ def simulate(
 
 
 def _parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
-    """Nominal values, and others in their place."""
+    """Nominal values, of which some are replaced."""
     nominal = scene.system.parameters
     for name, value in changes.items():
         if name not in nominal:
@@ -91,7 +91,7 @@ def _parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, f
 
 
 def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str) -> str:
-    """What stopped a run, where, and what else may be the cause."""
+    """The reason why a run failed, its place, and possible causes."""
     run, trajectory = runs.done[solver]
     near = trajectory.singularity
     parts = [

@@ -1,4 +1,4 @@
-"""Which solver a scene gets when none is given, by pilot runs, and why."""
+"""Choice of the solver by pilot runs, with its reason, if none is given."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
 _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
-"""What goes on through singular positions if nothing is stiff."""
+"""The solver that passes singular positions of scenes that are not stiff."""
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """A run at the nominal parameters: what stopped it, steps, run time [s], why others may be faster, or better."""
+    """A run at the nominal parameters: why it failed, steps, run time [s], why others may be faster or better."""
 
     message: str
     steps: int
@@ -26,7 +26,7 @@ class Pilot:
 
 
 class Candidates(NamedTuple):
-    """What a scene may be run by: the one tried first, what may be faster where that is slow, what else may finish."""
+    """Candidates for a scene: the first one, one that may be faster, and those that may not fail."""
 
     first: Solver
     implicit: Solver
@@ -34,14 +34,14 @@ class Candidates(NamedTuple):
 
 
 def for_studies() -> Candidates:
-    """Solvers of many runs."""
-    if not has_compiler():  # which Rosenbrock needs to control its step
+    """Candidates for many runs."""
+    if not has_compiler():  # Rosenbrock needs it to control its step
         return Candidates(DormandPrince(), *for_one_run(False)[1:])
     return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
 
 
 def for_one_run(stiff: bool) -> Candidates:
-    """Solvers of one run."""
+    """Candidates for one run."""
     implicit, through = CVODES(stiff=True), CVODES(stiff=True, stabilization=AugmentedLagrangian())
     if stiff:
         tighter, compiled = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince()) if has_compiler() else ()
@@ -50,7 +50,7 @@ def for_one_run(stiff: bool) -> Candidates:
 
 
 def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
-    """The solver by which pilot runs finish, the faster one where the first is slow; and why."""
+    """The solver with which pilot runs succeed, or the faster one if the first is slow, and the reason."""
     first, implicit, others = candidates
     run = pilot(first)
     if not (run.message or run.doubt):

@@ -1,4 +1,4 @@
-"""What a study is about: a scene is made a simulator, a simulator stays what it is."""
+"""The subject of a study: a scene, for which a simulator is made, or a simulator."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""The trajectory of one run, and what can be asked of it."""
+"""The trajectory of one run."""
 
 import csv
 import json
@@ -57,11 +57,11 @@ class Trajectory:
     ----------
     scene : Scene
     parameters : dict          values of this run
-    solver, reason : str       its text, and why it was taken if none was given
+    solver, reason : str       its text, and why symmb chose it if none was given
     t : (n_t,)                 times [s]
     x : (n_t, n_x)             states (q, v, s)
     work : (n_t,)              work of forces without potential, of drives and of impacts since the start [J]
-    statistics : dict          what the integrator counted, and what the start did
+    statistics : dict          counts of the integrator, and a report on the start
     setup_seconds, run_seconds : float
     events : tuple of Event    impacts, and contacts that close and open, in order
     """
@@ -155,7 +155,7 @@ class Trajectory:
 
     @cached_property
     def drift(self) -> Drift:
-        """How far the run is off its constraints."""
+        """Violation of the constraints."""
         dae, zero = self.simulator.start.dae, np.zeros(len(self.t))
         at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
         position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
@@ -164,7 +164,7 @@ class Trajectory:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The time closest to a singular position, if one is close: of outputs, or between if a run fails or drifts."""
+        """The time closest to a singular position, if one is close. It is between output times if a run fails or drifts."""
         dae, X, times = self.simulator.dae, self.x, self.t
         near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
         if near or dae.G is None or not (failed or self._drifts(_USUAL)):
@@ -238,7 +238,7 @@ class Trajectory:
         if not math.isfinite(longest):
             return []
         passes = "at most {:.2g} s, so that none passes over one"
-        if self._rtol is None:  # a fixed step is the user's
+        if self._rtol is None:  # the user chose the fixed step
             passes = "more than {:.2g} s may pass over one"
         return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
 
@@ -258,7 +258,7 @@ class Trajectory:
         return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
 
     def _doubt_line(self) -> list[str]:
-        """Drift by more than a tolerance explains; of energy: branches of a motion meet in singular positions."""
+        """A line on drift above the tolerance. Energy drifts also at singular positions, where branches meet."""
         length = self.simulator.dae.scales.length
         if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * length:
             return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
@@ -270,7 +270,7 @@ class Trajectory:
         return [f"  doubtful    {doubt}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
-        """The run as plain numbers and texts; what is not finite is None."""
+        """The run as numbers and texts. Numbers that are not finite are None."""
         return {
             "scene": self.scene.name,
             "times": self.t.tolist(),
@@ -287,7 +287,7 @@ class Trajectory:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write times and outputs: `.csv` as a table, `.npz` with states and multipliers as well, else JSON."""
+        """Write times and outputs: `.csv` as a table, `.npz` also with states and multipliers, others as JSON."""
         path = Path(path)
         if path.suffix == ".csv":
             with path.open("w", newline="", encoding="utf-8") as file:

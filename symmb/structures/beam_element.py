@@ -1,7 +1,7 @@
-"""The two-node beam element in space, Timoshenko's, of which Euler-Bernoulli's is the case without shear.
+"""The two-node Timoshenko beam element in space. Without shear it is that of Euler and Bernoulli.
 
-Its shapes are the static solutions of the element under forces at its ends, tapered or not, so that displacements of
-nodes under static loads there are exact. Of a uniform element they are the cubics of Hermite, or of Timoshenko.
+Its shapes are the static solutions of the element, tapered or not, under forces at its ends. Nodal displacements under
+static loads at nodes are therefore exact. For a uniform element the shapes are the cubics of Hermite, or of Timoshenko.
 
 References
 ----------
@@ -29,7 +29,7 @@ PLANES = ((1, 5, BENDING_XY, np.array([1, 1, 1, 1]), 1), (2, 4, BENDING_XZ, np.a
 class Line:
     """e elements in global axes, with 12 degrees of freedom each: three translations and three rotations a node.
 
-    Matrices take them to fields at the g Gauss points; lengths are already in `weights`.
+    Matrices map them to fields at the g Gauss points. `weights` contain the lengths.
     """
 
     weights: Array
@@ -49,7 +49,7 @@ class Line:
 def properties(ends: Array, xi: Array) -> Array:
     """(e, g, 6) area, Iy, Iz, J, shear_y, shear_z at xi (g,), between the values (e, 2, 6) at the ends.
 
-    What grows like a length runs linearly: √A and I^¼, which is exact for sections that stay similar.
+    √A and I^¼ are linear along the element, which is exact for similar sections.
     """
     power = np.array([2, 4, 4, 4, 2, 2])
     rigid = np.isinf(ends[:, :1])
@@ -76,7 +76,7 @@ def stretching(length: Array, whole: Array, nested: Array) -> tuple[Array, Array
 def bending(length: Array, nested: Array, nested_shear: Array) -> tuple[Array, Array, Array, Array]:
     """(e, g, 4) deflection, rotation, moment and shear force by (v1, θ1, v2, θ2).
 
-    The moment runs linearly between its values c at the ends, θ' = M/EI and v' = θ + V/κGA with V = -M'; the values
+    The moment is linear between its values c at the ends, θ' = M/EI and v' = θ + V/κGA with V = -M'; the values
     follow from the displacements of the second end.
     """
     h = length[:, None, None, None]

@@ -21,12 +21,12 @@ class Beam:
     Parameters
     ----------
     points : (p, 3)       corners of the axis through the sections' centroids [m]
-    section : Section     of the whole beam, or p of them, one at each corner: in between, √A and I^¼ run linearly,
-                          which is exact for sections that stay similar, a cone's say
+    section : Section     of the whole beam, or p of them, one at each corner: between them √A and I^¼ are
+                          linear, which is exact for similar sections, such as those of a cone
     material : Material   of the whole beam
     elements : int        elements between any two neighbouring corners
-    orientation : (3,)    the section's y axis is its part normal to the beam. The default is horizontal, z × axis, and
-                          y for a beam along z
+    orientation : (3,)    the section's y axis is the part of this vector normal to the beam. The default is horizontal,
+                          z × axis, and y for a beam along z
 
     Raises
     ------
@@ -116,7 +116,7 @@ class Beam:
 
 @dataclass(frozen=True, eq=False)
 class AxialForces:
-    """Axial forces in beams and what they pull at, for e elements with g Gauss points, the first e g samples."""
+    """Axial forces in beams and their effect, for e elements with g Gauss points, the first e g samples."""
 
     dofs: Indices
     """(e, 12)"""
@@ -130,10 +130,10 @@ class AxialForces:
     """(e, g, 2, 12) slopes in both planes by nodal displacements"""
 
     def forces(self, displacements: Array, loads: Array) -> Array:
-        """(e, g) axial forces [N] under loads (e g, 3) [N] on the samples, which are taken as linear along an element.
+        """(e, g) axial forces [N] under loads (e g, 3) [N] on the samples, which are assumed linear along an element.
 
-        What an element's own load adds to the uniform force follows from equilibrium: p₁ at its first end, -p₂ at its
-        second, the load's share of either.
+        The load of an element changes the uniform force by equilibrium: by p₁ at its first end and by -p₂ at its
+        second, the parts of the load at both ends.
         """
         along = np.einsum("ega,ea->eg", loads.reshape(len(self.axis), -1, 3), self.axis)
         first, second = (along @ (1 - XI))[:, None], (along @ XI)[:, None]
@@ -152,7 +152,7 @@ class Mesh:
 
 
 def mesh(beams: Sequence[Beam]) -> Mesh:
-    """Assemble beams; they are joined rigidly where their nodes coincide."""
+    """Assemble beams, which are rigidly joined where their nodes coincide."""
     from scipy.sparse import csc_array
 
     positions, numbering = _merged([beam.nodes() for beam in beams])

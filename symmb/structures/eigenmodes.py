@@ -1,4 +1,4 @@
-"""The lowest natural modes of a structure, by inverse iteration, so that stiff parts do not spoil them."""
+"""The lowest natural modes of a structure by inverse iteration, which stiff parts do not disturb."""
 
 from collections.abc import Callable
 from typing import Any
@@ -46,7 +46,7 @@ def factorized(K: Sparse) -> Callable[[Array], Array]:
 
 
 def definite(M: Sparse, K: Sparse) -> bool:
-    """Whether M is positive on what K strains least, up to rounding."""
+    """Whether M is positive on the least stiff displacements of K, up to rounding."""
     scale = stiffness_scale(K)
     stiff = (K.multiply(scale[:, None])).multiply(scale)
     massive = (M.multiply(scale[:, None])).multiply(scale)
@@ -55,13 +55,13 @@ def definite(M: Sparse, K: Sparse) -> bool:
 
 
 def stiffness_scale(K: Sparse) -> Array:
-    """Units in which the degrees of freedom are about equally stiff; those without stiffness are left as they are."""
+    """Units in which the degrees of freedom are about equally stiff, 1 for those without stiffness."""
     stiffness = K.diagonal()
     return 1 / np.sqrt(np.maximum(stiffness, 1e-12 * stiffness.max(initial=1e-300)))
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
-    """The factorization of A scaled, and its pivots. Diagonal ones only: their signs tell definiteness."""
+    """The factorization of the scaled A, and its pivots. Pivots stay on the diagonal: their signs show definiteness."""
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
 
@@ -81,10 +81,10 @@ def lowest(
     Parameters
     ----------
     K, M : (d, d)    sparse or dense; K positive semidefinite, singular for rigid motions only
-    axes : (d, d)    symmetric, tells apart the axes: modes of one frequency are turned to be eigenvectors of it, which
-                     makes them those along single axes where there are such
+    axes : (d, d)    symmetric, distinguishes the axes: modes of equal frequency are combined into its eigenvectors,
+                     which are modes along single axes where such exist
     rigid : (d, r)   the rigid motions, left out of the modes
-    count : int      how many; all below `below` where left out
+    count : int      number of modes; all below `below` if left out
     """
     d = K.shape[0]
     few = isinstance(K, np.ndarray) or d <= DENSE or (count is not None and count + SPARE > d // 4)
@@ -117,9 +117,9 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
 
 
 def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -> tuple[Array, Array]:
-    """Modes of large matrices in batches, each free of those before it, until one lies above all that is wanted.
+    """Modes of large matrices in batches, each orthogonal to those before it, until one is above the requested ones.
 
-    Lanczos' method sees one mode of a multiple frequency at a time; the next batch finds what it left out.
+    Lanczos' method finds one mode of a multiple frequency at a time. The next batch finds the others.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -130,7 +130,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
 
     def flexibility(f: Array) -> Array:
-        # Loads in balance need no support, so that any statically determinate one gives the elastic displacements.
+        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
         f = f - M @ (shapes @ (shapes.T @ f))
         x = np.zeros(d)
         x[free] = solve(f[free])
@@ -163,7 +163,7 @@ def _mass_orthonormal(X: Array, M: Sparse) -> Array:
 
 
 def _determinate(rigid: Array) -> Indices:
-    """Degrees of freedom that, once held, prevent the rigid motions and nothing else."""
+    """Degrees of freedom whose support prevents the rigid motions and nothing else."""
     from scipy.linalg import qr
 
     if not rigid.size:
@@ -173,7 +173,7 @@ def _determinate(rigid: Array) -> Indices:
 
 
 def _aligned(values: Array, X: Array, axes: Sparse) -> Array:
-    """Modes of one frequency turned among themselves so as to lie along single axes, where that is possible."""
+    """Modes of equal frequency combined into modes along single axes, where that is possible."""
     X = X.copy()
     starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > 1e-7 * values)
     for group in np.split(np.arange(len(values)), starts[1:]):

@@ -25,15 +25,15 @@ OWNER = "FiniteElements.modes"
 class FiniteElements:
     """A linear elastic structure, free in space: K u + M ü = f.
 
-    The degrees of freedom run node by node: three translations [m] and, if there are six a node, three small rotations
-    [rad], in the axes of the mesh. Make one with `FiniteElements.beams` or `FiniteElements.matrices`.
+    Each node in turn has three translations [m] and, if it has six degrees of freedom, three small rotations [rad], in
+    the axes of the mesh. `FiniteElements.beams` and `FiniteElements.matrices` create a structure.
 
     Parameters
     ----------
     positions : (k, 3)     nodes [m]
     K, M : (d, d)          stiffness and mass matrix, SciPy sparse, d = 3 k or 6 k
     samples : Samples      the point masses by which the inertia of the deformed body is integrated
-    axial : AxialForces    of beams: what geometric stiffening needs
+    axial : AxialForces    of beams, for geometric stiffening
     """
 
     positions: Array
@@ -46,8 +46,8 @@ class FiniteElements:
     def beams(cls, *beams: Beam) -> "FiniteElements":
         """A mesh of beams, joined rigidly where nodes coincide; the nodes are numbered along the beams in their order.
 
-        Two-node Timoshenko or Euler-Bernoulli elements with consistent masses, which hold the sections' rotary
-        inertia; inertia is integrated along the elements exactly.
+        Two-node Timoshenko or Euler-Bernoulli elements with consistent masses and the rotary inertia of the sections.
+        Inertia is integrated exactly along the elements.
 
         Raises
         ------
@@ -72,11 +72,11 @@ class FiniteElements:
     def matrices(
         cls, positions: npt.ArrayLike, K: Sparse | str | PathLike[str], M: Sparse | str | PathLike[str]
     ) -> "FiniteElements":
-        """A structure from elsewhere: node positions (k, 3) [m], stiffness and mass matrix.
+        """A structure from another program: node positions (k, 3) [m], stiffness and mass matrix.
 
         The matrices are arrays, SciPy sparse matrices or the paths of Matrix Market files, of size 3 k or 6 k, in the
         order that the class states, of the body free in space. Mass, centre of mass, inertia, S and G0 follow from M;
-        what is of first and second order in the deformation (J1, J2, G1), from node masses, the row sums of M.
+        the parts of first and second order in the deformation (J1, J2, G1) follow from node masses, the row sums of M.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class FiniteElements:
         return self.K.shape[0] // len(self.positions)
 
     def nearest(self, x: float, y: float, z: float = 0.0) -> int:
-        """Number of the node nearest to (x, y, z) [m]; the first of equals."""
+        """Number of the node nearest to (x, y, z) [m], the first of several."""
         return nearest(self.positions, (x, y, z))
 
     def with_mass(self, node: int, mass: float, inertia: npt.ArrayLike = 0.0) -> "FiniteElements":
@@ -103,7 +103,7 @@ class FiniteElements:
         Raises
         ------
         DeclarationError
-            If there is no such node, the mass is not above 0, or nodes without rotations shall carry inertia.
+            If there is no such node, the mass is not above 0, or the node has no rotations but the mass has inertia.
         """
         owner = "FiniteElements.with_mass"
         where = np.array(chosen((node,), len(self.positions), owner))
@@ -131,32 +131,32 @@ class FiniteElements:
         """Reduce the structure to a few mass-normalised modes.
 
         Without interfaces they are its natural modes. With interfaces they span the static shapes of unit motions of
-        those nodes and the natural modes with those nodes held, so that loads at interfaces deform the reduced body
-        statically as the whole one; the span is then brought to modes that are orthonormal in M.
+        these nodes and the natural modes with these nodes fixed. Static loads at interfaces then deform the reduced
+        body as the whole one. The modes of this span are orthonormal in M.
 
         Parameters
         ----------
         interfaces : nodes     where joints and forces act
         count : int            modes in all, the lowest ones; 0 is a rigid body. With interfaces there are 6 shapes a
-                               node (3 without rotations), less 6 if the body is free; what `count` leaves is filled
-                               with fixed-interface modes. If it leaves less than none, the highest of the reduced
-                               modes are dropped too, and static loads at interfaces are then answered approximately
-        cutoff : float         [Hz] take the modes below (with interfaces: the fixed-interface modes below, besides all
-                               shapes); with `count` as well, the lowest `count` of what there is
-        clamped : int          node where the body is fixed in its frame, whose origin lies there. The default leaves
-                               the body free in a frame that rides with it: the origin is the centre of mass, and the
-                               modes move neither it nor the angular momentum (S = 0, G0 = 0)
+                               node (3 without rotations), less 6 if the body is free; the
+                               others are fixed-interface modes. If `count` is smaller than the number of shapes, the
+                               highest reduced modes are left out, and static deformations are approximate
+        cutoff : float         [Hz] take the modes below it (with interfaces: the fixed-interface modes below it, and
+                               all shapes); with `count`, at most so many
+        clamped : int          node that is fixed in the frame of the body, and the origin of this frame. By default the
+                               body is free in a floating frame: its origin is the centre of mass, and the modes
+                               change neither this centre nor the angular momentum (S = 0, G0 = 0)
         damping : float, (n,)  modal damping ratio ζ, of all modes or of each
-        stiffening : bool      let beams that bend grow shorter, which needs a clamped node: all loads along them,
-                               centrifugal, of gravity or at their ends, then stiffen or soften them. Without it a fast
-                               rotor softens
+        stiffening : bool      beams shorten when they bend, which needs a clamped node: all loads along them
+                               (centrifugal, of gravity or at their ends) then stiffen or soften them. Without it a
+                               fast rotor becomes too soft
         planar : bool          only motion in the xy plane, for bodies whose pose is `Planar()`
 
         Raises
         ------
         DeclarationError
-            If no number of modes is given, the mesh has fewer, none lies below the cutoff, a node is unknown, the
-            interfaces or the clamped node do not hold the body, or stiffening is asked for what is not a clamped body
+            If no number of modes is given, the mesh has fewer, none is below the cutoff, a node is unknown, the
+            interfaces or the clamped node do not support the body, or the body with stiffening is not clamped or not
             of beams.
 
         References
@@ -207,7 +207,7 @@ class FiniteElements:
         nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
-        # Sizes beside which a value is but rounding: of the body, and of each mode.
+        # Sizes relative to which values are rounding: of the body, and of each mode.
         length, root = np.abs(placed).max(initial=0), np.sqrt(whole.mass)
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
         return Modes(
@@ -252,7 +252,7 @@ class FiniteElements:
         return (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
 
     def _axes(self) -> Sparse:
-        """Weights that tell motions along x, y and z apart."""
+        """Weights that distinguish motions along x, y and z."""
         from scipy.sparse import diags_array
 
         return diags_array(np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))).tocsc()

@@ -1,4 +1,4 @@
-"""How beams shorten as they bend: what stiffens them under the loads along them."""
+"""Foreshortening of beams in bending, which causes geometric stiffening."""
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from symmb.structures.mass_samples import Samples, Sparse
 def foreshortening(K: Sparse, free: Indices, samples: Samples, axial: AxialForces, X: Array) -> tuple[Array, Array]:
     """Second-order displacements Σ η_i η_j D[:, i, j] of degrees of freedom (d, n, n) and of samples (s, 3, n, n).
 
-    Bending by v and w draws the ends of an element together by ½ ∫ (v'² + w'²) dx. The structure, held where it is not
-    `free`, follows as if its elements were that much too short.
+    Bending by v and w shortens the distance of the ends of an element by ½ ∫ (v'² + w'²) dx. The structure, fixed where
+    it is not `free`, deforms as if its elements were shorter by this amount.
     """
     n, e = X.shape[1], len(axial.axis)
     bent = np.einsum("egpi,ein->egpn", axial.slopes, X[axial.dofs], optimize=True)
@@ -26,14 +26,14 @@ def foreshortening(K: Sparse, free: Indices, samples: Samples, axial: AxialForce
     D[np.ix_(free)[0][:, None], pairs[0], pairs[1]] = factorized(K[free][:, free])(loads[free][:, *pairs])
     D[:, pairs[1], pairs[0]] = D[:, pairs[0], pairs[1]]
     at = (samples.translation @ D.reshape(len(X), n * n)).reshape(len(samples.mass), 3, n, n)
-    # Displacements along an element are linear between its nodes; what bending draws in is not.
+    # Displacements along an element are linear between its nodes; foreshortening is not.
     within = np.einsum("gh,eh,ehij->egij", _PARTIAL, axial.weights, drawn) - np.einsum("g,eij->egij", XI, short)
     at[: e * XI.size] += np.einsum("ea,egij->egaij", axial.axis, within).reshape(e * XI.size, 3, n, n)
     return D, at
 
 
 def _partial() -> Array:
-    """(g, g): the share of each Gauss point's weight in integrals up to each other, exact for polynomials."""
+    """(g, g): weights of the Gauss points in integrals up to each Gauss point, exact for polynomials."""
     legendre = np.polynomial.legendre
     order = np.arange(XI.size)
     series = np.linalg.inv(legendre.legvander(2 * XI - 1, XI.size - 1))

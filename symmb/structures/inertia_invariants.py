@@ -24,7 +24,7 @@ class RigidInertia:
 
 
 def rigid_inertia(M: Array) -> RigidInertia:
-    """Of the (6, 6) mass matrix Rᵀ M R of unit rigid translations and rotations about the origin."""
+    """Rigid inertia from the (6, 6) mass matrix Rᵀ M R of unit rigid translations and rotations about the origin."""
     mass = np.trace(M[:3, :3]) / 3
     moment = M[:3, 3:]  # -m [c ×]
     center = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]]) / 2
@@ -37,8 +37,8 @@ def deformed_inertia(
     """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n), S2 (3, n, n) of point masses moving with X (d, n), from the origin.
 
     With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is that of
-    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is held constant. Second-order
-    displacements D (s, 3, n, n) of the masses add what is linear in them.
+    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is constant. Second-order
+    displacements D (s, 3, n, n) of the masses add linear terms.
     """
     s, n = len(samples.mass), X.shape[1]
     phi = (samples.translation @ X).reshape(s, 3, n)
@@ -59,5 +59,5 @@ def _inertia(moments: Array) -> Array:
 
 
 def cleaned(array: Array, size: float | Array) -> Array:
-    """The array with 0 where its values are but rounding beside their natural size."""
+    """The array with 0 where its values are rounding relative to their size."""
     return np.where(np.abs(array) <= ROUNDING * size, 0.0, array)

@@ -1,4 +1,4 @@
-"""Where the mass of a flexible body sits, and how it moves with the degrees of freedom."""
+"""The mass of a flexible body as point masses that move with the degrees of freedom."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
 
 
 def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_node: int) -> Samples:
-    """Samples that sit at nodes and move with their degrees of freedom."""
+    """Samples at nodes, which move with their degrees of freedom."""
     from scipy.sparse import csr_array
 
     def rows(first: int) -> Sparse:

@@ -1,4 +1,4 @@
-"""Stiffness and mass matrices from elsewhere: reading, checking, lumping."""
+"""Stiffness and mass matrices from other programs: reading, checks, lumped masses."""
 
 from os import PathLike
 

@@ -1,4 +1,4 @@
-"""Which displacements of a structure are kept: component mode synthesis after Craig and Bampton."""
+"""Reduction of a structure: component mode synthesis after Craig and Bampton."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ def reduced(
     K, M : (d, d)        sparse
     rigid : (d, r)       rigid motions, left out of the modes
     axes : (d, d)        see `lowest`
-    interface : (b,)     degrees of freedom whose unit motions are kept statically exact
+    interface : (b,)     degrees of freedom whose static shapes are exact
     count : int          modes in all
     below : float        bound of the fixed-interface modes' λ
     """
@@ -32,7 +32,7 @@ def reduced(
     inner = np.setdiff1d(np.arange(d), interface)
     K_ii, K_ib, M_ii = K[inner][:, inner], K[inner][:, interface].toarray(), M[inner][:, inner]
     static = -factorized(K_ii)(K_ib) if inner.size else K_ib
-    # A count below that of the interface shapes cuts them too; fixed-interface modes keep the rest accurate.
+    # A count below the number of interface shapes reduces these too. Fixed-interface modes improve the accuracy.
     shapes = b - rigid.shape[1]
     fixed = 0 if count is None else count - shapes if count >= shapes else count
     nothing = np.zeros((inner.size, 0))
@@ -51,7 +51,7 @@ def reduced(
     guyan = whole + K_ib.T @ static
     K_reduced[:b, :b] = (guyan + guyan.T) / 2
     motions = np.vstack([rigid[interface], np.zeros((len(values), rigid.shape[1]))])
-    # Of a single interface only rounding is left of the static stiffness, so that it does not tell the units.
+    # With a single interface the static stiffness is rounding, so that it does not determine the units.
     scale = np.concatenate([stiffness_scale(whole), 1 / np.sqrt(values)])
     basis, K_reduced, motions = basis * scale, K_reduced * np.outer(scale, scale), motions / scale[:, None]
     M_reduced, axes_reduced = basis.T @ (M @ basis), basis.T @ (axes @ basis)
@@ -60,7 +60,7 @@ def reduced(
 
 
 def chosen(nodes: Sequence[int], total: int, owner: str) -> list[int]:
-    """Node numbers, checked."""
+    """Checked node numbers."""
     for node in nodes:
         if isinstance(node, bool) or not isinstance(node, int | np.integer) or not 0 <= node < total:
             raise DeclarationError(

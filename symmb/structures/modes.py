@@ -1,4 +1,4 @@
-"""The modes of a flexible body: all that its equations of motion need, and the file that holds it."""
+"""The modes of a flexible body: all data of its equations of motion, and their file."""
 
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -40,7 +40,7 @@ class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
 
     In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
-    where D is how beams grow shorter as they bend, if that is asked for. With the frame's velocity v and angular
+    where D is the foreshortening of beams in bending, if it is requested. With the frame's velocity v and angular
     velocity ω in its own axes, the energies are
 
         T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
@@ -57,7 +57,7 @@ class Modes:
     J0 : (3, 3)                   inertia of the undeformed body about the frame's origin [kg m^2]
     J1 : (n, 3, 3)                its first derivative by η [kg^½ m]
     J2 : (n, n, 3, 3)             its second-order part [1], J2[i, j] = J2[j, i]
-    S, S2 : (3, n), (3, n, n)     first moment's parts by η [kg^½], [1/m]; S is 0 in a frame that rides with the body
+    S, S2 : (3, n), (3, n, n)     first moment's parts by η [kg^½], [1/m]; S is 0 in the floating frame
     G0, G1 : (3, n), (n, 3, n)    angular momentum about the origin of η̇ [kg^½ m], [1]
     stiffness : (n,)              ω_j² [1/s^2]
     damping : (n,)                2 ζ_j ω_j [1/s]
@@ -130,7 +130,7 @@ class Modes:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":
-        """Read what `save`, or any other program that keeps to the layout, has written.
+        """Read a file that `save` wrote, or another program in the same layout.
 
         Raises
         ------

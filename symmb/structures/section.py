@@ -76,13 +76,13 @@ class Section:
         return cls(b * h, b * h**3 / 12, h * b**3 / 12, J, kappa * b * h, kappa * b * h)
 
     def without_shear(self) -> "Section":
-        """The same section, rigid in shear: that of an Euler-Bernoulli beam."""
+        """The same section without shear deformation, for an Euler-Bernoulli beam."""
         return replace(self, shear_y=math.inf, shear_z=math.inf)
 
 
 @dataclass(frozen=True)
 class Material:
-    """Linear elastic, isotropic material.
+    """A linear elastic, isotropic material.
 
     Parameters
     ----------

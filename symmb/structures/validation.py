@@ -1,4 +1,4 @@
-"""What mesh data is made of: finite numbers, never symbols."""
+"""Checks of mesh data: finite numbers, no symbols."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ Shape = tuple[int | str, ...]
 
 
 def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
-    """A read-only copy of finite numbers in one of the shapes, where a letter is any one size, or of one number.
+    """A read-only copy of finite numbers in one of the shapes, where a letter stands for any size, or a scalar.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the trials of a scene mean, in a paragraph."""
+"""Advice on solvers from the trials of a scene."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -20,9 +20,9 @@ def advice(
     fastest: Stiffness,
     span: float,
 ) -> str:
-    """Which solver to take, what step the others bear, and what breaks the scene; errors by the key of a trial.
+    """The best solver, the largest steps of the others, and variants that fail; errors by the key of a trial.
 
-    What was left out for want of time says nothing.
+    Trials without time are left out.
     """
     trials, stress = ([t for t in some if t.reason != LEFT_OUT] for some in (trials, stress))
     good = sorted((t for t in trials if errors.get(t.key, 1.0) <= GOOD), key=lambda t: t.seconds)
@@ -83,7 +83,7 @@ def _stress(stress: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
     sentences = []
     for name in dict.fromkeys(trial.scene for trial in stress):
         some = [t for t in stress if t.scene == name]
-        # What errors are measured by has none of its own, and is the tightest.
+        # The reference has no error, and is the tightest.
         done = sorted((t for t in some if not t.reason and errors.get(t.key, 0.0) <= GOOD), key=lambda t: t.seconds)
         bad = dict.fromkeys(t.family for t in some if t not in done)
         if not done:

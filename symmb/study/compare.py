@@ -29,14 +29,14 @@ def compare(
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
-    methods : Method or several      default: several settings of each method that suits
+    methods : Method or several      default: several settings of each suitable method
     box : Box                        default: the scene's
-    reference : Method or Bounds     what errors are measured against; default: scanning at two resolutions, by a solver
-                                     ten times more accurate
-    solver : Solver                  of all methods, for a Scene; default: by a pilot run
-    times, outputs                   in the place of the scene's own
+    reference : Method or Bounds     for errors; default: scanning at two resolutions, with a ten times more accurate
+                                     solver
+    solver : Solver                  of all methods, for a Scene; default: chosen by pilot runs
+    times, outputs                   instead of those of the scene
     executor : anything with `map`   runs blocks of samples
-    progress : callable              told what runs, runs done, runs in all
+    progress : callable              called with the label of the work, the finished runs and all its runs
 
     Returns
     -------
@@ -44,7 +44,7 @@ def compare(
 
     Raises
     ------
-    DeclarationError                 if there is no box, or something is given that is no method, box or solver
+    DeclarationError                 if there is no box, or an argument is not a method, a box or a solver
     PropagationError                 if no method can run
 
     Examples

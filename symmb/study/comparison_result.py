@@ -24,25 +24,24 @@ if TYPE_CHECKING:
 class Comparison:
     """Bounds of one scene by several methods, measured against one reference.
 
-    `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not keep the
-    reference's cost, the solver's own error, `threads`, `repeats`, `units`, `reason` and what was said of failed runs:
-    they are left out then.
+    `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not contain the
+    cost of the reference, the error of the solver, `threads`, `repeats`, `units`, `reason` and messages of failed runs.
 
     Attributes
     ----------
-    scene, solver : str             names, as given
+    scene, solver : str             names
     times : (n_t,)                  output times [s]
     outputs : tuple of n_y names
     box : Box
     reference : Reference
-    rows : tuple[Row, ...]          the methods that ran, in the order asked for
-    not_run : tuple[NotRun, ...]    those that could not
+    rows : tuple[Row, ...]          the methods that ran, in the given order
+    not_run : tuple[NotRun, ...]    the methods that could not run
     setup_seconds : float or None   deriving and compiling [s]
     solver_error : (n_y,) or None   rms difference to a ten times tighter solver at the centre and at two
                                     opposite corners of the box, in the norm of `Score.error`
-    threads, repeats : int or None  how run_seconds was measured
-    units : tuple of n_y str        units of the outputs for the picture, '' where they are not known
-    reason : str                    why this solver, if symmb chose it
+    threads, repeats : int or None  for run_seconds
+    units : tuple of n_y str        units of the outputs, '' where they are not known
+    reason : str                    why symmb chose this solver, if it did
     """
 
     scene: str
@@ -83,7 +82,7 @@ class Comparison:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """The comparison as plain lists, texts and numbers, which are finite or None."""
+        """The comparison as lists, texts and numbers. Numbers that are not finite are None."""
         layout: dict[str, Any] = {
             "scene": self.scene,
             "times": self.times,
@@ -108,11 +107,11 @@ class Comparison:
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":
-        """Read what `save` wrote.
+        """Read a file of `save`.
 
         Raises
         ------
-        DeclarationError    if the file holds something else
+        DeclarationError    if the file has other contents
         """
         try:
             return cls._from_layout(json.loads(Path(path).read_text(encoding="utf-8")))
@@ -122,8 +121,8 @@ class Comparison:
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw bounds over time and error against run time; write the picture to `path` if given.
 
-        Bounds are shown for up to six outputs, those with the largest errors, by the most accurate setting of
-        each family of methods; the reference is the filled band.
+        Bounds are shown for the six outputs with the largest errors, by the most accurate setting of each family
+        of methods. The filled band is the reference.
         """
         reference = self.reference
         curves = [

@@ -1,4 +1,4 @@
-"""Results as JSON has them: arrays become nested lists, and numbers are finite or None."""
+"""Results as JSON: arrays become nested lists, and numbers are finite or None."""
 
 import math
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def to_jsonable(value: Any) -> Any:
-    """Nested mappings, sequences, arrays and numbers as JSON can write them.
+    """Nested mappings, sequences, arrays and numbers in the types of JSON.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Bound a simulator's responses by several methods and measure each: its error, its cost, what it covers."""
+"""Bounds by several methods, and their errors, run times and coverage."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ Progress = Callable[[str, int, int], None]
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
-    """Several settings of each method that suits the simulator: points of error-against-run-time curves."""
+    """Several settings of each suitable method: points of curves of error against run time."""
     methods = [method for entry in METHODS for method in entry.compared(len(box.names))]
     return tuple(method for method in methods if not method.requires or hasattr(simulator, method.requires))
 
@@ -54,16 +54,16 @@ def compare_simulator(
 
     Other Parameters
     ----------------
-    tighter : Simulator, optional   the same simulator at a tolerance ten times tighter, for the reference and
-                                    the solver's own error; without it the reference shares that error
+    tighter : Simulator, optional   the same simulator with a ten times tighter tolerance, for the reference and
+                                    the error of the solver; without it the reference has the same error
     scene, solver : str             names to print and to save
     setup_seconds : float           deriving and compiling [s]
-    threads : int                   number of threads that evaluations take in `simulator` and `executor`
-    progress : callable             called with what runs, runs done, runs in all
+    threads : int                   number of threads of `simulator` and `executor`
+    progress : callable             called with the label of the work, the finished runs and all its runs
 
     Raises
     ------
-    PropagationError    if none of the methods can run, or the reference cannot
+    PropagationError    if no method can run, or the reference cannot
     """
     if methods is None:
         methods = default_methods(simulator, box)

@@ -1,6 +1,6 @@
-"""How far bounds are off a reference: error, over, under and coverage, one number an output.
+"""Deviation of bounds from a reference: error, over, under and coverage, a number for each output.
 
-All are shares of the reference's width, except for an output that has none; see `zero_width`.
+All are relative to the width of the reference, except for an output without width, see `zero_width`.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """The reference bounds and their own uncertainty: what `Score` is measured with.
+    """The reference bounds and their uncertainty, with which a `Score` is computed.
 
     Parameters
     ----------
@@ -61,14 +61,13 @@ class Yardstick:
 
     @property
     def zero_width(self) -> npt.NDArray[np.bool_]:
-        """(n_y,) True where the output is the same at all points of the box: errors there are absolute."""
+        """(n_y,) True where the output is the same at all points of the box. Its errors are absolute."""
         return _largest(self.upper - self.lower) <= self._negligible
 
     def relative(self, deviation: Array) -> Array:
         """Root mean square of deviations (..., n_y) over that of the reference's width; (n_y,).
 
-        An output without width has no such share: its deviation is 0 up to 1e-9 of the output's scale
-        and absolute beyond.
+        The deviation of an output without width is 0 up to 1e-9 of the output's scale, and absolute above.
         """
         return _rms(self._counted(deviation)) / self._unit(_rms(self.upper - self.lower))
 
@@ -77,7 +76,7 @@ class Yardstick:
         return self.relative(np.stack([lower - self.lower, upper - self.upper]))
 
     def score(self, lower: Array, upper: Array, estimate: Array | None = None) -> Score:
-        """Measure bounds lower, upper (n_t, n_y); `estimate` (n_t, n_y) widens them to the outer ones."""
+        """Measure bounds lower, upper (n_t, n_y); `estimate` (n_t, n_y) gives the outer bounds."""
         outer_lower = lower if estimate is None else lower - estimate
         outer_upper = upper if estimate is None else upper + estimate
         outward = np.stack([self._counted(self.lower - lower), self._counted(upper - self.upper)])
@@ -101,7 +100,7 @@ class Yardstick:
         return np.where(self.zero_width, 1.0, size)
 
     def _counted(self, deviation: Array) -> Array:
-        """The deviations (..., n_y), without those that are none in an output without width."""
+        """The deviations (..., n_y), 0 for rounding in an output without width."""
         return np.where(self.zero_width & (np.abs(deviation) <= self._negligible), 0.0, deviation)
 
     def _share(self, amounts: Array) -> Array:

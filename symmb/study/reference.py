@@ -1,4 +1,4 @@
-"""The reference of a comparison: the best bounds at hand, how uncertain they are, and what they cost."""
+"""The reference of a comparison: the best available bounds, their uncertainty and their cost."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -26,9 +26,9 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference bounds, and what `Yardstick` needs to measure others with them.
+    """Reference bounds with their uncertainty.
 
-    In a comparison the default ones are joined by what the runs of all methods attained.
+    In a comparison the default reference includes the values that runs of all methods attained.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Reference:
     lower, upper : (n_t, n_y)
     uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
     evaluations, failed : int or None     runs, and how many failed; None if read from a file
-    seconds : float or None     run time [s]; None if given ready-made or read from a file
+    seconds : float or None     run time [s]; None if bounds were given or read from a file
     """
 
     method: str
@@ -53,7 +53,7 @@ class Reference:
         return Yardstick(self.lower, self.upper, self.uncertainty)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """With what runs attained elsewhere: it is at least as uncertain as they exceed it by."""
+        """With the values that other runs attained. The uncertainty is at least their distance from it."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -70,13 +70,13 @@ def find_reference(
 ) -> Reference:
     """Reference bounds of `simulator` over `box`.
 
-    Without `reference`, a grid of 2 m + 1 points a dimension holds another of m + 1; the change between their
-    bounds is the uncertainty. Beyond five parameters Sobol samples, 512 and 2048, take the grids' place,
-    joined by the vertices of the box as long as these are no more than 2000.
+    Without `reference`, the method is a scan of 2 m + 1 points in each dimension. The uncertainty is the difference to
+    the bounds from every second point, m + 1 in each dimension. With more than five parameters 2048 and 512 Sobol
+    samples replace the grids, with the vertices of the box if there are at most 2000.
 
     Parameters
     ----------
-    reference : Method or Bounds, optional      bounds known better; their `estimate` is the uncertainty
+    reference : Method or Bounds, optional      better bounds; their `estimate` is the uncertainty
 
     Raises
     ------
@@ -107,7 +107,7 @@ def find_reference(
 
 
 def _resolutions(n_p: int) -> list[Method]:
-    """The method at the coarser resolution, at the finer one, and what joins both."""
+    """The method at the coarser and at the finer resolution, and a method that joins both."""
     if n_p <= _GRID_DIMENSIONS:
         m = max(round((_RUNS ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]

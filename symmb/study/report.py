@@ -1,4 +1,4 @@
-"""A comparison as text: one aligned line a method, with what it was measured against."""
+"""A comparison as text: a line for each method, and the reference."""
 
 import textwrap
 from collections.abc import Iterable, Sequence
@@ -29,7 +29,7 @@ def not_run(methods: Iterable[NotRun]) -> list[str]:
 
 
 def failed(rows: Iterable[Row]) -> list[str]:
-    """What failed runs mean for the bounds, and where the first one broke down; nothing if all ran."""
+    """The effect of failed runs on the bounds, and the message of the first one; empty if none failed."""
     failing = [row for row in rows if row.failed]
     if not failing:
         return []
@@ -39,12 +39,12 @@ def failed(rows: Iterable[Row]) -> list[str]:
 
 
 def cautions(rows: Iterable[Row]) -> list[str]:
-    """One line for each method that does not hold all the time."""
+    """A line for each method that is not valid at all times."""
     return [wrapped(f"{row.name} is {row.caution}.") for row in rows if row.caution]
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
-    """One line for each output without width: whose bounds miss it, and by how much."""
+    """A line for each output without width: the methods whose bounds miss it, and their errors."""
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
@@ -63,7 +63,7 @@ def mean_and_worst(values: Array, yardstick: Yardstick, outputs: Sequence[str]) 
 
 
 def number(value: float) -> str:
-    """A share or an error with two digits, all of one width.
+    """A number with two digits and constant width.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def _percent(share: float) -> str:
 
 
 def _at_most(error: float, uncertainty: float) -> str:
-    """An error below the reference's own uncertainty is only known to be no larger than that."""
+    """An error below the uncertainty of the reference is only known to be at most this uncertainty."""
     return f"≤ {number(uncertainty)}" if error < uncertainty else number(error)
 
 

@@ -1,4 +1,4 @@
-"""One line of a comparison: a method, its cost, its bounds and their score."""
+"""A row of a comparison: a method, its cost, its bounds and their score."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class Row:
     estimate : (n_t, n_y) or None   the method's own estimate of its error
     inner : two (n_t, n_y) or None  lower and upper attained by actual runs
     score : Score                   measured with the comparison's reference
-    failure : str                   what was said of the first run that failed; a file does not keep it
-    caution : str                   from when on the method does not hold, and why
+    failure : str                   message of the first failed run; files do not contain it
+    caution : str                   from when on the method is not valid, and why
     """
 
     name: str
@@ -44,7 +44,7 @@ class Row:
     caution: str = ""
 
     def to_plain(self) -> dict[str, Any]:
-        """The row as the JSON layout has it, arrays left as they are."""
+        """The row in the JSON layout, with arrays."""
         plain: dict[str, Any] = {
             "name": self.name,
             "kind": self.kind,
@@ -69,7 +69,7 @@ class Row:
 
     @staticmethod
     def from_plain(plain: Mapping[str, Any], yardstick: Yardstick) -> "Row":
-        """Rebuild a row; its score is measured again, since the bounds say all of it."""
+        """Rebuild a row. Its score is computed again from the bounds."""
         lower, upper = _array(plain["lower"]), _array(plain["upper"])
         estimate = _array(plain["estimate"]) if "estimate" in plain else None
         inner = (_array(plain["inner_lower"]), _array(plain["inner_upper"])) if "inner_lower" in plain else None

@@ -1,4 +1,4 @@
-"""Stability of solvers: every solver over a ladder of steps or tolerances, and the scene under stress."""
+"""Stability of solvers: every solver with several steps or tolerances, on a scene and its harder variants."""
 
 import itertools
 import json
@@ -36,16 +36,16 @@ _WIDTHS = 0.1, 0.2, 0.5
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """How the solvers run a scene. `print` shows it, `plot` draws it, `save` writes it as JSON.
+    """Results of the solvers on a scene. `print` shows them, `plot` draws them, `save` writes them as JSON.
 
     Attributes
     ----------
     scene : str
     times : (n_t,) array
-    trials, stress : the runs of the scene as it is, and of the scene under stress
+    trials, stress : runs of the scene, and of its harder variants
     errors : dict              key of a trial -> root mean square error, over that of the deviation from the mean
-    uncertainty : float        of the reference, by which errors are measured, in the same measure
-    corners : dict             half width of the box, as a share -> (corners that fail, corners)
+    uncertainty : float        of the reference, in the same measure
+    corners : dict             relative half width of the box -> (corners that fail, corners)
     advice : str
     """
 
@@ -80,7 +80,7 @@ class Stability:
         return [trial.family, f"{trial.setting:.1e}", *cells, trial.reason or "finished"]
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the outputs; what is not known is None."""
+        """All results but the outputs. Unknown values are None."""
 
         def trial_json(trial: Trial) -> dict[str, Any]:
             numbers = {
@@ -108,7 +108,7 @@ class Stability:
         Path(path).write_text(json.dumps(self.to_json()) + "\n", encoding="utf-8")
 
     def plot(self, path: str | Path) -> None:
-        """Draw error against run time, the drift of positions over time, and errors under stress."""
+        """Draw error against run time, the drift of positions over time, and errors of the harder variants."""
         finished = [trial for trial in self.trials if not trial.reason]
         points = {
             family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family]
@@ -128,16 +128,16 @@ class Stability:
 
 
 def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:
-    """Try every solver on a scene as it is and under stress, each run within 3 s and all within a minute.
+    """Try every solver on a scene and on harder variants, each run within 3 s and all within a minute.
 
-    Stress is what any scene can be put to: stiffnesses of its springs 100 and 10,000 times as large, its lightest body
-    so much lighter, a time scale a tenth and ten times as long (laws of time, start velocities and gravity set it;
-    springs and dampers stay), horizons 10 and 100 times as long, and its box widened to 10, 20 and 50 %.
+    The variants have springs 100 and 10,000 times as stiff, a lightest body 100 and 10,000 times as light, a time scale
+    a tenth and ten times as long (of laws of time, start velocities and gravity, not of springs and dampers), and
+    horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
 
     Parameters
     ----------
     scene : Scene
-    progress : callable, optional      called with what runs, runs done, runs in all
+    progress : callable, optional      called with the label of the work, the finished runs and all its runs
 
     Raises
     ------
@@ -165,7 +165,9 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
             done_trials.append(trial)
             if progress is not None:
                 progress(trial.family, len(done_trials), total + len(_REFERENCES))
-        return sorted(trials, key=lambda t: order.index((t.scene, t.family)))  # stable: settings stay in order
+        return sorted(
+            trials, key=lambda t: order.index((t.scene, t.family))
+        )  # stable
 
     references = collect(
         [Job("", lambda: scene_at_times, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT
@@ -195,7 +197,7 @@ _REFERENCES: dict[str, tuple[float, Solver]] = {
 
 
 def _ladders(horizon: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
-    """Families of solvers with their settings (relative tolerance or step [s], solver), from fast to slow."""
+    """Families of solvers with their settings: relative tolerance or step [s], and solver, from fast to slow."""
     families = []
     for entry in SOLVERS:
         if entry.ladder is not None:
@@ -206,7 +208,7 @@ def _ladders(horizon: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
 
 
 def _few(times: Array) -> list[tuple[str, tuple[float, Solver]]]:
-    """One setting of solvers that differ most, the tightest last; the same steps whatever the horizon."""
+    """A setting of each of the most different solvers, the tightest last, with the same steps for all horizons."""
     step = float(times[-1] - times[0]) / 800
     return [
         ("NSTIFFSI2", (step, NSTIFFSI2(step=step))),
@@ -218,7 +220,7 @@ def _few(times: Array) -> list[tuple[str, tuple[float, Solver]]]:
 
 
 def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
-    """How many corners of wider boxes fail, and of how many."""
+    """Numbers of corners of wider boxes that fail, and of all corners."""
     if scene.box is None or len(scene.box) > 8:
         return {}
     simulator, failures = DAESimulator(scene), {}
@@ -233,7 +235,7 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
 
 
 def _reference(trials: Sequence[Trial]) -> tuple[Trial | None, float]:
-    """Of the runs that finished, the second of the two that are closest, and how far these are apart."""
+    """The second of the two closest runs, and the distance between both."""
     done = [trial for trial in trials if not trial.reason]
     if len(done) < 2:
         return (done[0], float("nan")) if done else (None, float("nan"))

@@ -54,11 +54,11 @@ def lighter(scene: Scene, factor: float) -> Scene:
 
 
 def slower(scene: Scene, scale: float) -> Scene:
-    """The scene with all that sets its pace slower by a factor, over a horizon so much longer.
+    """The scene on a slower time scale, over a horizon longer by the same factor.
 
-    Laws of time stretch, start velocities shrink, and gravity shrinks with the square, so that a mechanism without
-    springs, dampers and constant forces goes the same way at another speed. These stay: their own times become shorter
-    or longer beside those of the motion, which is what makes a scene stiff or soft.
+    Laws of time become slower, start velocities smaller, and gravity smaller by the square of the factor. A mechanism
+    without springs, dampers and constant forces then moves along the same path at another speed. Springs, dampers and
+    forces stay: their time constants change relative to the motion, which makes the scene stiffer or softer.
     """
     begin = float(scene.times[0])
     elements = [_changed(e, _weakened(e, scale) | _stretched(e, scene, scale)) for e in _elements(scene.system)]
@@ -69,7 +69,7 @@ def slower(scene: Scene, scale: float) -> Scene:
 
 
 def _paced(scene: Scene) -> bool:
-    """Whether gravity, laws of time or start velocities set the pace of a scene."""
+    """Whether gravity, laws of time or start velocities determine the time scale of a scene."""
     elements = _elements(scene.system)
     return bool(_velocities(scene)) or any(_weakened(e, 2.0) or _stretched(e, scene, 2.0) for e in elements)
 
@@ -80,14 +80,14 @@ def _velocities(scene: Scene) -> list[str]:
 
 
 def _weakened(element: object, scale: float) -> dict[str, Any]:
-    """What of gravity changes on another time scale."""
+    """The components of gravity on another time scale."""
     if not isinstance(element, Gravity):
         return {}
     return {name: _divided(getattr(element, name), scale**2) for name in ("gx", "gy", "gz")}
 
 
 def _stretched(element: object, scene: Scene, scale: float) -> dict[str, Any]:
-    """What of an element depends on time by itself, on another time scale."""
+    """The laws of time of an element on another time scale."""
     begin, system = float(scene.times[0]), scene.system
 
     def law(value: Any) -> Any:
@@ -126,7 +126,7 @@ def _elements(system: System) -> tuple[Any, ...]:
 
 
 def _changed(element: Any, changes: Mapping[str, Any]) -> Any:
-    """The element itself, or a copy with other fields, whose symbols are the same."""
+    """The element, or a copy with other fields and the same symbols."""
     changed = copy.copy(element) if changes else element
     for name, value in changes.items():
         object.__setattr__(changed, name, value)

@@ -28,11 +28,11 @@ class Trial:
 
     Attributes
     ----------
-    scene : str                what was done to the scene, "" if nothing
+    scene : str                the variant of the scene, "" for the scene itself
     solver : str               text of its constructor
-    family : str               name of its class, with what sets it apart from others of the class
+    family : str               name of its class, with the option that distinguishes it
     setting : float            relative tolerance or step [s]
-    reason : str               why it did not finish; empty if it did
+    reason : str               why it failed; empty if it did not
     seconds : float            of the run alone
     position, velocity : (n_t,) arrays     largest violation of a row, at every time
     energy : float             largest imbalance over the largest kinetic energy
@@ -54,13 +54,13 @@ class Trial:
 
     @property
     def key(self) -> str:
-        """What tells it from others of a study."""
+        """Its key in a study."""
         return f"{self.scene}|{self.solver}"
 
 
 @dataclass(frozen=True)
 class Job:
-    """Settings of one solver to run one after the other, from those that are fast to those that are not."""
+    """Settings of one solver to run one after the other, from fast to slow."""
 
     scene: str
     make: Callable[[], Scene]
@@ -105,11 +105,12 @@ class _Running:
 
 
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 2) -> Iterator[Trial]:
-    """All trials of all jobs, as they end.
+    """The trials of all jobs, as they end.
 
-    A trial that takes longer than the limit [s], set-up aside, is ended, and those of its job that would take longer
-    still are not tried. After the deadline (`time.monotonic`) no more jobs begin. Where processes cannot be forked,
-    jobs run here one after the other, without limits.
+    A trial that takes longer than the limit [s], without its set-up, is stopped, and the slower ones of its job are
+    left
+    out. After the deadline (`time.monotonic`) no job begins. Where processes cannot be forked, jobs run in this process
+    one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
