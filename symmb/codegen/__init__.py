@@ -1,4 +1,4 @@
-"""C from CasADi expressions: written, built, cached, loaded, and run for many samples side by side.
+"""C from CasADi expressions: generation, compilation, cache, and runs of many samples in parallel.
 
 The fixed parts of the C are in the folder c; `fallback` does the same work with NumPy.
 """

@@ -1,4 +1,4 @@
-"""A graph of values evaluated on NumPy arrays, one lane for each sample: what emitted C does, without a compiler."""
+"""Evaluation of a graph of values on NumPy arrays, one lane for each sample, as in the C but without a compiler."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ def _erf(a: Array) -> Array:
 
 
 def _remainder(a: Array, b: Array) -> Array:
-    """C's: a less the nearest multiple of b, the even one of two. NumPy's own rounds the quotient down."""
+    """The remainder of C: a minus the nearest multiple of b, the even one of two. NumPy's rounds the quotient down."""
     size = np.abs(b)
     rest = np.fmod(np.abs(a), size + size)
     less = rest - size
@@ -108,7 +108,7 @@ _POWERS: dict[float, Callable[..., Array]] = {-2.0: _inverse_square, -1.0: np.re
 
 @dataclass(frozen=True)
 class Program:
-    """Operations on numbered slots, which are used again once their values are no longer needed."""
+    """Operations on numbered slots, which are reused when their values are no longer needed."""
 
     size: int
     constants: tuple[tuple[int, float], ...]  # slot, value
@@ -133,7 +133,7 @@ class Program:
 
 
 def programs(graph: Graph) -> tuple[Program, list[Program]]:
-    """A Program for values of parameters alone, computed once a run, and one for each output."""
+    """A Program for values that depend on parameters alone, computed once in a run, and one for each output."""
     parameter_rows: dict[int, int] = {}  # node -> row of a value that depends on parameters alone
 
     def input_of(k: int) -> tuple[int, int] | None:

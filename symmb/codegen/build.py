@@ -1,4 +1,4 @@
-"""C sources built into shared libraries and loaded; built ones are kept in the cache."""
+"""Compilation of C sources into shared libraries, which are kept in the cache."""
 
 import ctypes
 import functools
@@ -18,7 +18,7 @@ from symmb.codegen import cache
 from symmb.codegen.c_source import C_FOLDER, c_source
 
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
-_NATIVE = "-march=native", "-mcpu=native"  # the second for what builds for ARM and does not know the first
+_NATIVE = "-march=native", "-mcpu=native"  # the second for ARM compilers that do not know the first
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
 
@@ -32,7 +32,7 @@ V probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }
 
 
 class NoCompilerError(SymmbError):
-    """There is no C compiler to be found."""
+    """No C compiler was found."""
 
 
 def has_compiler() -> bool:
@@ -67,7 +67,7 @@ def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
         cache.check_folder(folder, "TMPDIR")
         library_path = _built(source, folder, compiler)
         cache.keep(key, library_path.read_bytes())
-        # The cache first, then what lies in the temporary folder: either may forbid programs.
+        # The cache first, then the temporary folder: either may forbid the execution of programs.
         library = _opened(cache.find(key)) or _opened(library_path)
     if library is None:
         raise SymmbError(f"What {compiler.path} built cannot be loaded. Set TMPDIR to a folder that may hold programs.")
@@ -106,7 +106,7 @@ def _compiler() -> _Compiler:
 
     Raises
     ------
-    NoCompilerError        if none is found that builds what the engine needs
+    NoCompilerError        if none is found that builds the engine
     """
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         path = shutil.which(name)
@@ -120,7 +120,7 @@ def _compiler() -> _Compiler:
 
 
 def _builds(compiler: str, version: str, flags: tuple[str, ...]) -> bool:
-    """Whether a library that uses the lanes can be built, with nothing left undefined; a yes is noted in the cache."""
+    """Whether a library that uses the lanes can be built without undefined symbols. A positive answer is cached."""
     lanes = c_source("lanes")
     key = _key(_PROBE, lanes, compiler, version, *flags)
     if cache.is_noted(key):
@@ -132,29 +132,29 @@ def _builds(compiler: str, version: str, flags: tuple[str, ...]) -> bool:
             command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{C_FOLDER}"]
             if subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode:
                 return False
-    except OSError:  # no room for files, or no program after all
+    except OSError:  # no space for files, or not a program
         return False
     cache.note(key)
     return True
 
 
 def _key(*described: str) -> str:
-    """A name for what is built from this, for the processor at hand."""
+    """The key of a library built from this source, for this processor."""
     text = "\0".join([*described, platform.machine(), _processor()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _version(compiler: str) -> str:
-    """What the compiler says of itself, and where it really lies."""
+    """The version of the compiler, and its real path."""
     try:
         said = subprocess.run([compiler, "--version"], capture_output=True, text=True, errors="replace").stdout
-    except OSError:  # no program after all
+    except OSError:  # not a program
         said = ""
     return f"{said}{os.path.realpath(compiler)}"
 
 
 def _processor() -> str:
-    """What the compiler looks at when it builds for the processor at hand."""
+    """Properties of the processor that the compiler uses."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:

@@ -1,4 +1,4 @@
-"""The fixed C of the folder c."""
+"""The C of the folder c."""
 
 import re
 from pathlib import Path

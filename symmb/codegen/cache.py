@@ -1,8 +1,8 @@
-"""The user's cache folder of built libraries: nothing is taken from it that is damaged or that others can write to.
+"""The user's cache folder of libraries. Files that are damaged, or that others can write to, are not used.
 
-A library is one file, `<key>-<SHA-256 of its bytes>.so`: moved into place whole, and its bytes are compared with its
-name before it is loaded, because loading half a file may end the process instead of raising. Sources of large models,
-`.c`, are kept in the same way, as they take seconds to write.
+A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. Its bytes are
+compared with its name before it is loaded, because an incomplete library may crash the process. Sources of large
+models, `.c`, are kept in the same way, because their generation takes seconds.
 """
 
 import hashlib
@@ -18,17 +18,17 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 class UnsafeFolderError(SymmbError):
-    """Others can write to a folder that libraries would be loaded from."""
+    """Others can write to a folder of libraries."""
 
 
 def folder() -> Path:
-    """The cache folder, made if it is missing; no symbolic link on the way to it.
+    """The cache folder, which is created if it is missing. Its path has no symbolic links.
 
     Raises
     ------
     UnsafeFolderError      if others can write to it, or replace it by way of the folders above it
-    SymmbError             if there is no place for one
-    OSError                if it cannot be made
+    SymmbError             if no place for one is known
+    OSError                if it cannot be created
     """
     if os.name != "posix":
         raise SymmbError("Models are compiled, and kept, on Linux and macOS only.")
@@ -45,10 +45,10 @@ def folder() -> Path:
 
 
 def check_folder(path: Path, variable: str) -> None:
-    """See to it that nobody else can put files into a folder (absolute, no links), which a variable can set elsewhere.
+    """Check that nobody else can put files into a folder (absolute, without links).
 
-    It must be the user's own and closed to the writing of others. The folders above must be the user's or root's, and
-    closed too or sticky like /tmp, where others cannot rename what is not theirs.
+    It must belong to the user, and only the user may write to it. The folders above must belong to the user or to root,
+    and others must not write to them, unless they are sticky like /tmp, where others cannot rename the user's files.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def check_folder(path: Path, variable: str) -> None:
 
 
 def find(key: str, suffix: str = ".so") -> Path | None:
-    """The whole file of a key, or None; those that are damaged or open to others are removed."""
+    """The complete file of a key, or None. Files that are damaged or that others can write to are removed."""
     with suppress(OSError, SymmbError):
         for path in folder().glob(f"{key}-*{suffix}"):
             if _is_whole(path):
@@ -79,7 +79,7 @@ def find(key: str, suffix: str = ".so") -> Path | None:
 
 
 def keep(key: str, content: bytes, suffix: str = ".so") -> None:
-    """Put a file into the cache, where that is possible."""
+    """Put a file into the cache, if that is possible."""
     with suppress(OSError, SymmbError):
         place = folder()
         handle, part = tempfile.mkstemp(suffix=".part", dir=place)
@@ -93,26 +93,26 @@ def keep(key: str, content: bytes, suffix: str = ".so") -> None:
 
 
 def is_noted(key: str) -> bool:
-    """Whether the cache holds a note of this key, which says yes to a question that takes long to answer."""
+    """Whether the cache contains a note of this key: the answer yes to a question that takes long."""
     with suppress(OSError, SymmbError):
         return (folder() / f"{key}.note").is_file()
     return False
 
 
 def note(key: str) -> None:
-    """Put a note into the cache, where that is possible."""
+    """Put a note into the cache, if that is possible."""
     with suppress(OSError, SymmbError):
         (folder() / f"{key}.note").touch(mode=0o600)
 
 
 def contents() -> tuple[Path, ...]:
-    """The libraries in the cache folder, sources, notes, and what killed processes left of some."""
+    """The libraries, sources and notes in the cache folder, and incomplete files of killed processes."""
     kinds = (".so", ".c", ".part", ".note")
     return tuple(path for path in sorted(folder().iterdir()) if path.suffix in kinds and not path.is_dir())
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file is the user's own, closed to others, no link, and holds what its name says."""
+    """Whether a file is the user's, others cannot write to it, it is not a link, and its contents fit its name."""
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:

@@ -1,4 +1,4 @@
-"""Vectorised C of a graph of values: one statement a value, every value a vector of lanes, one lane a sample."""
+"""Vectorised C of a graph of values: a statement for each value, which is a vector with a lane for each sample."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -45,15 +45,14 @@ _CALLS = {
 }
 _CALLS[ca.OP_CONSTPOW] = "v_pow"
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
-"""Operations that join masks: those of plain numbers are no lanes of bits."""
+"""Operations that combine masks: a plain number is not a mask."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
-"""Sine and cosine of an angle cost little more together than one of them."""
+"""Sine and cosine of an angle together cost little more than one of them."""
 
 
 @dataclass(frozen=True)
 class _Schedule:
-    """The order of a function's statements by node, the piece of each, the values that pieces pass on, and sines with
-    the cosine of the same angle."""
+    """Order and pieces of the statements of a function, values that pieces pass on, sines with their cosines."""
 
     order: list[int]
     piece: dict[int, int]
@@ -66,10 +65,10 @@ class _Schedule:
 
 
 class Emitter:
-    """Writes the functions of one graph, whose inputs are x (0), p (1) and t (2); `place` says where x stand in C.
+    """Generates the functions of a graph with inputs x (0), p (1) and t (2). `place` gives the places of x in C.
 
-    What depends on parameters alone is computed once a run, by `prepare`, and found in c; all other functions start
-    from x, c and t.
+    `prepare` computes values that depend on parameters alone once in a run, and stores them in c. All other functions
+    start from x, c and t.
     """
 
     def __init__(self, graph: Graph, place: Sequence[int]) -> None:
@@ -83,7 +82,7 @@ class Emitter:
         self._functions.append(self._source(name, list(outputs), parameters_only=False))
 
     def used(self, outputs: Iterable[int]) -> list[int]:
-        """Places of those x that the given nodes depend on."""
+        """Places of the states x on which the given nodes depend."""
         nodes = self._graph.nodes
         inputs = [nodes[k] for k in self._needed(outputs) if nodes[k].operation == INPUT]
         return sorted(self._place[node.index] for node in inputs if node.source == 0)
@@ -94,7 +93,7 @@ class Emitter:
         return "\n".join([*self._functions, prepare]), len(self._parameter_values)
 
     def _needed(self, outputs: Iterable[int]) -> set[int]:
-        """The given nodes and all that they come from."""
+        """The given nodes and all nodes on which they depend."""
         needed: set[int] = set()
         pending = list(outputs)
         while pending:
@@ -146,7 +145,7 @@ class Emitter:
     def _piece(
         self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
     ) -> list[str]:
-        """The statements of one piece: values, those that later pieces need, and results."""
+        """The statements of a piece: values, those for later pieces, and results."""
         places: dict[int, list[int]] = {}
         for i, k in enumerate(outputs):
             places.setdefault(k, []).append(i)
@@ -173,7 +172,7 @@ class Emitter:
         return lines
 
     def _operand(self, a: int, schedule: "_Schedule", piece: int, parameters_only: bool) -> str:
-        """The C of a value where a statement of a piece uses it."""
+        """The C of a value in a statement of a piece."""
         node = self._graph.nodes[a]
         if node.operation == CONSTANT:
             return _literal(node.constant)

@@ -1,4 +1,4 @@
-"""Ensembles in compiled lanes: steps for W samples side by side, blocks of them on threads."""
+"""Ensembles in compiled lanes: steps of W samples in parallel, in blocks on several threads."""
 
 import ctypes
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from symmb.schemes import MOST_STEPS
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Steps as long as their estimated errors allow, relative and absolute, and no longer than this [s], unless 0."""
+    """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit."""
 
     rtol: float
     atol: float
@@ -25,7 +25,7 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class FixedStep:
-    """Equal steps no longer than this between output times [s]."""
+    """Equal steps between output times, with a longest step [s]."""
 
     longest: float
 
@@ -50,9 +50,9 @@ class _Study(ctypes.Structure):
 
 @dataclass(frozen=True)
 class FailedSamples:
-    """Samples that failed: t_failed (N,) [s], nan where not, and of what (N,), an index of `REASONS`.
+    """Failed samples: t_failed (N,) [s], nan for others, and the failure (N,), an index of `REASONS`.
 
-    The state where the last step of a failed sample began stands in the first columns of x_failed (N, ...).
+    The first columns of x_failed (N, ...) are the states where the last steps of failed samples began.
     """
 
     t_failed: Array
@@ -61,13 +61,13 @@ class FailedSamples:
 
     @property
     def reasons(self) -> list[str]:
-        """Of what each sample failed, if it did."""
+        """The reason of each failed sample; empty for others."""
         return [REASONS[k] for k in self.failure]
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Of the last call: steps of all blocks, iterations of Newton's method, and the most in one step."""
+    """Counts of the last call: steps of all blocks, iterations of Newton's method, and the most in a step."""
 
     steps: int
     iterations: int
@@ -79,8 +79,8 @@ class Engine:
 
     Parameters
     ----------
-    f : ca.Function                     from `model_function` or `scheme_function`; with a start it starts by itself
-    times : (n_t,) array                [s]
+    f : ca.Function                     from `model_function` or `scheme_function`; with a start the engine computes the
+    states at the start times : (n_t,) array                [s]
     control : Tolerances or FixedStep
     scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
                                         and of the classical Runge-Kutta method with a fixed step
@@ -111,7 +111,7 @@ class Engine:
         self._open()
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
-        """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine starts by itself, and may be short.
+        """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine computes the start.
 
         Returns
         -------
@@ -127,12 +127,12 @@ class Engine:
         extremes[:, 1] = -np.inf
         failed_samples = self._run(x0, p, None, list(extremes))
         lower, upper = extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)
-        return lower + 0.0, upper + 0.0, failed_samples  # -0 and 0 are equal: which is met first depends on the threads
+        return lower + 0.0, upper + 0.0, failed_samples  # -0 and 0 are equal, and their order depends on the threads
 
     def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
-        """Blocks of W samples, fixed by sample index, dealt to threads; values go to Y, or each thread's extremes."""
+        """Run blocks of W samples, fixed by sample index, on threads. Values go to Y or to extremes of a thread."""
         N = len(p)
-        if not self.starts and x0.shape[1] < self.n_x:  # a history, which follows from the state
+        if not self.starts and x0.shape[1] < self.n_x:  # the history follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))

@@ -16,14 +16,13 @@ from symmb.schemes import StepControl, error_estimates, error_norm, first_step, 
 WIDTH = int(c_number("lanes", "WIDTH"))
 """Samples that share a step."""
 _TOGETHER = 128
-"""Blocks advanced together: enough for long arrays, few enough for the processor's cache."""
+"""Blocks that advance together: enough for long arrays, few enough for the processor's cache."""
 
 
 class ArrayEngine:
-    """An initial value problem for many samples; takes and gives what Engine does, some 30 times slower.
+    """An initial value problem for many samples, with the interface of Engine. It is about 30 times slower.
 
-    It takes a number of threads as Engine does, but uses one: NumPy spends its time between arrays in Python, where
-    threads take turns.
+    It uses one thread: most of the time is spent in Python, which runs one thread at a time.
     """
 
     width = WIDTH
@@ -65,7 +64,7 @@ class ArrayEngine:
         return np.min(lower, axis=0), np.max(upper, axis=0), failed_samples
 
     def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> FailedSamples:
-        """Blocks of samples, fixed by sample index, some together; `keep` takes (n_t, n_y, m), and whether m ended."""
+        """Run blocks, fixed by sample index. `keep` gets values (n_t, n_y, m), the m samples, and their success."""
         N = len(x0)
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.full(x0.shape, np.nan))
         failed_samples.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
@@ -85,12 +84,12 @@ class ArrayEngine:
         failed_samples: FailedSamples,
         keep: Callable[[Array, Indices, Mask], None],
     ) -> list[Indices]:
-        """Some blocks, and those of them that run again, as if the samples that were lost had not been there."""
+        """Run some blocks. Returns those that must run again without their lost samples."""
         alive = [b[np.isnan(failed_samples.t_failed[b])] for b in blocks]
         alive = [b for b in alive if b.size]
         if not alive:
             return []
-        # Lanes without a sample repeat one that has: they do not change the common step.
+        # Lanes without a sample repeat another one, which does not change the common step.
         lanes = np.array([np.resize(b, WIDTH) for b in alive])
         run = _BlockRuns(self, x0[lanes.ravel()].T, p[lanes.ravel()].T)
         run.advance()
@@ -98,7 +97,7 @@ class ArrayEngine:
         finite = np.logical_and.reduce(np.isfinite(Y), axis=1).reshape(len(self.times), *lanes.shape)
         passed = ~(self.times[:, None, None] > at[:, None])
         irregular = ~np.logical_and.reduce(finite | ~passed, axis=0)
-        # What happens first counts; what else would have happened shows when the block runs again.
+        # The first failure counts. The block runs again, which shows later ones.
         lost &= ~irregular.any(axis=1)[:, None]
         failed_samples.failure[lanes[run.exhausted]] = FailureCode.MANY
         failed_samples.failure[lanes[irregular]] = FailureCode.OUTPUT

@@ -1,4 +1,4 @@
-"""The instruction list of a CasADi Function as a graph: equal values once, each with what it depends on."""
+"""The instruction list of a CasADi Function as a graph: each value once, with the inputs on which it depends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Graph:
 
     def constant(self, value: float) -> int:
         """The node of a constant."""
-        # repr tells 0.0 and -0.0 apart, which compare equal
+        # repr distinguishes 0.0 and -0.0, which compare equal
         return self._add(("constant", repr(value)), Node(CONSTANT, constant=value))
 
     def source(self, number: int, index: int) -> int:
@@ -41,10 +41,10 @@ class Graph:
         return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
 
     def operation(self, code: int, arguments: tuple[int, ...]) -> int:
-        """The node of an operation on nodes; one that was there already if it is the same.
+        """The node of an operation on nodes, the existing one if there is one.
 
-        Divisions become products with reciprocals: denominators repeat, those of parameters alone are known before the
-        run, and a vector division takes as long as twenty products.
+        Divisions become products with reciprocals: denominators occur several times, those of parameters are computed
+        before the run, and a vector division takes as long as twenty products.
         """
         if code == ca.OP_DIV:
             code, arguments = ca.OP_MUL, (arguments[0], self.operation(ca.OP_INV, arguments[1:]))

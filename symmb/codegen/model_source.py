@@ -16,15 +16,14 @@ from symmb.codegen.graph import INPUT, Graph, graph_of
 from symmb.schemes import MOST_STEPS
 
 LARGE_MODEL = 5000
-"""Values of a model above which sines and cosines are calls of one function: compilers take minutes otherwise. See
-tests/benchmarks/scaling.py."""
+"""Values of a model above which sines and cosines are calls of a function: otherwise compilers take minutes.
+tests/benchmarks/scaling.py"""
 CACHED_STATES = 32
-"""States whose slopes fit into the cache nearest to the core, of 32 kB: 16 slopes of 8 lanes. See
-tests/benchmarks/ensemble.py."""
+"""States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
 
 
 class FailureCode(IntEnum):
-    """Why a sample failed, as the C tells it."""
+    """The reason of a failed sample in the C."""
 
     STEPS = 0
     OUTPUT = 1
@@ -38,18 +37,18 @@ REASONS = (
     "Newton's method does not converge, however short the step",
     f"{MOST_STEPS} steps are not enough",
 )
-"""Of each FailureCode."""
+"""The text of each FailureCode."""
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """What the engine has to know of a scheme whose steps are functions, see `scheme_function`.
+    """The data of an implicit scheme for the engine, see `scheme_function`.
 
     Attributes
     ----------
     n_w, n_z : int         numbers in the history and of unknowns
     order : int
-    growth : float         how many times as long as the one before a step may be
+    growth : float         largest ratio of a step to the one before
     newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
     """
 
@@ -69,14 +68,14 @@ def model_function(
     projected: ca.SX | None,
     start: tuple[ca.SX, ca.SX] | None = None,
 ) -> ca.Function:
-    """(x, p, t) -> rates, outputs and, as far as given, project, newton and start.
+    """(x, p, t) -> rates, outputs and, if given, project, newton and start.
 
     Parameters
     ----------
     x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
     rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
-    start : Newton's step of unknowns u, which stand in the first of x, and x (n_x,) at the start in terms of them;
-        without it runs are given their starts
+    start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
+        without it the caller gives the states at the start
     """
     parts = {"rates": rates, "outputs": outputs}
     if projected is not None:
@@ -119,7 +118,7 @@ def scheme_function(
 
 
 def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None) -> str:
-    """The C of an ensemble of f. That of a large model is kept in the cache, since it takes seconds to write.
+    """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
 
     Parameters
     ----------
@@ -144,7 +143,7 @@ def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None) -> str:
 
 @functools.cache
 def _generator() -> str:
-    """A hash of every file of the package: a source is printed from many of them."""
+    """A hash of every file of the package: many of them determine a source."""
     files = sorted(path for path in Path(__file__).parents[1].rglob("*") if path.suffix in (".py", ".h"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
@@ -224,9 +223,9 @@ def _ensemble_source(
 
 
 def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
-    """States in the order of `tableau`, and how many of them have slopes of their own: in a small model all.
+    """States in the order of `tableau`, and the number of those with slopes of their own, all in a small model.
 
-    Fewer slopes mean longer sums. This pays only if the slopes do not fit into the cache nearest to the core.
+    Fewer slopes mean longer sums. This is faster only if the slopes do not fit into the first-level cache.
     """
     if len(rates) <= CACHED_STATES:
         return list(range(len(rates))), len(rates)

@@ -1,9 +1,9 @@
 """C of the sums over slopes in a step, from the tableau of the method.
 
-Slopes k are kept of the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first of these,
+Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first of these,
 x' = v, mostly positions. The slope of x in stage s is the v of that stage, v + h sum_j a_sj k_j, so that x is summed
 from the slopes of v with the weights A A, as Nystrom did for second-order equations (Hairer, Norsett, Wanner 1993,
-section II.14): half the slopes to compute, keep and load.
+section II.14): half the slopes are computed, stored and loaded.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,7 @@ Weights = Mapping[int, float]
 
 CLASSICAL_STAGES = len(runge_kutta.A)
 PAIR_STAGES = 14
-"""Slopes 12 to 15 take the places of 1 and 2, which are needed no more, and two more."""
+"""Slopes 12 and 13 replace 1 and 2, which are no longer needed; 14 and 15 take two more places."""
 
 
 def classical() -> str:
@@ -89,7 +89,7 @@ def _each_part(lines: Iterable[str]) -> list[str]:
 
 
 def _advance(to: str, weights: Weights, share: float, A: Sequence[Weights]) -> list[str]:
-    """States a share of the step further."""
+    """States after a share of the step."""
     return [
         "for (int m = 0; m < N_X - N_OWN; ++m) {",
         f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
@@ -110,7 +110,7 @@ def _through(weights: Weights, A: Sequence[Weights]) -> Weights:
 
 
 def _sum(weights: Weights) -> str:
-    """Two sums, since each addition waits for the one before."""
+    """Two sums, because each addition waits for the one before."""
     terms = [f"{value!r} * k[{_place(j)} * N_OWN + m]" for j, value in weights.items()]
     if len(terms) < 5:
         return " + ".join(terms) or "zero()"
@@ -119,5 +119,5 @@ def _sum(weights: Weights) -> str:
 
 
 def _place(stage: int) -> int:
-    """Where a slope stands in k."""
+    """Place of a slope in k."""
     return {12: 1, 13: 2, 14: 12, 15: 13}.get(stage, stage)

@@ -15,7 +15,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments, the first here, while threads for the others wake up."""
+    """Results for all arguments. The first is computed in this thread, while others start."""
     first, *others = arguments
     if not others:
         return [work(first)]

@@ -13,8 +13,8 @@ from symmb.nodes.tensor_transform import transform_axes
 from symmb.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
-"""Least eigenvalue of the normalised Gram matrix, which is 1 for an exact quadrature. Below it the nodes that did not
-fail leave some polynomial ten times less certain than the others, and the fit is refused. tests/nodes/test_fit.py"""
+"""Least eigenvalue of the normalised Gram matrix, which is 1 for an exact quadrature. Below it the successful nodes
+determine some polynomial ten times less accurately than the others, and the fit is refused. tests/nodes/test_fit.py"""
 
 LARGEST_INVERSE = 1e8
 """Largest entry of V^-1. Above it rounding leaves fewer than eight digits of the coefficients."""
@@ -37,7 +37,7 @@ class Fit:
     alpha : (n_b, d) multi-indices
     nodes : (N, d)
     weights : (N,)
-    projects : by projection as long as no node failed
+    projects : whether it is a projection if no node failed
     line : (n, n) matrix from values at the nodes of one parameter to coefficients, on a tensor grid with a tensor basis
     """
 
@@ -54,7 +54,7 @@ class Fit:
         Raises
         ------
         PropagationError
-            If the nodes cannot tell the polynomials of the basis apart.
+            If the nodes do not determine the polynomials of the basis.
         """
         line = None
         if isinstance(rule, Rule) and isinstance(basis, TensorDegree):
@@ -70,7 +70,7 @@ class Fit:
 
     @property
     def interpolates(self) -> bool:
-        """As many nodes as polynomials, and no projection: every node is needed."""
+        """Whether there are as many nodes as polynomials and no projection, so that every node is needed."""
         return self.line is not None or (not self.projects and len(self.nodes) == len(self.alpha))
 
     @cached_property
@@ -80,7 +80,7 @@ class Fit:
 
     @cached_property
     def functionals(self) -> Array:
-        """(n_b, N) matrix from node values to coefficients; its columns may be used in parts, in any order."""
+        """(n_b, N) matrix from node values to coefficients. Its columns may be applied one by one, in any order."""
         if self.line is not None:
             return self.transform(np.eye(len(self.nodes)))
         if self.interpolates:
@@ -95,7 +95,7 @@ class Fit:
         return transform_axes([self.line] * self.alpha.shape[1], Y)
 
     def determined(self, ok: Mask) -> bool:
-        """Whether the nodes marked in ok (N,) are enough to fit all coefficients."""
+        """Whether the nodes marked in ok (N,) determine all coefficients."""
         return bool(ok.all()) or (not self.interpolates and self.weights.min() > 0 and _regular(self._gram(ok)))
 
     def coefficients(self, sums: Array, ok: Mask) -> Array:
@@ -106,7 +106,7 @@ class Fit:
         return np.linalg.solve(self._gram(ok), self._gram() @ (sums * norms)) / norms
 
     def _possible(self) -> bool:
-        """Whether all nodes together tell the polynomials apart."""
+        """Whether all nodes together determine the polynomials."""
         if self.line is not None:
             return bool(np.abs(self.line).max() ** self.alpha.shape[1] < LARGEST_INVERSE)
         if self.interpolates:

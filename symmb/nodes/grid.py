@@ -19,7 +19,7 @@ from symmb.polynomials import MultiIndices
 Index = tuple[int, ...]
 
 _FEW = 100
-"""Nodes up to which one matrix is faster than a factor for each parameter."""
+"""Nodes up to which one matrix is faster than a matrix for each parameter."""
 
 
 class Grid:
@@ -27,7 +27,7 @@ class Grid:
 
     Attributes
     ----------
-    row : dict        multi-index -> its row, in the order in which they came
+    row : dict        multi-index -> its row, in the order in which they were added
     """
 
     def __init__(self, d: int) -> None:
@@ -35,7 +35,7 @@ class Grid:
         self.row: dict[Index, int] = {}
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
-        """Indices to be added with the given ones so that each has all smaller ones."""
+        """The given indices and those that must be added with them, so that the set contains all smaller ones."""
         missing: set[Index] = set()
         pending = list(indices)
         while pending:
@@ -52,7 +52,7 @@ class Grid:
         self.__dict__.pop("_fit", None)
 
     def ahead(self) -> set[Index]:
-        """Indices that may be added, since all smaller ones are there."""
+        """Indices that may be added, because the set contains all smaller ones."""
         near = {above for index in self.row for above in _above(index)}
         return {index for index in near if index not in self.row and all(b in self.row for b in below(index))}
 
@@ -72,7 +72,7 @@ class Grid:
             rows = np.arange(len(Y))
         if len(rows) > _FEW:
             return self._interpolants(Y[rows])
-        if len(rows) == len(Y):  # values are many, and not copied to be put in order
+        if len(rows) == len(Y):  # values are large, and are not copied for sorting
             return self._fit[:, np.argsort(rows)] @ Y
         return self._fit @ Y[rows]
 
@@ -91,7 +91,7 @@ class Grid:
         return total
 
     def _signs(self) -> dict[Index, int]:
-        """How often each tensor interpolant counts in the sum of the differences that indices bring (Smolyak 1963)."""
+        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963)."""
         signs: dict[Index, int] = {}
         for index in self.row:
             for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
@@ -101,7 +101,7 @@ class Grid:
 
 
 def below(index: Index) -> list[Index]:
-    """The indices one degree lower."""
+    """The indices of one degree less."""
     return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
 
 

@@ -1,4 +1,4 @@
-"""Leja's nodes on [-1, 1]: each as far from those before it as it can be."""
+"""Leja's nodes on [-1, 1]: each has the largest product of distances to those before it."""
 
 from functools import cache
 
@@ -7,15 +7,15 @@ import numpy as np
 from symmb._types import Array
 
 HALVINGS = 60
-"""Of an interval of at most unit length: more than a number has digits."""
+"""Halvings of an interval of at most unit length: more than the binary digits of a number."""
 
 
 @cache
 def symmetric_leja(n: int) -> Array:
     """The first n of the nodes 0, 1, -1, x, -x, ... (n,), read-only.
 
-    Each pair (x, -x) makes the product of all distances, its own 2x included, as large as it can be. Of the
-    two the positive one comes first; of equal products the leftmost.
+    Each pair (x, -x) maximises the product of all distances, its own 2x included. The positive node is first. Of equal
+    maxima the leftmost is taken.
 
     Examples
     --------
@@ -38,8 +38,8 @@ def symmetric_leja(n: int) -> Array:
 def _farthest(nodes: Array) -> float:
     """The x > 0 that maximises 2x prod (x - x_j)^2.
 
-    Between two nodes the logarithm of the product is concave, so that halving on its slope finds the only
-    maximum there to the last digit, which comparing values would not.
+    Between two nodes the logarithm of the product is concave. Bisection on its slope finds the only maximum to the last
+    digit, which a comparison of values would not.
     """
     ends = np.sort(nodes[nodes >= 0])
     low, high = ends[:-1], ends[1:]

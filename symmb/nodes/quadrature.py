@@ -17,8 +17,8 @@ class Nodes(Protocol):
     """A rule of nodes and weights for expansions of a given order."""
 
     projects: ClassVar[bool]
-    """True: coefficients by Galerkin projection, eq. (30). False: by weighted least squares, that is by
-    interpolation where there are as many nodes as polynomials."""
+    """True: coefficients by Galerkin projection, eq. (30). False: by weighted least squares, which is interpolation for
+    as many nodes as polynomials."""
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes (N, d) and weights (N,)."""
@@ -26,7 +26,7 @@ class Nodes(Protocol):
 
 
 class Rule(ABC):
-    """A rule on [-1, 1] for each degree, and its tensor grids of order + 1 nodes a parameter."""
+    """A rule on [-1, 1] for each degree, and its tensor grids of order + 1 nodes for each parameter."""
 
     projects: ClassVar[bool] = False
 
@@ -45,7 +45,7 @@ class Rule(ABC):
 
 @dataclass(frozen=True)
 class Gauss(Rule):
-    """Tensor grid of order + 1 Gauss-Legendre nodes a parameter, eq. (33): the paper's choice.
+    """Tensor grid of order + 1 Gauss-Legendre nodes for each parameter, eq. (33): the paper's choice.
 
     Examples
     --------
@@ -62,16 +62,15 @@ class Gauss(Rule):
         return nodes, 0.5 * weights
 
     def degree(self, level: int) -> int:
-        """One node more each level."""
+        """One additional node for each level."""
         return level
 
 
 @dataclass(frozen=True)
 class ClenshawCurtis(Rule):
-    """Tensor grid of the order + 1 extremes of the Chebyshev polynomial: faces and corners are among the
-    nodes.
+    """Tensor grid of the order + 1 extremes of the Chebyshev polynomial, with faces and corners.
 
-    Responses mostly reach their extremes there, where Gauss nodes leave the expansion to extrapolate.
+    Most responses have their extremes there, where an expansion from Gauss nodes extrapolates.
 
     Examples
     --------
@@ -85,7 +84,7 @@ class ClenshawCurtis(Rule):
         return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / max(degree, 1)))
 
     def degree(self, level: int) -> int:
-        """Doubled each level, so that levels are nested."""
+        """The degree doubles for each level, so that levels are nested."""
         return 0 if level == 0 else 2**level
 
 
@@ -94,8 +93,8 @@ class ChebyshevGauss(Rule):
     """Tensor grid of the order + 1 roots of the Chebyshev polynomial T_(order + 1), with the weights of
     Fejér's first rule, all positive.
 
-    Interpolation there is hardly worse than the best approximation by polynomials, but for the ends of the
-    intervals it extrapolates.
+    Interpolation at these nodes is nearly as accurate as the best approximation by polynomials, but it extrapolates to
+    the ends of the intervals.
 
     Examples
     --------
@@ -113,17 +112,18 @@ class ChebyshevGauss(Rule):
         return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / (degree + 1)))
 
     def degree(self, level: int) -> int:
-        """Two nodes more each level. Three times as many would be nested, and yet more runs."""
+        """Two additional nodes for each level. Three times as many would be nested, but take more runs."""
         return 2 * level
 
 
 @dataclass(frozen=True)
 class Leja(Rule):
-    """Tensor grid of the first order + 1 nodes of the sequence 0, 1, -1, x, -x, ... that keeps them farthest
-    apart: nodes of an order are nodes of every higher one.
+    """Tensor grid of the first order + 1 Leja nodes 0, 1, -1, x, -x, ... .
+
+    The nodes of an order are nodes of every higher one.
 
     Even orders are symmetric. Their Lebesgue constants up to order 20 are at most 8.9, those of odd orders
-    18.4; sparse grids take the even ones, two nodes more each level.
+    18.4; sparse grids take the even ones, two additional nodes for each level.
 
     Examples
     --------
@@ -137,8 +137,8 @@ class Leja(Rule):
     """
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
-        """Nodes ((order + 1)^d, d) and equal weights: interpolatory ones are 0 at the last node of an odd
-        order, and a fit would lose it."""
+        """Nodes ((order + 1)^d, d) and equal weights. Interpolatory weights are 0 at the last node of an odd order, so
+        that a fit would not use it."""
         nodes, weights = super().points(d, order)
         return nodes, np.full_like(weights, 1.0 / len(weights))
 
@@ -147,7 +147,7 @@ class Leja(Rule):
         return _interpolatory(symmetric_leja(degree + 1))
 
     def degree(self, level: int) -> int:
-        """Two nodes more each level: nested, symmetric and therefore exact to one degree more."""
+        """Two additional nodes for each level: nested and symmetric, and therefore exact to one more degree."""
         return 2 * level
 
 
@@ -155,15 +155,15 @@ class Leja(Rule):
 class SparseGrid:
     """Smolyak's sparse grid (section 3.3 and Fig. 3): tensor grids of low total level, combined with signs.
 
-    Exact for total degree 2 level + 1. Weights may be negative; with Gauss nodes they grow large (the sum of
-    magnitudes is 681 for 6 parameters at level 4, 34 with Clenshaw-Curtis), which amplifies integration
-    errors. Leja nodes take the fewest runs: 33 for 2 parameters at level 4, where Gauss nodes take 53 and
-    Clenshaw-Curtis nodes 65.
+    Exact for total degree 2 level + 1. Weights may be negative. With Gauss nodes they are large (the sum of magnitudes
+    is 681 for 6 parameters at level 4,
+    and 34 with Clenshaw-Curtis), which amplifies errors of runs. Leja nodes take the fewest runs: 33 for 2 parameters
+    at level 4, where Gauss nodes take 53 and Clenshaw-Curtis nodes 65.
 
     Parameters
     ----------
     rule : Gauss() as in the paper, ClenshawCurtis(), Leja() or ChebyshevGauss()
-    level : the order of the expansion where left out
+    level : the order of the expansion if left out
 
     Examples
     --------
@@ -203,7 +203,7 @@ class SparseGrid:
 
 def _interpolatory(nodes: Array) -> tuple[Array, Array]:
     """Nodes (n,) and the weights that integrate the interpolant through them."""
-    means = np.eye(len(nodes))[0]  # of Legendre polynomials: 0 but for the constant
+    means = np.eye(len(nodes))[0]  # means of Legendre polynomials: 0 except for the constant
     weights: Array = np.linalg.solve(np.polynomial.legendre.legvander(nodes, len(nodes) - 1).T, means)
     return nodes, weights
 
@@ -223,7 +223,7 @@ def node_keys(nodes: Array) -> Array:
 
 
 def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
-    """Equal nodes made one; those whose weights cancel left out."""
+    """Merges equal nodes, and leaves out those whose weights cancel."""
     _, first, group = np.unique(node_keys(nodes), axis=0, return_index=True, return_inverse=True)
     total: Array = np.bincount(group.ravel(), weights).astype(float)
     nonzero = np.abs(total) > 1e-14

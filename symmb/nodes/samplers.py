@@ -9,7 +9,7 @@ from symmb._types import Array
 
 
 class Sampler(Protocol):
-    """A way to spread n points over [-1, 1]^d."""
+    """A method to distribute n points over [-1, 1]^d."""
 
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""

@@ -1,4 +1,4 @@
-"""Which Legendre products an expansion of some order has."""
+"""The Legendre products of an expansion of given order."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -19,7 +19,7 @@ class Basis(Protocol):
 
 @dataclass(frozen=True)
 class TotalDegree:
-    """Degrees that sum to at most the order, eq. (21): the paper's choice.
+    """Products whose degrees sum to at most the order, eq. (21): the paper's choice.
 
     Examples
     --------
@@ -34,7 +34,7 @@ class TotalDegree:
 
 @dataclass(frozen=True)
 class TensorDegree:
-    """Every degree at most the order: as many polynomials as a tensor grid has nodes.
+    """Products whose degrees are each at most the order: as many as a tensor grid has nodes.
 
     Examples
     --------
@@ -49,12 +49,12 @@ class TensorDegree:
 
 @dataclass(frozen=True)
 class HyperbolicCross:
-    """Multi-indices whose quasi-norm (sum alpha_i^q)^(1/q) is at most the order: full order in one parameter
-    at a time, few products of several.
+    """Multi-indices whose quasi-norm (sum alpha_i^q)^(1/q) is at most the order: the full order in single
+    parameters, few products of several.
 
     Parameters
     ----------
-    q : above 0, at most 1, which is the total degree; the smaller, the fewer products
+    q : above 0 and at most 1, which is the total degree; smaller values give fewer products
 
     Raises
     ------
@@ -80,5 +80,5 @@ class HyperbolicCross:
     def indices(self, d: int, order: int) -> MultiIndices:
         """(n_b, d), the constant first."""
         alpha = total_degree(d, order)
-        rounding = 1e-12  # of the powers: indices on the border belong to the set
+        rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
         return alpha[np.sum((alpha / order) ** self.q, axis=1) <= 1 + rounding]

@@ -1,4 +1,4 @@
-"""Chebyshev polynomials on [-1, 1]^d: products closed under lower degrees, and what leads to and between them."""
+"""Chebyshev polynomials on [-1, 1]^d: sets of products closed under lower degrees, and changes of basis."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
@@ -11,14 +11,14 @@ from symmb.polynomials.legendre import MultiIndices
 
 @dataclass(frozen=True, eq=False)
 class LowerSet:
-    """Multi-indices that contain with any one all those of lower degrees, by rising sum.
+    """A set of multi-indices that contains, with each of them, all those of lower degrees. The order is by rising sum.
 
-    Expansions over it stay so when a parameter is halved or fixed, in the Legendre as in the Chebyshev basis.
+    An expansion in it stays in it if the range of a parameter is halved or the parameter is fixed, in both bases.
 
     Attributes
     ----------
     alpha : (n, d) multi-indices, the constant first
-    given : (n_b,) where the multi-indices stand that it was made from
+    given : (n_b,) rows of the multi-indices from which it was made
     """
 
     alpha: MultiIndices
@@ -37,14 +37,14 @@ class LowerSet:
 
     @cached_property
     def number(self) -> dict[tuple[int, ...], int]:
-        """Where each multi-index stands."""
+        """Row of each multi-index."""
         return {tuple(row): i for i, row in enumerate(self.alpha.tolist())}
 
     @cached_property
     def fibres(self) -> list[Indices]:
         """For each axis (n_f, degree + 1): numbers of products that differ in their degree along it alone.
 
-        n stands where there is none of that degree.
+        The number is n if the set has none of that degree.
         """
         n, d = self.alpha.shape
         fibres = []
@@ -63,7 +63,7 @@ class LowerSet:
             change = legendre_to_chebyshev(fibres.shape[1] - 1)
             for i in range(len(change)):
                 rows = fibres[fibres[:, i] < n]
-                if i > 1:  # of degrees 0 and 1 they are the same
+                if i > 1:  # both bases have the same polynomials of degrees 0 and 1
                     C[rows[:, i]] *= change[i, i]
                 for j in range(i + 2, len(change), 2):
                     higher = rows[rows[:, j] < n]

@@ -1,4 +1,4 @@
-"""Legendre expansions of the responses, and the mean, variance and Sobol indices that they give."""
+"""Legendre expansions of the responses, and their mean, variance and Sobol indices."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
 
 ROUNDING = 1e-12
-"""Share of an output's largest root mean square below which its standard deviation counts as none."""
+"""Share of an output's largest root mean square below which its standard deviation counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Moments:
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
 
-    An index is the share of the variance that a parameter explains: alone (first), or alone and together
-    with others (total). It is nan where the variance is 0 but for rounding.
+    A first index is the share of the variance that a parameter alone explains. A total index adds the shares that it
+    explains together with others. Indices are nan where the variance is rounding.
 
     Attributes
     ----------
@@ -74,8 +74,8 @@ class Moments:
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
-    """Moments of an expansion: the variance is the sum of squared coefficients times the mean squares of
-    their polynomials, an index its part over polynomials in a parameter alone, or in it and others.
+    """Moments of an expansion. The variance is the sum of squared coefficients times the mean squares of their
+    polynomials. An index is the part of those polynomials that contain the parameter, alone or with others.
 
     Examples
     --------

@@ -164,7 +164,7 @@ class Trajectory:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The time closest to a singular position, if one is close. It is between output times if a run fails or drifts."""
+        """The time closest to a singular position, if one is close. Runs that fail or drift are examined closely."""
         dae, X, times = self.simulator.dae, self.x, self.t
         near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
         if near or dae.G is None or not (failed or self._drifts(_USUAL)):

@@ -165,9 +165,7 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
             done_trials.append(trial)
             if progress is not None:
                 progress(trial.family, len(done_trials), total + len(_REFERENCES))
-        return sorted(
-            trials, key=lambda t: order.index((t.scene, t.family))
-        )  # stable
+        return sorted(trials, key=lambda t: order.index((t.scene, t.family)))  # stable
 
     references = collect(
         [Job("", lambda: scene_at_times, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT

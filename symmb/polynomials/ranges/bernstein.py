@@ -1,4 +1,4 @@
-"""Bernstein coefficients of polynomials on the boxes of a regular grid: between them lies the range."""
+"""Bernstein coefficients of polynomials on the boxes of a regular grid, which enclose the range."""
 
 import itertools
 import math
@@ -13,20 +13,20 @@ from symmb._types import Array
 from symmb.polynomials.legendre import MultiIndices
 
 CHUNK = 2**18
-"""Coefficients handled together: 2 MB, what a core's cache holds."""
+"""Coefficients of a part: 2 MB, the size of a core's cache."""
 MOST = 2**24
-"""Coefficients of a polynomial."""
+"""Most coefficients of a polynomial: they take 128 MB."""
 
 
 @dataclass(frozen=True)
 class Bernstein:
     """The smallest and the largest Bernstein coefficient, for a few parameters.
 
-    They contain the range of the expansion, and exceed it by a share that falls with the square of the number of boxes.
+    They enclose the range of the expansion. The excess falls with the square of the number of boxes.
 
     Parameters
     ----------
-    boxes : equal parts into which each parameter's range is cut
+    boxes : number of equal parts of the range of each parameter
 
     Raises
     ------

@@ -50,7 +50,7 @@ def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int
     """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``."""
     tables = _tables(terms.products)
     b, (n_given, m) = tables.basis, legendre.shape
-    # The basis is changed in C: threads of a matrix product of NumPy's would spin on in the way of those below.
+    # The basis is changed in C: the threads of NumPy's matrix product would wait actively beside those below.
     change = terms.change if n_given <= FEW else None
     C = terms.coefficients(legendre) if change is None else np.ascontiguousarray(legendre, dtype=float)
     depth = _LEVELS * b.d

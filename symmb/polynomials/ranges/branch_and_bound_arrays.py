@@ -1,4 +1,4 @@
-"""Branch and bound of c/polynomial_ranges.h in NumPy, for use without a compiler: boxes of all polynomials together."""
+"""Branch and bound of c/polynomial_ranges.h in NumPy, for use without a compiler, all polynomials together."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from symmb.polynomials.chebyshev import halving
 from symmb.polynomials.ranges.terms import Terms
 
 CHUNK = 2**18
-"""Coefficients handled together: 2 MB, what a core's cache holds."""
+"""Coefficients of a part: 2 MB, the size of a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """Coefficients (N, n_padded) in their own coordinates, centres and half widths (N, d), and whose they are (N,).
+    """Coefficients (N, n_padded) in local coordinates, centres and half widths (N, d), numbers of the polynomials (N,).
 
     A half width of 0 is that of a parameter fixed at the end of its range.
     """
@@ -46,7 +46,7 @@ def array_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int) -
 def _minima(
     terms: Terms, C: Array, at: Array, best: Array, top: Array, tolerance: float, floor: Array, budget: int
 ) -> tuple[Array, Array, Array]:
-    """Lower bounds, points and gaps; values best (m,) are taken at (m, d), and top (m,) somewhere."""
+    """Lower bounds, points and gaps. Values best (m,) are attained at points (m, d), values top (m,) somewhere."""
     m, d = at.shape
     best, at, proved = best.copy(), at.copy(), np.full(m, np.inf)
     count = np.zeros(m, dtype=np.intp)
@@ -75,7 +75,7 @@ def _minima(
 
 
 def _fixed(terms: Terms, boxes: _Boxes) -> tuple[_Boxes, Array]:
-    """Boxes that may hold a minimum, and how their slopes vary (N, d); where monotone, parameters are fixed."""
+    """Boxes that may contain a minimum, and the variation of their slopes (N, d). Monotone parameters are fixed."""
     C, linear = boxes.C.copy(), boxes.C[:, terms.linear]
     slope = np.abs(C) @ terms.weights[1:].T
     monotone = (np.abs(linear) >= slope) & (boxes.half > 0)
@@ -93,7 +93,7 @@ def _fixed(terms: Terms, boxes: _Boxes) -> tuple[_Boxes, Array]:
 
 
 def _lower_bounds(terms: Terms, boxes: _Boxes) -> tuple[Array, Array]:
-    """Lower bounds (N,), and the points z (N, d) of the boxes where they would be taken."""
+    """Lower bounds (N,), and the points z (N, d) of the boxes that would attain them."""
     g, h = boxes.C[:, terms.linear], 2.0 * boxes.C[:, terms.square]
     constant = boxes.C[:, 0] - np.abs(boxes.C) @ terms.weights[0] - 0.5 * h.sum(axis=1)
     near = np.where(np.abs(g) >= h, np.where(g > 0, -1.0, 1.0), 0.0)
@@ -110,7 +110,7 @@ def _lower_bounds(terms: Terms, boxes: _Boxes) -> tuple[Array, Array]:
 
 
 def _halved(terms: Terms, boxes: _Boxes, across: Indices) -> _Boxes:
-    """Each box cut in two across a parameter of its own."""
+    """Two halves of each box, along a parameter that differs from box to box."""
     C = np.stack([boxes.C, boxes.C])
     for k, fibres in enumerate(terms.products.fibres):
         rows = np.flatnonzero(across == k)

@@ -1,4 +1,4 @@
-"""Extremes of tensor polynomials of a few parameters as a dense grid of samples and Newton's method find them."""
+"""Extremes of tensor polynomials of a few parameters by a dense grid of samples and Newton's method."""
 
 import ctypes
 from functools import cache

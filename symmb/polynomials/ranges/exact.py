@@ -17,13 +17,13 @@ from symmb.polynomials.ranges.terms import terms_of
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """Bounds of m polynomials, and where they are nearly taken.
+    """Bounds of m polynomials, and points that nearly attain them.
 
     Attributes
     ----------
     lower, upper : (m,) never narrower than the range, but for rounding
     at_lower, at_upper : (m, d) points of [-1, 1]^d with values within tolerance and gap of the bounds
-    below, above : (m,) how far lower and upper lie beyond the values at their points where the budget ran out; 0 where
+    below, above : (m,) distance of lower and upper from the values at their points if the budget was used up; 0 if
         they are within tolerance
     """
 
@@ -36,19 +36,19 @@ class Extremes:
 
     @property
     def gap(self) -> Array:
-        """What is not proved (m,), the larger of both sides."""
+        """The larger of below and above (m,)."""
         return np.maximum(self.below, self.above)
 
 
 @dataclass(frozen=True)
 class Exact:
-    """The range of each polynomial itself, for any number of parameters and any order.
+    """The exact range of each polynomial, for any number of parameters and any order.
 
     Parameters
     ----------
-    tolerance : largest excess of either bound over the true extreme, as a share of the polynomial's range; constants
-        are met to 1e-13 of the coefficients. The bounds are never narrower than the range, but for rounding.
-    budget : most boxes for either extreme of a polynomial, beyond which its tolerance is relaxed as far as it takes
+    tolerance : largest excess of either bound over the true extreme, as a share of the polynomial's range; for a
+        constant 1e-13 of the coefficients. The bounds are never narrower than the range, except for rounding.
+    budget : most boxes for each extreme of a polynomial; then its tolerance is relaxed as far as necessary
 
     Raises
     ------
@@ -57,9 +57,9 @@ class Exact:
 
     Notes
     -----
-    Some ten boxes suffice for two parameters, some hundreds for six, and for ten or more the budget may run out. Errors
-    fall with the cube of the box, so that a tolerance of 1e-8 takes less than twice as long as 1e-3 does.
-    Without a C compiler NumPy takes its place and several times as long.
+    Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors fall with the
+    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler the
+    search runs in NumPy, which takes several times as long.
 
     Examples
     --------
@@ -92,7 +92,7 @@ class Exact:
         return extremes.lower, extremes.upper
 
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
-        """Bounds with the points where they are nearly taken."""
+        """Bounds with points that nearly attain them."""
         terms = terms_of(LowerSet.of(alpha))
         ranges = compiled_ranges if has_compiler() else array_ranges
         return Extremes(*ranges(terms, coefficients, self.tolerance, self.budget))

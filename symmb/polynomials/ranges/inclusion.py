@@ -11,7 +11,7 @@ from symmb.polynomials.legendre import MultiIndices, basis_ranges
 
 
 class Range(Protocol):
-    """A way to bound many polynomials over the unit box."""
+    """A method to bound many polynomials over the unit box."""
 
     def bounds(self, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
         """Lower and upper bounds, each (m,), of the m polynomials with Legendre coefficients (n_b, m)."""
@@ -22,7 +22,7 @@ class Range(Protocol):
 class LegendreInclusion:
     """Natural interval arithmetic a_0 + sum a_i [min phi_i, max phi_i], eqs. (23)-(24), for any order.
 
-    It contains the range of the expansion, and ever more widely the more terms there are.
+    It encloses the range of the expansion. The excess grows with the number of terms.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class LegendreInclusion:
 class ChebyshevInclusion:
     """Interval arithmetic c_0 +- sum |c_i| over Chebyshev polynomials, as |T_i| <= 1, for any order.
 
-    It contains the range of the expansion, which it meets where one term stands alone.
+    It encloses the range of the expansion, exactly for a single term.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What branch and bound looks up about the products of an expansion, once for all polynomials."""
+"""Tables of the products of an expansion for branch and bound, the same for all polynomials."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -10,9 +10,9 @@ from symmb.codegen import c_number
 from symmb.polynomials.chebyshev import LowerSet
 
 LANES = int(c_number("polynomial_ranges", "W"))
-"""Coefficients are padded to multiples of it, with at least one zero: that of all products that there are not."""
+"""Coefficients are padded to multiples of it, with at least one zero, which stands for all products outside the set."""
 FEW = 64
-"""Coefficients that change basis fastest by one full matrix."""
+"""Coefficients up to which one full matrix is the fastest change of basis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Terms:
 
     Attributes
     ----------
-    products : the expansion's
+    products : of the expansion
     linear, square : (d,) numbers of T_1 and T_2 of each parameter
     pairs : (d (d - 1) / 2, 3) each parameter and each before it, and the number of the product of both
     weights : (d + 1, n_padded) of terms of degree 3 and more, as |T_j| <= 1; then along each parameter of all but
