@@ -1,4 +1,4 @@
-"""Methods that bound responses over a box of parameters, and what they return.
+"""Methods that bound responses over a box of parameters, and their results.
 
 The method that chooses its own runs is in `bounds.adaptive`.
 """

@@ -1,8 +1,8 @@
 """Interval numbers whose ends are arrays, and the interval extension of each scalar operation of CasADi.
 
 Ends are rounded outward: sums, products and roots by one unit in the last place, other functions by eight,
-more than the errors of the mathematical libraries. An argument that reaches out of a function's domain is
-cut to it, one that lies outside is an error. A division by an interval around 0 has infinite bounds.
+more than the errors of the mathematical libraries. An argument that is partly outside the domain of a
+function is cut, one that is completely outside is an error. A division by an interval around 0 has infinite bounds.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ class Interval(NamedTuple):
 
     @classmethod
     def exactly(cls, value: float | Array) -> "Interval":
-        """The interval of one number."""
+        """The interval of a number."""
         return cls(np.asarray(value, dtype=float), np.asarray(value, dtype=float))
 
 
@@ -54,7 +54,7 @@ def operate(code: int, arguments: tuple[Interval, ...]) -> Interval:
 
 
 def _outward(lower: Array, upper: Array, ulps: int = 1) -> Interval:
-    """Ends widened by some units in the last place; an end that is not a number becomes infinite."""
+    """Ends widened by some units in the last place. An end that is NaN becomes infinite."""
     lower = lower - ulps * np.spacing(np.abs(lower))
     upper = upper + ulps * np.spacing(np.abs(upper))
     return Interval(np.where(np.isnan(lower), -np.inf, lower), np.where(np.isnan(upper), np.inf, upper))
@@ -160,7 +160,7 @@ def _erf(values: Array) -> Array:
 
 
 def _reaches(a: Interval, point: float, period: float) -> Mask:
-    """Whether point + k period lies in the interval for some whole k, or might by rounding."""
+    """Whether point + k period is in the interval for some whole k, or may be by rounding."""
     slack = 4 * np.spacing(np.maximum(np.abs(a.lower), np.abs(a.upper)) + period)
     first = point + period * np.ceil((a.lower - slack - point) / period)
     return (first <= a.upper + slack) | ~np.isfinite(first)
@@ -204,7 +204,7 @@ def _hypot(a: Interval, b: Interval) -> Interval:
 
 
 def _fmod(a: Interval, b: Interval) -> Interval:
-    """a - b trunc(a / b): a itself where no multiple of b is passed, else all it can be."""
+    """a - b trunc(a / b): the interval a if it contains no multiple of b, else all possible values."""
     size, step = _magnitude(a), _magnitude(b)
     within = size.upper < step.lower
     most = np.minimum(size.upper, step.upper)
@@ -322,6 +322,6 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_OR: _either,
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
 }
-"""Interval extension by operation code; EXP, SIN ... are exact but for rounding, so natural interval arithmetic
-is too wide only because it forgets that an argument occurs twice. OP_ERFINV is left out: CasADi's own values of it
+"""Interval extension by operation code. EXP, SIN ... are exact except for rounding: natural interval arithmetic is too
+wide only because it treats an argument that occurs twice as two. OP_ERFINV is left out: CasADi's own values of it
 are off by 3e-8, which no enclosure of the inverse error function would contain."""

@@ -21,9 +21,9 @@ class IntervalArithmetic(Method):
     """Enclosure of plain expressions of parameters and time by natural interval arithmetic, eq. (12).
 
     Every operation is replaced by its interval extension and rounded outward, so that the bounds contain
-    the range of the expression as CasADi stores it (its constants, the box's ends and the times taken as
-    the doubles they are). Mostly they are far too wide: an argument that occurs twice is taken as two. One
-    evaluation for all times.
+    the range of the expression as CasADi stores it (its constants, the box's ends and the times as double
+    precision numbers). Mostly they are far too wide, because an argument that occurs twice is treated as two.
+    One evaluation gives all times.
 
     Raises
     ------
@@ -45,7 +45,7 @@ class IntervalArithmetic(Method):
     kind: ClassVar[Kind] = "enclosure"
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        # Asked for by name: from Python 3.12 on isinstance takes a property for present although it raises.
+        # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
         f: ca.Function | None = getattr(simulator, "expression", None)
         if f is None:
             raise PropagationError(

@@ -1,4 +1,4 @@
-"""What a bounding method is: a frozen object that turns a simulator and a box into Bounds."""
+"""The base of bounding methods: frozen objects that compute Bounds from a simulator and a box."""
 
 import time
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ from symmb.simulation import Progress, Simulator
 
 
 class Method(ABC):
-    """A way to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
+    """A method to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
 
     kind: ClassVar[Kind]
     requires: ClassVar[str] = ""
@@ -29,10 +29,10 @@ class Method(ABC):
 
         Parameters
         ----------
-        simulator : where the trajectories come from
+        simulator : source of the trajectories
         box : intervals of some or all parameters; the others keep their nominal values
         executor : anything with an ordered ``map``; None runs in this thread
-        progress : called with runs done and runs in all
+        progress : called with the finished runs and all runs
 
         Returns
         -------
@@ -81,6 +81,6 @@ def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
 
 
 def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
-    """Where the box's parameters stand among the simulator's."""
+    """Columns of the box's parameters among those of the simulator."""
     order = list(simulator.parameters)
     return [order.index(name) for name in box.names]

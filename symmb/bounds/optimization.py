@@ -1,4 +1,4 @@
-"""Bounds by optimising the responses themselves, every output and time at once, with derivatives of the runs."""
+"""Bounds by optimisation of the responses, all outputs and times together, with derivatives of the runs."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -33,25 +33,25 @@ class Optimization(Method):
 
     A run with first derivatives gives value and gradient of every output at every time. About the best run of each
     minimum or maximum a quadratic with secant curvature predicts a better point of the box; the next runs are
-    those whose prediction promises most, each taken to serve all others as far as their own quadratics say. The
-    first half of the budget is spent so; the other half on runs without derivatives where the last quadratics
-    point. The bounds are attained. Their ``estimate`` is their distance from the prediction plus the last change of
-    the prediction; an extreme far from every run may be missed. The executor serves the runs without derivatives.
+    those with the best predictions, and each run is also used for all other extremes. This takes the first half of the
+    budget. The other half is for runs without derivatives at the points that the last quadratics predict. The bounds
+    are attained. Their ``estimate`` is their distance from the prediction plus the last change of
+    the prediction; an extreme far from every run may be missed. The executor makes the runs without derivatives.
 
     Parameters
     ----------
     budget : most evaluations; a run with first derivatives in d parameters counts 1 + d
-    tolerance : predicted improvement below which nothing is tried, as a share of the width at that time
+    tolerance : predicted improvement below which no run is made, as a share of the width at that time
 
     Raises
     ------
     DeclarationError
         If the budget is not a positive integer or the tolerance not between 0 and 1.
     PropagationError
-        From ``bounds``: the simulator gives no derivatives, they are not finite, or the budget's first half does
-        not pay one run with them.
+        From ``bounds``: the simulator gives no derivatives, they are not finite, or the first half of the budget
+        is less than one run with them.
     SimulationError
-        From ``bounds``: a run with derivatives breaks down.
+        From ``bounds``: a run with derivatives fails.
 
     Examples
     --------

@@ -29,32 +29,31 @@ _Found = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
 class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
-    ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids of up to three
-    parameters, in pieces of the box where the response has kinks or jumps; sparse grids that grow where the response
-    varies of more; and check runs at its own extremes.
-    ``PolynomialChaos(order=4)`` keeps to one order: interpolation at Clenshaw-Curtis nodes and the exact range of the
+    ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
+    parameters, in pieces of the box where the response has kinks or jumps; for more parameters sparse grids that grow
+    where the response varies; and check runs at the extremes of the expansion.
+    ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the exact range of the
     interpolant.
     ``PolynomialChaos.paper(order=2)`` is the method of the paper.
 
     Parameters
     ----------
-    order : highest degree; None chooses it, and with it the nodes
+    order : highest degree; None: degrees and nodes are chosen
     nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
     basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
     tolerance : without order: estimated error at which to stop, as a share of the response width
     budget : without order: most runs allowed
-    lockstep : advance all nodes together from one output time to the next and expand at once (Fig. 4), which
-        needs a simulator that can march; else each node runs by itself, sampled at the output times (Fig.
-        5). The executor is not used then.
+    lockstep : advance all nodes together from one output time to the next and expand there (Fig. 4), which needs a
+        simulator that can march and does not use the executor; otherwise each node runs separately (Fig. 5)
 
     Raises
     ------
     DeclarationError
         If an option is out of its range, or given where it has no meaning.
     PropagationError
-        From ``bounds``: too many nodes failed for least squares over the others, or without order some of the first
-        ones, since later ones are predicted; the nodes do not determine the basis; lockstep without a simulator that
+        From ``bounds``: too many nodes failed for least squares over the others, or, without order, some of the first
+        ones (later ones are predicted); the nodes do not determine the basis; lockstep without a simulator that
         can march; the budget is below the first level.
 
     Examples

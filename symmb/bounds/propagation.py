@@ -22,11 +22,11 @@ def propagate(
     ----------
     scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
     method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ...
-    box : intervals of some or all parameters, the others keep their nominal values; default: the scene's
-    solver : how a Scene is integrated; default DormandPrince()
+    box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
+    solver : of a Scene; default: chosen by pilot runs, mostly DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
-    progress : called with runs done and runs in all
+    progress : called with the finished runs and all runs
 
     Returns
     -------

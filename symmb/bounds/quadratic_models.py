@@ -37,13 +37,13 @@ class Quadratics:
 
     @property
     def gain(self) -> Array:
-        """(m,) by how much the steps lower the quadratics, at least 0."""
+        """Decrease (m,) of the quadratics by the steps, at least 0."""
         return np.maximum(-self.change(self.step), 0.0)
 
     def promising(self, least: Array, count: int) -> Array:
         """At most ``count`` points (n, d) where quadratics gain more than ``least`` (m,), the largest gain first.
 
-        A point that is taken leaves each of the others only what its own quadratic still gains beyond that point.
+        After the choice of a point, the gain of each other quadratic counts only beyond its value at this point.
         """
         left = self.gain / least
         some = np.flatnonzero(left > 1.0)
@@ -83,7 +83,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
         hessian[..., own] = _curvatures(offset, rise, G[np.ix_(near, np.arange(d), own)] - g)
     origin = X[lowest].T
     step = _box_minima(gradient, hessian, -1.0 - origin, 1.0 - origin)
-    # Beyond half the way to another point that one knows better.
+    # Beyond half the distance to another point its quadratic is better.
     along = X @ step - (origin * step).sum(axis=0)
     return Quadratics(origin, gradient, hessian, step / (along / half[:, lowest]).max(axis=0, initial=1.0))
 

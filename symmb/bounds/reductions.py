@@ -1,4 +1,4 @@
-"""Running reductions of trajectories: what bounding methods keep instead of the trajectories."""
+"""Reductions of trajectories that bounding methods compute block by block."""
 
 from functools import partial
 from typing import Any
@@ -27,7 +27,7 @@ def failures() -> Reduction[FailedRuns]:
 
 
 def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
-    """``functionals @ Y``, (n_b, N) times (N, n_t n_y), over the runs that did not fail; Y is never whole."""
+    """``functionals @ Y``, (n_b, N) times (N, n_t n_y), over the runs that did not fail, without all of Y in memory."""
     size = len(simulator.times) * len(simulator.outputs)
     init = partial(np.zeros, (len(functionals), size))
     return Reduction(init, partial(_update_projection, functionals), np.add)

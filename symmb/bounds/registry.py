@@ -18,7 +18,7 @@ from symmb.nodes import ChebyshevGauss, Gauss, LatinHypercube, Leja, Sobol, Spar
 from symmb.polynomials import HyperbolicCross, TotalDegree
 
 MOST_RUNS = 2000
-"""Most runs that a method of a comparison takes by default, Monte Carlo apart: a comparison then takes seconds."""
+"""Most runs of a method in a comparison by default, except Monte Carlo: a comparison then takes seconds."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ METHODS: tuple[MethodEntry, ...] = (
 
 
 def read_method(text: str) -> Method:
-    """The method that a text such as "pce:2:paper" stands for.
+    """The method of a text such as "pce:2:paper" stands for.
 
     Raises
     ------

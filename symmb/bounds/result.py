@@ -1,4 +1,4 @@
-"""What every bounding method returns."""
+"""The result of every bounding method."""
 
 import json
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ Kind = Literal["enclosure", "estimate", "sampled"]
 class Bounds:
     """Lower and upper bounds of every output at every time.
 
-    `print` tells what they are and where they are widest, `plot` draws them, `save` writes what `load` reads.
+    `print` shows their kind and where they are widest, `plot` draws them, `save` and `load` keep them in a file.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Bounds:
     names : n_y outputs
     lower, upper : (n_t, n_y) best estimate of the bounds
     kind : "enclosure" (proved to contain the responses), "estimate" (of a surrogate: may miss either way) or
-        "sampled" (attained: the responses reach at least this far)
+        "sampled" (attained by runs: the responses reach at least these values)
     method : text of the method's constructor
     evaluations : runs; a run with derivatives counts as many as they cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
@@ -44,7 +44,7 @@ class Bounds:
     failed : the runs that failed
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
-    caution : from when on the method does not hold, and why; empty where nothing speaks against it
+    caution : from when on the method is not valid, and why; empty if it is valid
 
     Examples
     --------
@@ -75,9 +75,9 @@ class Bounds:
         return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = 0.1) -> dict[str, float]:
-        """Outputs not to be trusted, and from which time on [s]: the estimated error exceeds a share of the width.
+        """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
 
-        Both are taken as root mean squares from a time to the end; empty without an estimate.
+        Both are root mean squares from a time to the end. The result is empty without an estimate.
         """
         if self.estimate is None:
             return {}
@@ -102,7 +102,7 @@ class Bounds:
         Raises
         ------
         PropagationError
-            If the method leaves no expansion.
+            If the method has no expansion.
         """
         if self.expansion is None:
             raise PropagationError(
@@ -149,15 +149,15 @@ class Bounds:
 
     @classmethod
     def load(cls, path: str | Path) -> "Bounds":
-        """Read what ``save`` wrote.
+        """Read a file of ``save``.
 
         Raises
         ------
         DeclarationError
-            If the file holds something else.
+            If the file has other contents.
         """
         try:
-            with open(path, "rb") as file, np.load(file) as arrays:  # NumPy leaves what it cannot read open
+            with open(path, "rb") as file, np.load(file) as arrays:  # NumPy does not close files that it cannot read
                 return cls._of_arrays(arrays)
         except (KeyError, TypeError, ValueError, EOFError, BadZipFile) as error:
             raise DeclarationError(f"{path} does not hold saved Bounds, which are what Bounds.save writes.") from error

@@ -1,4 +1,4 @@
-"""Bounds by running many samples and keeping the extremes: attained, never proved."""
+"""Bounds by the extremes of many samples: attained, not proved."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -65,7 +65,7 @@ class Scanning(Method):
 
     Parameters
     ----------
-    points : grid points a parameter, at least 2; ``points**d`` runs in all
+    points : grid points for each parameter, at least 2; ``points**d`` runs in total
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Bounds by particle swarms, one for each minimum and maximum: what the literature runs as a reference."""
+"""Bounds by particle swarms, one for each minimum and maximum, as in references of the literature."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -24,9 +24,9 @@ Transactions on Evolutionary Computation 6, 58-73."""
 class Swarm(Method):
     """Extremes found by particle swarms: for every output and time one that minimises and one that maximises.
 
-    All 2 n_t n_y swarms take their steps side by side, one call of the simulator a step; each particle looks at its
-    own swarm's output and time only, but the bounds are the extremes of all runs. It takes 2 n_t n_y ``particles``
-    ``steps`` runs: choose few times. A particle whose run fails moves on, and is no best.
+    All 2 n_t n_y swarms take their steps together, with one call of the simulator for each step. A particle optimises
+    the output and time of its swarm only, but the bounds are the extremes of all runs. The method takes 2 n_t n_y
+    ``particles`` ``steps`` runs: choose few times. A particle whose run fails continues, and is never the best.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class Swarm(Method):
 
 
 def _watched(pairs: int, particles: int) -> Reduction[tuple[Array, ...]]:
-    """What each run is to lower: one response, in the second half of the swarms its negative; inf where it failed."""
+    """The objective of each run: a response, its negative in the second half of the swarms; inf where a run failed."""
     return Reduction(tuple, partial(_watch, pairs, particles), _chain)
 
 

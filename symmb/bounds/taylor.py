@@ -21,16 +21,16 @@ from symmb.simulation import Kinked, Progress, Simulator
 class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
-    Natural interval arithmetic with even powers taken as [0, 1]; the remainder is left out, so nothing is
-    proved. Expansions do not hold beyond kinks or jumps: ``caution`` tells where runs at centres meet some.
+    The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that they
+    are not proved. Expansions are not valid beyond kinks or jumps: ``caution`` tells where runs at centres meet some.
     The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| = order: the
-    j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. It counts C(d + order, d)
-    evaluations a part, the coefficients of its expansion. The executor is not used.
+    j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. Each part
+    counts as C(d + order, d) evaluations, the coefficients of its expansion. The executor is not used.
 
     Parameters
     ----------
     order : highest total degree
-    subintervals : equal parts that each parameter's interval is cut into; the bounds are the union of those of all
+    subintervals : equal parts of the interval of each parameter; the bounds are the union of those of all
         ``subintervals**d`` parts, each with its own expansion
 
     Raises
@@ -96,7 +96,7 @@ class Taylor(Method):
 
 
 def _caution(kinks: list[tuple[float, str]]) -> str:
-    """What expansions miss of kinks or jumps that the runs at their centres meet."""
+    """The caution about kinks or jumps that the runs at centres meet."""
     if not kinks:
         return ""
     time, which = min(kinks)

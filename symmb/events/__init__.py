@@ -1,4 +1,4 @@
-"""Impacts, and switches of time and state: how they are found, located and passed.
+"""Impacts, and switches of time and state: detection, location and the states after them.
 
 The solvers that use this are in `integrate`.
 """

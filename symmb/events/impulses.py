@@ -27,7 +27,7 @@ class Event:
     ----------
     time : float             [s]
     name : str               of the Impact
-    what : str               "impact", or that from here on the contact stays closed, "closes", or does not, "opens"
+    what : str               "impact", or "closes" and "opens" of a contact that stays closed
     before, after : float    rates of the gap [m/s, rad/s]
     work : float             of the impulse [J], what is lost being negative
     """
@@ -136,7 +136,7 @@ class ImpactLaws:
     def _apply_impulses(
         self, after: PostImpactState, at: tuple[Array, ...], rate: Array, touching: Mask, resting_rate: Array
     ) -> Array:
-        """Impacts one after the other until no gap that is 0 closes any more; rates (E, n) of the gaps then."""
+        """Impacts one after the other until no gap that is 0 closes. Returns the rates (E, n) of the gaps."""
         names, dae, lanes, times = self._impacts.names, self._dae, np.arange(len(rate)), at[-1][:, 0].tolist()
         n, n_v = len(names), dae.n_v
         W, B, at_rest, e = evaluate_padded(self._impacts.impulses, *at)
@@ -173,7 +173,7 @@ class ImpactLaws:
         return rate
 
     def _close_contacts(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Mask]:
-        """Close those of the slow contacts that push; accelerations of all gaps (E, n), and where contacts depend."""
+        """Close the slow contacts with pushing forces. Returns accelerations of gaps (E, n), and dependent contacts."""
         f, closed = self._impacts.forces, slow & ~released
         acceleration = np.zeros(slow.shape)
         dependent: Mask = np.zeros(len(x), dtype=bool)

@@ -1,4 +1,4 @@
-"""Laws of time, and kinks or jumps, in equations of motion: what steps may pass over, and what they cannot."""
+"""Laws of time, and kinks or jumps, in equations of motion."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -34,7 +34,7 @@ class Kinks:
     on_state: Mask
 
     def met(self, X: Array, p: Array, times: Array) -> int:
-        """How many changes of sign states X (n_t, n_x) show; those between two times that undo each other do not."""
+        """Number of sign changes between states X (n_t, n_x). Two that cancel between two times do not count."""
         (values,) = batch(self.switches, X, p, times[:, None])
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
@@ -60,11 +60,11 @@ def kinks(dae: DAE) -> Kinks | None:
 
 
 def longest_step(dae: DAE, times: Array) -> float:
-    """A step [s] that no pulse of a law of time fits into, at the nominal parameters; infinite without pulses.
+    """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses.
 
-    Step control sees what a step evaluates: a pulse that lies between leaves no trace. A pulse is a stretch where a
-    law is far from its median, and shorter than the horizon, or one between two jumps. Those of less than 1/20,000 of
-    the horizon are seen only where output times stand in them.
+    Step control does not detect a pulse between the evaluations of a step. A pulse is an interval, shorter than the
+    horizon, in which a law is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000 of
+    the horizon are detected only at output times.
     """
     f, at = _equations(dae)
     x, p, time = (symbol for symbol, _ in at)
@@ -105,7 +105,7 @@ def _shortest_pulse(t: Array, law: Array) -> float:
 
 
 class Break(NamedTuple):
-    """Where positions, or velocities, of a constraint would have to jump."""
+    """The time at which positions or velocities of a constraint would have to jump."""
 
     name: str
     time: float
@@ -116,9 +116,9 @@ class Break(NamedTuple):
 
 
 def broken(dae: DAE, q: Array, times: Array) -> Break | None:
-    """The first constraint whose law of time breaks, at coordinates q (n_q,) and the nominal parameters.
+    """The first constraint whose law of time has a jump or a corner, at coordinates q (n_q,) and nominal parameters.
 
-    Rows are integrated as accelerations, of which a corner of a law leaves no trace.
+    Rows are integrated as accelerations, which do not show a corner of a law.
     """
     if dae.Phi_dot is None or len(times) < 2:
         return None
@@ -136,7 +136,7 @@ def broken(dae: DAE, q: Array, times: Array) -> Break | None:
 
 
 def _jumps(law: ca.Function, times: Array) -> Array:
-    """When a law jumps, in order: where it bends as sharply the closer it is looked at, and not at the end."""
+    """Times of the jumps of a law, in order: its differences stay when intervals are halved."""
 
     def values(t: Array) -> Array:
         return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)

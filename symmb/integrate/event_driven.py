@@ -17,7 +17,7 @@ class EventDriven(Solver):
     """Explicit pair of order 8 whose steps end where an `Impact` happens, located on their interpolant to rounding.
 
     Samples run side by side, each with steps of its own. After every step positions and velocities are moved onto the
-    constraints, closed contacts among them. At the time of an impact an output tells what is after it.
+    constraints, with those of closed contacts. At the time of an impact, outputs have their values after it.
 
     Parameters
     ----------
@@ -47,5 +47,5 @@ class EventDriven(Solver):
 
 
 def impacts_text(impacts: Impacts) -> str:
-    """The impacts by name, as messages tell them."""
+    """The impacts by name, for messages."""
     return ", ".join(f"Impact {name!r}" for name in impacts.names)

@@ -16,7 +16,7 @@ from symmb.model import DAE, Impacts
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, stages
 
 CROWD_SPAN, CROWD = 1e-12, 1000
-"""More events than this within this share of the run's time do not come to an end. tests/events/test_impacts.py"""
+"""More events than this within this share of the run's time are an endless sequence. tests/events/test_impacts.py"""
 MOST_EVENTS = 50_000
 """Events of a run: more take minutes, and mean a motion that bounces faster and faster."""
 CONTACT_STEP = 1e-13
@@ -183,7 +183,7 @@ class EventRuns:
         self._fail([(int(i), self._endless_text(int(i))) for i in lanes[self._is_endless(lanes)]])
 
     def _is_endless(self, lanes: Indices) -> Mask:
-        """Whether events follow each other without end; counts the events that stand close together."""
+        """Whether events follow each other without end. Counts the events within a short time."""
         t = self._steps.t[lanes]
         moved = t - self._crowd_start[lanes] > CROWD_SPAN * self._span
         self._crowd_start[lanes] = np.where(moved, t, self._crowd_start[lanes])

@@ -148,7 +148,7 @@ class NSTIFFSI2(_PositionScheme):
     Parameters
     ----------
     step : float             longest step [s]
-    rtol : float             relative tolerance of steps that are shorter where errors ask for it; fixed if left out
+    rtol : float             relative tolerance, with step control up to `step`; without it steps are fixed
     tolerance : float        of Newton's method, largest change of the state over its size
     """
 
@@ -199,7 +199,7 @@ class _AlphaScheme(_PositionScheme):
 
 @dataclass(frozen=True, repr=False)
 class Newmark(_AlphaScheme):
-    """Newmark's method on the index-3 form, of first order: gamma above 1/2 damps what the constraints excite.
+    """Newmark's method on the index-3 form, of first order: gamma above 1/2 damps high frequencies.
 
     Parameters
     ----------

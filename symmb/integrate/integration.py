@@ -35,7 +35,7 @@ class Run:
 
 
 class Integration:
-    """Compiled runs over one time grid; pickles, so that other threads and processes get a copy.
+    """Compiled runs over one time grid. They can be pickled: threads and processes get copies.
 
     Parameters
     ----------
@@ -136,17 +136,17 @@ class Integration:
         yield from self._marching.march(x0, p, self._project)
 
     def statistics(self) -> dict[str, int]:
-        """What the integrator counted in its last call over the whole time grid; empty where it counts nothing."""
+        """Counts of the integrator in its last call over the whole time grid; empty without counts."""
         counted = self._whole.buffer()[0].stats() if self._whole is not None else {}
         return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
 
 
 def _quiet() -> AbstractContextManager[object]:
-    """CasADi writes all arguments of a failing call to Python's stderr; what failed is told by `Run.message`."""
+    """CasADi writes all arguments of a failing call to stderr. `Run.message` contains the reason."""
     return redirect_stderr(io.StringIO())
 
 
 def _reason(error: RuntimeError) -> str:
-    """The integrator's own words, without the path through CasADi's source."""
+    """The message of the integrator, without paths of CasADi's source."""
     text = str(error).strip().splitlines()[-1]
     return text.split(": ", 1)[-1].removesuffix(" documentation.").split(". Consult")[0]

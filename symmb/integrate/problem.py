@@ -1,4 +1,4 @@
-"""An initial value problem in SX, as CasADi's integrators take it; and its Taylor coefficients as a larger one."""
+"""An initial value problem in SX for CasADi's integrators, and the larger one of its Taylor coefficients."""
 
 from dataclasses import dataclass, replace
 
@@ -100,7 +100,7 @@ def build_problem(
     if algebraic and dae.n_r and dae.G is not None:
         M, G = dae.M(*at), dae.G(*at)
         of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
-        unit = dae.scales.energy / row_scales  # unknowns and rows in terms of the motion's size, whatever the units
+        unit = dae.scales.energy / row_scales  # scaled by the size of the motion: units have no effect
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
             z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
             vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]

@@ -93,7 +93,7 @@ WORDS: dict[str, tuple[str, Any]] = {
 
 
 def read_solver(text: str) -> Solver:
-    """The solver that a text such as "cvodes:1e-8" or "dopri:1e-8:projection" stands for.
+    """The solver of a text such as "cvodes:1e-8" or "dopri:1e-8:projection" stands for.
 
     Raises
     ------

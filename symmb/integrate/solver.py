@@ -1,4 +1,4 @@
-"""What a solver is: a frozen value whose fields are its options, and which declares what it can do."""
+"""The base of solvers: frozen objects whose fields are their options."""
 
 from abc import ABC, abstractmethod
 from dataclasses import fields, replace
@@ -22,9 +22,9 @@ class Solver(ABC):
     limits: ClassVar[dict[str, tuple[float, float]]] = {}
     """Range of an option, ends included. Other numbers must be above 0."""
     keeps_positions: ClassVar[bool] = False
-    """Whether the positions satisfy Phi = 0 after every step by themselves."""
+    """Whether the method itself keeps Phi = 0 after every step."""
     stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection, AugmentedLagrangian)
-    """What the option `stabilization` may be, besides None."""
+    """Types of the option `stabilization`, besides None."""
     locates_events: ClassVar[bool] = False
     """Whether steps end at impacts."""
     gives_derivatives: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""What keeps an index-reduced DAE on its constraints."""
+"""Stabilisation of the constraints of an index-reduced DAE."""
 
 from dataclasses import dataclass
 

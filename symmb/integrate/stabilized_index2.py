@@ -22,7 +22,7 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
     at = dae.arguments(x, p, time)
     rates = dae.rhs.call(list(at))
     of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
-    unit = dae.scales.energy / row_scales  # unknowns and rows in terms of the motion's size, whatever the units
+    unit = dae.scales.energy / row_scales  # scaled by the size of the motion: units have no effect
     z, mu, a = ca.SX.sym("lam", dae.n_r), ca.SX.sym("mu", dae.n_c), ca.SX(0, 1)
     lam = unit * z
     qdot, vdot, guess, rows = rates[0], rates[1], ca.SX(0, 1), ca.SX(0, 1)

@@ -23,8 +23,8 @@ from symmb.symbolic import batch
 class StateSpace(Solver):
     """Coordinate partitioning: pair of Dormand and Prince in independent coordinates, Newton's method for the others.
 
-    Which coordinates are independent is decided anew wherever those chosen no longer determine the others well. Runs in
-    Python, sample by sample: for checks, not for speed.
+    The independent coordinates are chosen anew when they no longer determine the others well. Samples run in Python one
+    after the other: the method is for checks, not for speed.
 
     Parameters
     ----------

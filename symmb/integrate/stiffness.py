@@ -1,4 +1,4 @@
-"""How fast a motion could change: eigenvalues of its linearisation along a run."""
+"""Stiffness of a motion: eigenvalues of its linearisation along a run."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ from symmb.symbolic import batch
 
 @dataclass(frozen=True)
 class Stiffness:
-    """The fastest of the linearised motions.
+    """The fastest rates of the linearised motions.
 
     Attributes
     ----------
-    decay : float            largest rate at which something dies away [1/s]
-    growth : float           largest rate at which something grows [1/s]
+    decay : float            largest rate of decay [1/s]
+    growth : float           largest rate of growth [1/s]
     frequency : float        largest angular frequency [rad/s]
     """
 
@@ -27,13 +27,13 @@ class Stiffness:
 
     @property
     def rate(self) -> float:
-        """What an explicit step times must stay below a few."""
+        """The rate that limits the step of explicit methods: their product must be below about 3."""
         return max(self.decay, self.frequency)
 
     def is_stiff(self, span: float) -> bool:
-        """Whether something dies away so fast that steps should not follow it over so long a time [s].
+        """Whether the decay is so fast that the steps should not resolve it over this time [s].
 
-        Near an unstable position things die away as fast as others grow; these have to be followed.
+        Near an unstable position motions decay as fast as others grow, which the steps must resolve.
         """
         return self.decay * span > STIFF and self.decay > 10 * self.growth
 

@@ -1,4 +1,4 @@
-"""Static equilibrium: where nothing moves, because forces and reactions balance."""
+"""Static equilibrium: positions in which forces and reactions balance."""
 
 import casadi as ca
 import numpy as np
@@ -21,7 +21,7 @@ _LARGEST_STEP, _LARGEST_DAMPED_STEP = 2.0, 0.2
 
 
 def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
-    """Forces on the free displacements that are left over, and position rows over their scales, for multipliers lam."""
+    """Unbalanced forces on the free displacements, and position rows over their scales, for multipliers lam."""
     _, *at = resting(dae, q)
     if dae.s_start is not None:
         at[-1] = dae.s_start(q, p)
@@ -116,7 +116,7 @@ def _first_drag(M: Array, force: Array, scales: Array) -> float:
 
 
 def _is_stable(K: Array, G: Array) -> bool:
-    """Whether the forces of displacements on the constraints, K times those, push back."""
+    """Whether the equilibrium is stable: the forces K times displacements on the constraints are restoring."""
     _, sigma, V = np.linalg.svd(G)
     along = V[int((sigma > 1e-12 * sigma.max(initial=0.0)).sum()) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real
@@ -124,7 +124,7 @@ def _is_stable(K: Array, G: Array) -> bool:
 
 
 def _unopposed(K: Array, G: Array) -> int | None:
-    """Number of a displacement that neither forces nor rows oppose; None if all are held."""
+    """Number of a displacement without restoring forces and constraints; None if there is none."""
     A = np.vstack([K / (np.abs(K).max(initial=0.0) or 1.0), G])
     _, sigma, V = np.linalg.svd(A)
     if not len(V) or (len(sigma) == len(V) and sigma[-1] > 1e-14 * sigma[0]):

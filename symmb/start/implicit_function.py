@@ -83,5 +83,5 @@ def _solve_each(J: Array, r: Array) -> Array:
         return r
     try:
         return np.asarray(np.linalg.solve(J, r[:, :, None])[:, :, 0], dtype=np.float64)
-    except np.linalg.LinAlgError:  # one singular sample must not take its neighbours with it
+    except np.linalg.LinAlgError:  # a singular sample must not affect the others
         return np.array([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(J, r, strict=True)], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Assembly at the nominal parameters: coordinates on the constraints near a guess, or what is wrong."""
+"""Assembly at the nominal parameters: coordinates on the constraints near a guess."""
 
 import casadi as ca
 import numpy as np
@@ -28,7 +28,7 @@ def assemble(scene: Scene, dae: DAE, reference: ca.Function, guess: Array, free:
 
     Raises
     ------
-    AssemblyError               if Newton ends off the constraints, with the joint that is worst
+    AssemblyError               if Newton's method does not reach the constraints, with the worst joint
     """
     q = turned_to_axes(scene, dae, np.asarray(reference(dae.p_nominal, guess)).ravel(), free)
     Phi, G = dae.Phi, dae.G

@@ -1,4 +1,4 @@
-"""The start of a scene, prepared at the nominal parameters: what every sample solves for is decided here, once."""
+"""The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from symmb.start.start import Start
 
 
 def prepare_start(scene: Scene, dae: DAE) -> Start:
-    """Solve for the start at the nominal parameters and decide what every sample solves for.
+    """Solve for the start at the nominal parameters, and decide on the unknowns of every sample.
 
     Raises
     ------

@@ -113,7 +113,7 @@ def _nearby_positions(dae: DAE, G: ca.Function, q: Array, t0: float) -> Iterator
 
 @dataclass(frozen=True)
 class Singularity:
-    """Where rows come closest to depending on each other: time [s], least over largest singular value, constraints."""
+    """The time at which rows are closest to dependent [s], least over largest singular value, constraints."""
 
     time: float
     ratio: float

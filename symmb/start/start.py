@@ -27,7 +27,7 @@ VIOLATION = 1e-7
 
 @dataclass(frozen=True)
 class Start:
-    """The start of a scene as a map from parameters to states; pickles.
+    """The start of a scene as a map from parameters to states. It can be pickled.
 
     `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
     assembled values. `independent_rows` are the numbers of these rows where the rows of the constraints `redundant`
@@ -66,7 +66,7 @@ class Start:
         Returns
         -------
         (N, n_x) array         x = (q, v, s), nan where the start could not be solved
-        tuple of N str         why it could not, empty where it could
+        tuple of N str         the reason if not, else empty
         """
         ok: Mask = np.ones(len(P), dtype=bool)
         u = np.zeros((len(P), self.place.numel_in(0)))

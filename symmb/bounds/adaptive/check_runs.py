@@ -1,4 +1,4 @@
-"""Check runs: points at which they tell most of an interpolant's error, and the error to expect elsewhere."""
+"""Check runs: points that show most of an interpolant's error, and the expected error elsewhere."""
 
 import numpy as np
 
