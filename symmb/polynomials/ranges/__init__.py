@@ -3,7 +3,6 @@
 The compiled parts are in codegen/c.
 """
 
-from symmb.polynomials.ranges.bernstein import Bernstein
 from symmb.polynomials.ranges.dense import HIGHEST_DEGREE, dense_extremes
 from symmb.polynomials.ranges.exact import Exact
-from symmb.polynomials.ranges.inclusion import ChebyshevInclusion, LegendreInclusion, Range
+from symmb.polynomials.ranges.inclusion import LegendreInclusion, Range
