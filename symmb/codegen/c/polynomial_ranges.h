@@ -40,6 +40,9 @@ typedef struct {
                               fixed, how many coefficients are left, and the sum of those left out */
   double *values, *powers; /* (n), (d, order + 1): of all products, and of the T_j of each parameter */
   double *x, *z;           /* (d) */
+  double *slope, *local;   /* (n_sums) and (4, d) of a box: variation of the derivatives, then their values and others */
+  double *terms;           /* (2, order + 1) of a single parameter */
+  double *changed;         /* (padded) coefficients after the change of basis */
 } Search;
 
 typedef struct {
@@ -133,9 +136,10 @@ static void fix(const Basis *b, double *c, long k, double end, long n) {
 }
 
 /* Coefficients on the half that lies towards end, in ``near``, and on the other, in place. */
-static void halve(const Basis *b, double *c, double *near, long k, double end, long n) {
+static void halve(const Search *s, double *c, double *near, long k, double end, long n) {
+  const Basis *b = s->basis;
   const long size = b->order + 1;
-  double own[size];
+  double *restrict own = s->terms;
   memcpy(near, c, (n + W - 1) / W * W * sizeof *c);
   for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
     const int *at = b->fibres + f * size;
@@ -155,10 +159,12 @@ static void halve(const Basis *b, double *c, double *near, long k, double end, l
 
 /* A lower bound of the polynomial on a box, with the point z where it would be taken; infinite if no minimum lies in it.
    Parameters along which the polynomial is monotone are fixed. */
-static double lower_bound(const Basis *b, double *box, double *z, long *widest, double allowed) {
+static double lower_bound(const Search *s, double *box, long *widest, double allowed) {
+  const Basis *b = s->basis;
   const long d = b->d;
   double *c = box, *centre = box + b->padded, *half = centre + d, *left = half + d;
-  double g[d], h[d], ends[d], slope[b->n_sums];
+  double *restrict g = s->local, *restrict h = g + d, *restrict ends = h + d, *restrict near = ends + d;
+  double *restrict slope = s->slope, *restrict z = s->z;
   long n = 0;
   for (int again = 1; again;) {
     again = 0;
@@ -182,7 +188,6 @@ static double lower_bound(const Basis *b, double *box, double *z, long *widest, 
     if (half[k] > 0.0 && slope[k] > most) most = slope[k], *widest = k;
   }
   if (d == 2 && half[0] > 0.0 && half[1] > 0.0) return bound + paraboloid(g, h, c[b->pairs[0]], z);
-  double near[d];
   for (long k = 0; k < d; ++k) near[k] = fabs(g[k]) >= h[k] ? ends[k] : 0.0;
   const int *pair = b->pairs;
   for (long i = 1; i < d; ++i) {
@@ -245,12 +250,12 @@ static double least(const Basis *b, const double *g, double *x) {
 static void descend(const Search *s, const double *c, Extreme *e, double enough) {
   const Basis *b = s->basis;
   const long size = b->order + 1;
-  double T[size], g[size], gain = INFINITY;
+  double *T = s->terms, *g = T + size, gain = INFINITY;
   value(s, c, s->x, b->n);
   for (int sweep = 0; sweep < 20 && gain > enough; ++sweep) {
     gain = 0.0;
     for (long k = 0; k < b->d; ++k) {
-      memset(g, 0, sizeof g);
+      memset(g, 0, size * sizeof *g);
       for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
         const int *at = b->fibres + f * size;
         for (long j = 0; j < size && at[j] < b->n; ++j) g[j] += s->values[at[0]] * c[at[j]];
@@ -299,7 +304,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
     double *box = s->stack + --used * stride, *centre = box + b->padded, *half = centre + b->d;
     if (++count > s->budget || used + 2 > s->depth) return 0;
     double slack = share * (top - e->best) + floor;
-    const double bound = lower_bound(b, box, s->z, &widest, LEFT_OUT * slack);
+    const double bound = lower_bound(s, box, &widest, LEFT_OUT * slack);
     if (bound < e->best - PRUNED * slack) {
       const long n = (long)half[b->d];
       const double y = value(s, box, s->z, n);
@@ -315,7 +320,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
       if (bound < e->best - PRUNED * slack) {
         double *near = box + stride;
         const double end = s->z[widest] > 0.0 ? 1.0 : -1.0;
-        halve(b, box, near, widest, end, n);
+        halve(s, box, near, widest, end, n);
         half[widest] *= 0.5;
         memcpy(near + b->padded, centre, own * sizeof *c);
         near[b->padded + widest] += end * half[widest];
@@ -350,10 +355,9 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
   }
   two[0].best = y[0];
   two[1].best = -y[1];
-  double slope[b->n_sums];
   long steady = 0;
-  weighted(b, c, b->padded, slope);
-  for (long k = 0; k < b->d; ++k) steady += fabs(c[b->linear[k]]) >= slope[k];
+  weighted(b, c, b->padded, s->slope);
+  for (long k = 0; k < b->d; ++k) steady += fabs(c[b->linear[k]]) >= s->slope[k];
   if (steady == b->d) { /* monotone: both are taken at corners */
     found[0] = y[0], found[1] = y[1];
     gaps[0] = gaps[1] = 0.0;
@@ -381,16 +385,15 @@ void ranges(const Search *s, long *next, long m, double *C, const double *change
 void ranges(const Search *s, long *next, long m, double *C, const double *change, long n_given, double *found,
             double *points, double *gaps) {
   const Basis *b = s->basis;
-  double changed[b->padded];
   for (long i; (i = __atomic_fetch_add(next, PART, __ATOMIC_RELAXED)) < m;)
     for (const long end = i + PART < m ? i + PART : m; i < end; ++i) {
       double y[2], gap[2], *at[] = {points + i * b->d, points + (m + i) * b->d};
       for (long k = 0; change && k < b->padded; k += W) {
         V sum = {0};
         for (long j = 0; j < n_given; ++j) sum += C[j * m + i] * *(const V *)(change + j * b->padded + k);
-        *(V *)(changed + k) = sum;
+        *(V *)(s->changed + k) = sum;
       }
-      range(s, change ? changed : C + i * b->padded, y, at, gap);
+      range(s, change ? s->changed : C + i * b->padded, y, at, gap);
       for (int side = 0; side < 2; ++side) found[side * m + i] = y[side], gaps[side * m + i] = gap[side];
     }
 }

@@ -34,7 +34,7 @@ class _Search(ctypes.Structure):
         ("tolerance", ctypes.c_double),
         ("budget", ctypes.c_long),
         ("depth", ctypes.c_long),
-        *((name, ctypes.c_void_p) for name in ("stack", "values", "powers", "x", "z")),
+        *((name, ctypes.c_void_p) for name in ("stack", "values", "powers", "x", "z", "slope", "local", "terms", "changed")),
     ]
 
 
@@ -59,8 +59,9 @@ def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int
     library = load(_SOURCE)
 
     def work(next_polynomial: ctypes.c_long) -> None:
-        sizes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
-        own = [np.zeros(size) for size in sizes]
+        boxes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
+        scratch = b.n_sums, 4 * b.d, 2 * (b.order + 1), b.padded
+        own = [np.zeros(size) for size in (*boxes, *scratch)]
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
         sizes = ctypes.c_long(m), of, to, ctypes.c_long(n_given)
         library.ranges(ctypes.byref(search), ctypes.byref(next_polynomial), *sizes, *rest)
