@@ -105,7 +105,12 @@ def read_solver(text: str) -> Solver:
     (CVODES(stiff=True), 100.0)
     """
     parts = text.split(":")
-    options = dict(WORDS[word] for word in parts if word in WORDS)
+    if parts[0] in WORDS:
+        raise DeclarationError(f"The solver {text!r}: {parts[0]!r} is an option. Write a solver in front of it.")
+    words = [WORDS[word] for word in parts if word in WORDS]
+    options = dict(words)
+    if len(options) < len(words):
+        raise DeclarationError(f"The solver {text!r} sets an option twice.")
     solver = read_spec(":".join(part for part in parts if part not in WORDS), SOLVERS, "solver")
     missing = options.keys() - {f.name for f in fields(solver)}
     if missing:

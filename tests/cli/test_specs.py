@@ -72,6 +72,33 @@ def test_documented_specs(text, method):
     assert specs.method(text) == method
 
 
+@pytest.mark.parametrize(
+    ("text", "solver"),
+    [
+        ("cvodes:stiff", mb.CVODES(stiff=True)),
+        ("cvodes:1e-6:stiff:projection", mb.CVODES(1e-6, stiff=True, stabilization=mb.Projection())),
+        ("dopri:1e-8:baumgarte", mb.DormandPrince(1e-8, stabilization=mb.Baumgarte())),
+        ("rosenbrock:lagrangian", mb.Rosenbrock(stabilization=mb.AugmentedLagrangian())),
+    ],
+)
+def test_words_of_solvers(text, solver):
+    assert specs.solver(text) == solver
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("stiff", "Write a solver in front"),
+        ("dopri:projection:baumgarte", "sets an option twice"),
+        ("dopri:stiff", "has no option 'stiff'"),
+        ("idas:lagrangian", "for solvers that eliminate the multipliers"),
+    ],
+)
+def test_wrong_words_of_solvers(text, message):
+    with pytest.raises(mb.DeclarationError, match=message):
+        specs.solver(text)
+
+
 # --- progress -----------------------------------------------------------------
 
 

@@ -34,7 +34,10 @@ class _Search(ctypes.Structure):
         ("tolerance", ctypes.c_double),
         ("budget", ctypes.c_long),
         ("depth", ctypes.c_long),
-        *((name, ctypes.c_void_p) for name in ("stack", "values", "powers", "x", "z", "slope", "local", "terms", "changed")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("stack", "values", "powers", "x", "z", "slope", "local", "terms", "changed")
+        ),
     ]
 
 
