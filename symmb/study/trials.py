@@ -108,9 +108,8 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
     """The trials of all jobs, as they end.
 
     A trial that takes longer than the limit [s], without its set-up, is stopped, and the slower ones of its job are
-    left
-    out. After the deadline (`time.monotonic`) no job begins. Where processes cannot be forked, jobs run in this process
-    one after the other, without limits.
+    left out. After the deadline (`time.monotonic`) no job begins. Where processes cannot be forked, jobs run in this
+    process one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
