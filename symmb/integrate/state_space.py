@@ -49,8 +49,9 @@ class StateSpace(Solver):
         return _Partitioned(dae, times, self.rtol, atol, longest_step(dae, times), work and dae.power is not None)
 
 
-_WORSE = 100.0
-"""Growth of the condition number of the dependent coordinates after which they are chosen anew."""
+_WORSE = 1.5
+"""Growth of the condition number of the dependent coordinates after which they are chosen anew. Errors grow with it: a
+spatial mechanism is solved 20 to 50 times less accurately with 3 to 100, in up to twice as many steps."""
 
 
 class _Partitioned(Integration):
