@@ -19,6 +19,7 @@ FLOORS = {
     "_options": 0,
     "_specs": 0,
     "_table": 0,
+    "files": 1,
     "plot": 1,
     "structures": 1,
     "symbolic": 1,

@@ -1,15 +1,12 @@
 """The result of every bounding method."""
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
-from zipfile import BadZipFile
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
-from symmb import plot
+from symmb import files, plot
 from symmb._errors import DeclarationError, PropagationError
 from symmb._names import did_you_mean
 from symmb._table import aligned
@@ -112,76 +109,96 @@ class Bounds:
         return moments(self.expansion, self.t, self.names)
 
     def save(self, path: str | Path) -> None:
-        """Write an .npz file.
+        """Write an .npz or .json file with everything, or a .csv table of the bounds and their estimated error.
 
         Raises
         ------
         DeclarationError
-            If the name does not end in .npz.
+            If the name has another suffix.
         """
-        if Path(path).suffix != ".npz":
-            raise DeclarationError(f"Bounds are saved as .npz only; {path} must end in it.")
-        about = {
-            "names": self.names,
-            "kind": self.kind,
-            "method": self.method,
-            "evaluations": self.evaluations,
-            "failed": [[run.parameters, run.time, run.message] for run in self.failed],
-            "seconds": self.seconds,
-            "caution": self.caution,
-            "parameters": () if self.expansion is None else self.expansion.parameters,
-        }
-        none = np.empty((0, 0))
-        inner_lower, inner_upper = (none, none) if self.inner is None else self.inner
-        with open(path, "wb") as file:
-            np.savez_compressed(
-                file,
-                about=np.array(json.dumps(about)),
-                t=self.t,
-                lower=self.lower,
-                upper=self.upper,
-                estimate=none if self.estimate is None else self.estimate,
-                inner_lower=inner_lower,
-                inner_upper=inner_upper,
-                alpha=none if self.expansion is None else self.expansion.alpha,
-                coefficients=none if self.expansion is None else self.expansion.coefficients,
-            )
+        files.save(path, self._record(), self._table)
 
     @classmethod
     def load(cls, path: str | Path) -> "Bounds":
-        """Read a file of ``save``.
+        """Read a file of ``save``. A .csv file holds neither ``inner`` nor failed runs, seconds and expansion.
 
         Raises
         ------
         DeclarationError
-            If the file has other contents.
+            If the file is damaged or has other contents.
         """
-        try:
-            with open(path, "rb") as file, np.load(file) as arrays:  # NumPy does not close files that it cannot read
-                return cls._of_arrays(arrays)
-        except (KeyError, TypeError, ValueError, EOFError, BadZipFile) as error:
-            raise DeclarationError(f"{path} does not hold saved Bounds, which are what Bounds.save writes.") from error
+        return files.load(path, "saved Bounds", cls._of_record, cls._of_table)
+
+    def _record(self) -> dict[str, Any]:
+        inner_lower, inner_upper = self.inner or (None, None)
+        return {
+            "t": self.t,
+            "names": self.names,
+            "lower": self.lower,
+            "upper": self.upper,
+            "kind": self.kind,
+            "method": self.method,
+            "evaluations": self.evaluations,
+            "estimate": self.estimate,
+            "inner_lower": inner_lower,
+            "inner_upper": inner_upper,
+            "failed": [asdict(run) for run in self.failed],
+            "seconds": self.seconds,
+            "caution": self.caution,
+            "parameters": self.expansion and self.expansion.parameters,
+            "alpha": self.expansion and self.expansion.alpha,
+            "coefficients": self.expansion and self.expansion.coefficients,
+        }
 
     @classmethod
-    def _of_arrays(cls, arrays: Mapping[str, Array]) -> "Bounds":
-        about = json.loads(str(arrays["about"]))
+    def _of_record(cls, record: files.Record) -> "Bounds":
+        t, names = record.times(), record.names("names")
+        shape = len(t), len(names)
+        lower, upper = record.pair("lower", "upper", *shape)
         return cls(
-            t=arrays["t"],
-            names=tuple(about["names"]),
-            lower=arrays["lower"],
-            upper=arrays["upper"],
-            kind=about["kind"],
-            method=about["method"],
-            evaluations=about["evaluations"],
-            estimate=arrays["estimate"] if arrays["estimate"].size else None,
-            inner=(arrays["inner_lower"], arrays["inner_upper"]) if arrays["inner_lower"].size else None,
-            failed=tuple(Failure(*run) for run in about["failed"]),
-            seconds=about["seconds"],
-            expansion=Expansion(arrays["alpha"].astype(np.intp), arrays["coefficients"], tuple(about["parameters"]))
-            if arrays["alpha"].size
-            else None,
-            caution=about.get("caution", ""),
+            t=t,
+            names=names,
+            lower=lower,
+            upper=upper,
+            kind=kind_of(record),
+            method=record.text("method"),
+            evaluations=record.whole("evaluations"),
+            estimate=record.size("estimate", *shape) if "estimate" in record else None,
+            inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
+            failed=tuple(
+                Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
+                for run in record.records("failed", "parameters", "time", "message")
+            ),
+            seconds=record.number("seconds"),
+            expansion=_expansion(record, *shape) if "alpha" in record else None,
+            caution=record.text("caution", default=""),
         )
+
+    def _table(self) -> files.Table:
+        parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
+        columns = {
+            f"{name} {part}": values[:, k]
+            for k, name in enumerate(self.names)
+            for part, values in parts.items()
+            if values is not None
+        }
+        same = {"kind": self.kind, "method": self.method, "evaluations": self.evaluations}
+        return {"t": self.t, **columns, **{name: [value] * len(self.t) for name, value in same.items()}}
+
+    @classmethod
+    def _of_table(cls, table: files.Record) -> "Bounds":
+        headings, columns = table.texts("headings"), table.record("columns")
+        own = headings[1:-3]
+        parts = ("lower", "upper", "estimate")[: 3 if own[-1].endswith(" estimate") else 2]
+        names = tuple(heading.removesuffix(" lower") for heading in own[:: len(parts)])
+        expected = ("t", *(f"{name} {part}" for name in names for part in parts), "kind", "method", "evaluations")
+        if headings != expected:
+            raise DeclarationError(f"its headings must be {', '.join(expected)}.")
+        *numbers, kind, method, evaluations = (columns.plain[str(k)] for k in range(len(headings)))
+        values = np.array(numbers[1:]).reshape(len(names), len(parts), -1)
+        entries = {part: values[:, k].T for k, part in enumerate(parts)}
+        same = {"kind": kind[0], "method": method[0], "evaluations": int(evaluations[0]), "seconds": None}
+        return cls._of_record(files.Record({"t": numbers[0], "names": names, **entries, **same}))
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw the bounds over time, the first six outputs; write the picture to ``path`` if given.
@@ -221,3 +238,14 @@ class Bounds:
             f"Bounds({self.kind}, {self.method}, {len(self.names)} outputs x {len(self.t)} times, "
             f"{self.evaluations} evaluations{failed})"
         )
+
+
+def kind_of(record: files.Record) -> Kind:
+    """What the bounds of a file are."""
+    return cast(Kind, record.text("kind", *MEANING))
+
+
+def _expansion(record: files.Record, n_t: int, n_y: int) -> Expansion:
+    parameters = record.names("parameters")
+    alpha = record.size("alpha", None, len(parameters))
+    return Expansion(alpha.astype(np.intp), record.array("coefficients", len(alpha), n_t, n_y), parameters)

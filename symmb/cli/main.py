@@ -2,7 +2,6 @@
 
 import argparse
 import io
-import json
 import math
 import os
 import sys
@@ -20,8 +19,9 @@ from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.codegen import cache, has_compiler
+from symmb.files import require_suffix, save_json
+from symmb.plot import PICTURES
 
-_PICTURES = (".png", ".pdf", ".svg")
 _SLOW = "No C compiler found: runs take about 30 times as long. Install gcc or clang, or set CC."
 _ROUNDING = 1e-12, 1e-30
 """Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _compare(options: argparse.Namespace) -> None:
     methods = None if options.methods is None else [specs.method(text) for text in options.methods]
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, picture = _file(options.json), _file(options.plot, *_PICTURES)
+    json_file, picture = _file(options.json, ".json"), _file(options.plot, *PICTURES)
     scene = load_scene(options.scene)
     if options.spread is not None:
         scene = _with_spread(scene, _share(options.spread))
@@ -66,21 +66,25 @@ def _compare(options: argparse.Namespace) -> None:
         comparison = mb.compare(scene, methods, solver=solver, progress=progress)
     print(comparison)
     if json_file:
-        comparison.save(json_file)
+        save_json(json_file, comparison.to_json())
     if picture:
         comparison.plot(picture)
 
 
 def _simulate(options: argparse.Namespace) -> None:
     solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, csv_file, picture = (_file(options.json), _file(options.csv, ".csv"), _file(options.plot, *_PICTURES))
+    json_file, csv_file, picture = (
+        _file(options.json, ".json"),
+        _file(options.csv, ".csv"),
+        _file(options.plot, *PICTURES),
+    )
     scene = load_scene(options.scene)
     parameters = _assignments(options.set)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
     print(f"{trajectory}\n\n{_extremes(trajectory)}")
     if json_file:
-        json_file.write_text(json.dumps(trajectory.to_json()) + "\n", encoding="utf-8")
+        save_json(json_file, trajectory.to_json())
     if csv_file:
         trajectory.save(csv_file)
     if picture:
@@ -88,13 +92,13 @@ def _simulate(options: argparse.Namespace) -> None:
 
 
 def _stability(options: argparse.Namespace) -> None:
-    json_file, picture = _file(options.json), _file(options.plot, *_PICTURES)
+    json_file, picture = _file(options.json, ".json"), _file(options.plot, *PICTURES)
     scene = load_scene(options.scene)
     with Progress(f"trying solvers on {scene.name}") as progress:
         result = mb.stability(scene, progress=progress)
     print(result)
     if json_file:
-        result.save(json_file)
+        save_json(json_file, result.to_json())
     if picture:
         result.plot(picture)
 
@@ -178,8 +182,8 @@ def _file(name: str | None, *suffixes: str) -> Path | None:
     path = Path(name)
     if path.is_dir() or not path.parent.is_dir():
         raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
-    if suffixes and path.suffix not in suffixes:
-        raise DeclarationError(f"Cannot write {name}: its name must end in {' or '.join(suffixes)}.")
+    if path.suffix or ".json" not in suffixes:  # /dev/stdout takes JSON
+        require_suffix(path, *suffixes)
     return path
 
 

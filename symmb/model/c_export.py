@@ -6,6 +6,7 @@ The files need a C compiler, and neither symmb nor CasADi.
 import json
 import math
 import os
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from string import Template
@@ -14,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb.files import replacement
 
 _EXAMPLE = Path(__file__).with_name("example.c.in")
 """The main program, with places for names and numbers."""
@@ -60,13 +62,16 @@ def save_c(
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
     for f in renamed:
         generator.add(f)
-    source, header = Path(generator.generate(f"{folder}{os.sep}")), folder / f"{name}.h"
-    header.write_text(_documented(name, renamed, header.read_text(encoding="utf-8")), encoding="utf-8")
-    if example is None:
-        return source, header
-    main = folder / "main.c"
-    main.write_text(example, encoding="utf-8")
-    return source, header, main
+    with tempfile.TemporaryDirectory(prefix="symmb-") as generated:
+        source = Path(generator.generate(f"{generated}{os.sep}")).read_text(encoding="utf-8")
+        header = Path(generated, f"{name}.h").read_text(encoding="utf-8")
+    texts = {f"{name}.c": source, f"{name}.h": _documented(name, renamed, header)}
+    if example is not None:
+        texts["main.c"] = example
+    for file_name, text in texts.items():
+        with replacement(folder / file_name) as file:
+            file.write(text.encode())
+    return tuple(folder / file_name for file_name in texts)
 
 
 def example_c(

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb._types import Array
+from symmb.files import replacement, require_suffix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
 
+PICTURES = (".png", ".pdf", ".svg")
+"""Formats of pictures."""
 MOST_PANELS = 6
 """Most outputs whose bounds are drawn: more panels are too small to read."""
 WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
@@ -42,8 +45,11 @@ def new_figure(height: float) -> "Figure":
 
 
 def save(figure: "Figure", path: str | Path | None) -> "Figure":
+    """Write the figure to a path, if there is one. Its suffix chooses the format."""
     if path is not None:
-        figure.savefig(path)
+        suffix = require_suffix(path, *PICTURES)
+        with replacement(path) as file:
+            figure.savefig(file, format=suffix[1:])
     return figure
 
 

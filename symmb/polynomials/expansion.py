@@ -1,9 +1,12 @@
 """Legendre expansions of the responses, and their mean, variance and Sobol indices."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from symmb import files
+from symmb._errors import DeclarationError
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
@@ -56,6 +59,38 @@ class Moments:
     variance: Array
     first: Array
     total: Array
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz or .json file.
+
+        Raises
+        ------
+        DeclarationError
+            If the name has another suffix.
+        """
+        files.save(path, vars(self))
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Moments":
+        """Read an .npz or .json file of ``save``.
+
+        Raises
+        ------
+        DeclarationError
+            If the file is damaged or has other contents.
+        """
+        return files.load(path, "saved Moments", cls._of_record)
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Moments":
+        t, names, parameters = record.times(), record.names("names"), record.names("parameters")
+        shape = len(t), len(names)
+        first, total = (record.array(name, len(parameters), *shape, finite=False) for name in ("first", "total"))
+        mean, variance = (record.array(name, *shape) for name in ("mean", "variance"))
+        shares = np.nan_to_num([first, total], posinf=np.inf)
+        if (variance < 0).any() or (np.abs(shares - 0.5) > 0.5 + ROUNDING).any():
+            raise DeclarationError("variance must be at least 0, and first and total must be shares between 0 and 1.")
+        return cls(t, names, parameters, mean, variance, first, total)
 
     def __repr__(self) -> str:
         return f"Moments({len(self.names)} outputs x {len(self.t)} times, {len(self.parameters)} parameters)"

@@ -1,17 +1,17 @@
 """The trajectory of one run."""
 
-import csv
-import json
 import math
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from symmb import files
 from symmb import plot as figures
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
@@ -20,30 +20,9 @@ from symmb.events import Event, longest_step
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.outputs import output_function
+from symmb.simulation.trajectory_file import Drift, Energy, of_record, of_table
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
-
-
-class Drift(NamedTuple):
-    """Largest violation of any row at every time: position (n_t,), velocity (n_t,), in the units of the rows."""
-
-    position: Array
-    velocity: Array
-
-    def __repr__(self) -> str:
-        return f"Drift(position at most {self.position.max():.1e}, velocity at most {self.velocity.max():.1e})"
-
-
-class Energy(NamedTuple):
-    """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
-
-    kinetic: Array
-    potential: Array
-    work: Array
-
-    def __repr__(self) -> str:
-        ranges = (f"{name} {values.min():.4g} ... {values.max():.4g} J" for name, values in self._asdict().items())
-        return f"Energy({', '.join(ranges)})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +30,11 @@ class Trajectory:
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
-    the scene, each (n_t,).
+    the scene, each (n_t,). `save` and `load` keep it in a file.
 
     Attributes
     ----------
-    scene : Scene
+    scene : Scene              None if it was read from a file without a scene
     parameters : dict          values of this run
     solver, reason : str       its text, and why symmb chose it if none was given
     t : (n_t,)                 times [s]
@@ -66,8 +45,8 @@ class Trajectory:
     events : tuple of Event    impacts, and contacts that close and open, in order
     """
 
-    scene: Scene
-    simulator: DAESimulator = field(repr=False)
+    scene: Scene | None = field(repr=False)
+    simulator: DAESimulator | None = field(repr=False)
     parameters: dict[str, float]
     solver: str
     reason: str
@@ -84,40 +63,70 @@ class Trajectory:
         return np.array(list(self.parameters.values()))
 
     @property
+    def _model(self) -> tuple[Scene, DAESimulator]:
+        if self.scene is None or self.simulator is None:
+            raise DeclarationError(
+                "The equations of this run are not known: it was read from a file. Give Trajectory.load the scene."
+            )
+        return self.scene, self.simulator
+
+    @cached_property
+    def name(self) -> str:
+        """The name of the scene."""
+        return self._model[0].name
+
+    @cached_property
+    def state_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Names of coordinates, velocities and first-order states."""
+        dae = self._model[1].start.dae
+        return dae.q_names, dae.v_names, dae.s_names
+
+    @cached_property
+    def row_names(self) -> tuple[str, ...]:
+        """Names of all constraint rows, in the order of their multipliers."""
+        return self._model[1].start.dae.row_names
+
+    @property
     def q(self) -> Array:
         """Coordinates, (n_t, n_q)."""
-        return self.x[:, : self.simulator.dae.n_q]
+        return self.x[:, : len(self.state_names[0])]
 
     @property
     def v(self) -> Array:
         """Velocities, (n_t, n_v)."""
-        n_q = self.simulator.dae.n_q
-        return self.x[:, n_q : n_q + self.simulator.dae.n_v]
+        q, v, _ = self.state_names
+        return self.x[:, len(q) : len(q) + len(v)]
 
     @property
     def s(self) -> Array:
         """First-order states, (n_t, n_s)."""
-        return self.x[:, self.simulator.dae.n_q + self.simulator.dae.n_v :]
+        return self.x[:, self.x.shape[1] - len(self.state_names[2]) :]
 
     @cached_property
     def lam(self) -> Array:
         """Multipliers, (n_t, n_r) [N, N m]."""
-        return self._along(ca.SX(self.scene.system.lam))
+        return self._along(ca.SX(self._model[0].system.lam))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        return self.scene.output_names
+        return self._model[0].output_names
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of the outputs, '' where they are not known."""
+        return self._model[1].units
 
     @cached_property
     def values(self) -> Array:
         """Outputs, (n_t, n_y)."""
-        return self._along(self.scene.y)
+        return self._along(self._model[0].y)
 
     def _along(self, y: ca.SX) -> Array:
         if not y.numel():
             return np.zeros((len(self.t), 0))
-        f = output_function(self.simulator.dae, self.scene, y)
+        scene, simulator = self._model
+        f = output_function(simulator.dae, scene, y)
         return batch(f, self.x, self._p, self.t[:, None])[0].reshape(len(self.t), -1)
 
     def __call__(self, expression: Expr) -> Array:
@@ -127,9 +136,10 @@ class Trajectory:
         ------
         DeclarationError       if it contains a symbol that the scene does not know
         """
-        bound = ca.vec(self.scene.expression(expression))
-        known = {state.sx.element_hash() for state in self.scene.system.collected.states}
-        for state in self.scene.system.bind.states(bound):
+        scene, _ = self._model
+        bound = ca.vec(scene.expression(expression))
+        known = {state.sx.element_hash() for state in scene.system.collected.states}
+        for state in scene.system.bind.states(bound):
             if state.sx.element_hash() not in known:
                 raise DeclarationError(f"{state.name!r} counts turns along the run: make it an output of the Scene.")
         values = self._along(bound)
@@ -138,25 +148,24 @@ class Trajectory:
     def __getitem__(self, name: str) -> Array:
         if name in self.names:
             return self.values[:, self.names.index(name)]
-        dae = self.simulator.start.dae  # with all rows
-        states = (*dae.q_names, *dae.v_names, *dae.s_names)
+        states = tuple(chain.from_iterable(self.state_names))
         if name in states:
             return self.x[:, states.index(name)]
-        if name in dae.row_names:
-            return self.lam[:, dae.row_names.index(name)]
+        if name in self.row_names:
+            return self.lam[:, self.row_names.index(name)]
         raise DeclarationError(
-            f"No output or state {name!r}.{did_you_mean(name, (*self.names, *states, *dae.row_names))}"
+            f"No output or state {name!r}.{did_you_mean(str(name), (*self.names, *states, *self.row_names))}"
         )
 
     def reaction(self, joint: str) -> tuple[Array, Array]:
         """Reaction of a joint on its second body, in world axes: force (n_t, 3) [N], torque (n_t, 3) [N m]."""
-        reaction = self.scene.system.reaction(joint)
+        reaction = self._model[0].system.reaction(joint)
         return self._along(reaction.force), self._along(reaction.torque)
 
     @cached_property
     def drift(self) -> Drift:
         """Violation of the constraints."""
-        dae, zero = self.simulator.start.dae, np.zeros(len(self.t))
+        dae, zero = self._model[1].start.dae, np.zeros(len(self.t))
         at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
         position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
         velocity = zero if dae.Phi_dot is None else np.abs(batch(dae.Phi_dot, *at)[0]).max(axis=1)
@@ -165,7 +174,8 @@ class Trajectory:
     @cached_property
     def singularity(self) -> Singularity | None:
         """The time closest to a singular position, if one is close. Runs that fail or drift are examined closely."""
-        dae, X, times = self.simulator.dae, self.x, self.t
+        simulator = self._model[1]
+        dae, X, times = simulator.dae, self.x, self.t
         near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
         if near or dae.G is None or not (failed or self._drifts(_USUAL)):
             return near
@@ -173,17 +183,17 @@ class Trajectory:
         for _ in range(_CLOSER if failed else 1):
             lost = int(np.argmax(np.isnan(X).any(axis=1)))  # 0 if it does not fail
             times = np.unique(np.append(self.t[0], np.linspace(times[max(lost - 1, 0)], times[lost or -1], number)))
-            X = self.simulator.solver.integration(dae, times).run(self.x[:1], self._p[None])[0].X
+            X = simulator.solver.integration(dae, times).run(self.x[:1], self._p[None])[0].X
             near = near or self._closest(X, times)
         return near
 
     def _closest(self, X: Array, times: Array) -> Singularity | None:
         known = np.isfinite(X).all(axis=1)
-        return singularity(self.simulator.dae, X[known], self._p, times[known])
+        return singularity(self._model[1].dae, X[known], self._p, times[known])
 
     @property
     def _rtol(self) -> float | None:
-        return getattr(self.simulator.solver, "rtol", None)
+        return getattr(self._model[1].solver, "rtol", None)
 
     def _drifts(self, usual: float) -> bool:
         """Whether energy drifts by more than the tolerance explains."""
@@ -192,7 +202,7 @@ class Trajectory:
     @cached_property
     def energy(self) -> Energy:
         """Kinetic and potential energy and the work done."""
-        dae = self.simulator.dae
+        dae = self._model[1].dae
         at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
         T, V = batch(dae.energy, *at)
         return Energy(T[:, 0], V[:, 0], self.work)
@@ -216,10 +226,14 @@ class Trajectory:
         return float(np.abs(balance - balance[0]).max()) / largest if largest > 0 else math.nan
 
     def __str__(self) -> str:
+        return self._text
+
+    @cached_property
+    def _text(self) -> str:
         start = self.statistics["start"]
         return "\n".join(
             [
-                f"{self.scene.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
+                f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
                 *([f"  solver      chosen: {self.reason}"] if self.reason else []),
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
@@ -234,7 +248,7 @@ class Trajectory:
         )
 
     def _pulse_line(self) -> list[str]:
-        longest = longest_step(self.simulator.dae, self.t)
+        longest = longest_step(self._model[1].dae, self.t)
         if not math.isfinite(longest):
             return []
         passes = "at most {:.2g} s, so that none passes over one"
@@ -259,7 +273,7 @@ class Trajectory:
 
     def _doubt_line(self) -> list[str]:
         """A line on drift above the tolerance. Energy drifts also at singular positions, where branches meet."""
-        length = self.simulator.dae.scales.length
+        length = self._model[1].dae.scales.length
         if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * length:
             return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
         if not self._drifts(_NEAR if self.singularity else _USUAL):
@@ -270,43 +284,78 @@ class Trajectory:
         return [f"  doubtful    {doubt}: try a smaller one"]
 
     def to_json(self) -> dict[str, Any]:
-        """The run as numbers and texts. Numbers that are not finite are None."""
+        """The run as lists, texts and numbers. Numbers that are not finite are None."""
+        return files.in_json(self._record())
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz or .json file with outputs, states and multipliers, or a .csv table of times and outputs.
+
+        Raises
+        ------
+        DeclarationError       if the name has another suffix
+        """
+        files.save(path, self._record(), lambda: {"t": self.t} | dict(zip(self.names, self.values.T, strict=True)))
+
+    @classmethod
+    def load(cls, path: str | Path, scene: Scene | None = None) -> "Trajectory":
+        """Read a file of `save`. A .csv file has times and outputs only.
+
+        Parameters
+        ----------
+        scene : Scene          the scene of the run; expressions and reactions can be evaluated only with it
+
+        Raises
+        ------
+        DeclarationError       if the file is damaged, has other contents, or is of another scene
+        """
+        known, derived = files.load(path, "a saved Trajectory", of_record, of_table)
+        run = cls(scene=None, simulator=None, **known)
+        vars(run).update(derived)  # in place of the values that cached properties would compute
+        if scene is None:
+            return run
+        scene = scene.with_times(run.t)
+        simulator = DAESimulator(scene)
+        dae = simulator.start.dae
+        if run.state_names != (dae.q_names, dae.v_names, dae.s_names) or list(run.parameters) != list(dae.p_names):
+            raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
+        whole = replace(run, scene=scene, simulator=simulator)
+        vars(whole).update(derived)
+        return whole
+
+    def _record(self) -> dict[str, Any]:
+        q_names, v_names, s_names = self.state_names
         return {
-            "scene": self.scene.name,
-            "times": self.t.tolist(),
-            "outputs": list(self.names),
-            "values": [[_finite(y) for y in row] for row in self.values.tolist()],
-            **({"events": [asdict(event) for event in self.events]} if self.simulator.dae.impacts else {}),
-            "position_drift": _finite(self.position_drift),
-            "velocity_drift": _finite(self.velocity_drift),
-            "energy_drift": _finite(self.energy_drift),
+            "scene": self.name,
+            "t": self.t,
+            "names": np.array(self.names, dtype=str),
+            "units": self.units,
+            "values": self.values,
+            "parameters": self.parameters,
+            "q": self.q,
+            "v": self.v,
+            "s": self.s,
+            "lam": self.lam,
+            "q_names": q_names,
+            "v_names": v_names,
+            "s_names": s_names,
+            "row_names": self.row_names,
+            "events": [asdict(event) for event in self.events],
+            "position_drift": self.position_drift,
+            "velocity_drift": self.velocity_drift,
+            "energy_drift": self.energy_drift,
+            "drift": self.drift._asdict(),
+            "energy": self.energy._asdict(),
             "solver": self.solver,
+            "reason": self.reason,
             "statistics": self.statistics,
             "setup_seconds": self.setup_seconds,
             "run_seconds": self.run_seconds,
+            "text": str(self),
         }
-
-    def save(self, path: str | Path) -> None:
-        """Write times and outputs: `.csv` as a table, `.npz` also with states and multipliers, others as JSON."""
-        path = Path(path)
-        if path.suffix == ".csv":
-            with path.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow(["t", *self.names])
-                writer.writerows(np.column_stack([self.t, self.values]).tolist())
-        elif path.suffix == ".npz":
-            np.savez(path, t=self.t, q=self.q, v=self.v, s=self.s, lam=self.lam, values=self.values, names=self.names)
-        else:
-            path.write_text(json.dumps(self.to_json()), encoding="utf-8")
 
     def plot(self, path: str | Path) -> None:
         """Picture of the outputs over time."""
-        names = figures.labels(self.names, self.simulator.units)
-        figures.plot_trajectory(self.t, self.values, names, path, title=self.scene.name)
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+        figures.plot_trajectory(self.t, self.values, figures.labels(self.names, self.units), path, title=self.name)
 
 
 _LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2

@@ -1,10 +1,12 @@
 """The modes of a flexible body: all data of its equations of motion, and their file."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
+from symmb import files
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.structures.validation import numbers, positive
@@ -97,10 +99,8 @@ class Modes:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
-        sizes = {"n": np.size(self.stiffness), "k": len(np.atleast_1d(self.positions))}
-        for name, letters in SHAPES.items():
-            if letters:
-                shape = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in letters)
+        for name, shape in _shapes(self.stiffness, self.positions).items():
+            if shape:
                 object.__setattr__(self, name, numbers(getattr(self, name), "Modes", name, shape))
         for name, other in (("J0", self.J0.T), ("J2", self.J2.swapaxes(0, 1)), ("J2", self.J2.swapaxes(2, 3))):
             array = getattr(self, name)
@@ -124,9 +124,14 @@ class Modes:
         return nearest(self.positions, (x, y, z))
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write an uncompressed NumPy archive `.npz`: one array a field, by its name, and `layout`, a text."""
-        with open(path, "wb") as file:
-            np.savez(file, layout=LAYOUT, **{field.name: getattr(self, field.name) for field in fields(self)})
+        """Write an .npz or .json file: one array a field, by its name, and `layout`, a text.
+
+        Raises
+        ------
+        DeclarationError
+            If the name has another suffix.
+        """
+        files.save(path, {"layout": LAYOUT, **vars(self)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":
@@ -135,22 +140,25 @@ class Modes:
         Raises
         ------
         DeclarationError
-            If the file is no such archive, an array is missing or unknown, or the arrays do not fit together.
+            If the file is damaged, an array is missing or unknown, or the arrays do not fit together.
         """
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                arrays = dict(archive)
-        except FileNotFoundError:
-            raise
-        except (OSError, ValueError, TypeError, AttributeError) as error:
-            raise DeclarationError(f"Modes.load: {path} is no NumPy archive of plain arrays: {error}.") from error
-        layout = str(arrays.pop("layout", "none"))
-        if layout != LAYOUT:
-            raise DeclarationError(f"Modes.load: {path} has the layout {layout!r}, expected {LAYOUT!r}.")
+        return files.load(path, "saved Modes", cls._of_record)
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Modes":
+        record.text("layout", LAYOUT)
+        arrays = {name: value for name, value in record.plain.items() if name != "layout"}
         if arrays.keys() != SHAPES.keys():
             missing, unknown = sorted(SHAPES.keys() - arrays.keys()), sorted(arrays.keys() - SHAPES.keys())
             raise DeclarationError(
-                f"Modes.load: {path} lacks {missing} and has {unknown} too many. One array is needed for each of "
-                f"{', '.join(SHAPES)}."
+                f"it lacks {missing} and has {unknown} too many. One array is needed for each of {', '.join(SHAPES)}."
             )
-        return cls(**arrays)
+        shapes = _shapes(arrays["stiffness"], arrays["positions"])
+        return cls(float(record.array("mass")), *(record.array(name, *shapes[name]) for name in list(SHAPES)[1:]))
+
+
+def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:
+    sizes = {"n": np.size(stiffness), "k": len(np.atleast_1d(positions))}
+    return {
+        name: tuple(sizes[size] if isinstance(size, str) else size for size in shape) for name, shape in SHAPES.items()
+    }

@@ -1,18 +1,15 @@
 """The result of a comparison: print it, plot it, save it."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symmb import plot
-from symmb._errors import DeclarationError
+from symmb import files, plot
 from symmb._types import Array
 from symmb.model import Box
 from symmb.study import report
-from symmb.study.jsonable import to_jsonable
 from symmb.study.reference import Reference
 from symmb.study.row import NotRun, Row
 
@@ -24,8 +21,7 @@ if TYPE_CHECKING:
 class Comparison:
     """Bounds of one scene by several methods, measured against one reference.
 
-    `print` gives a table, `plot` a picture, `save` the JSON file that `load` reads. A file does not contain the
-    cost of the reference, the error of the solver, `threads`, `repeats`, `units`, `reason` and messages of failed runs.
+    `print` gives a table, `plot` a picture, `save` the file that `load` reads.
 
     Attributes
     ----------
@@ -83,27 +79,16 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """The comparison as lists, texts and numbers. Numbers that are not finite are None."""
-        layout: dict[str, Any] = {
-            "scene": self.scene,
-            "times": self.times,
-            "outputs": self.outputs,
-            "box": dict(zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)),
-            "solver": self.solver,
-            "reference": {
-                "method": self.reference.method,
-                "lower": self.reference.lower,
-                "upper": self.reference.upper,
-                "uncertainty": self.reference.uncertainty,
-            },
-            "methods": [row.to_plain() for row in self.rows],
-        }
-        if self.not_run:
-            layout["not_run"] = [{"name": method.name, "reason": method.reason} for method in self.not_run]
-        return to_jsonable(layout)
+        return files.in_json(self._record())
 
     def save(self, path: str | Path) -> None:
-        """Write `to_json` to a file."""
-        Path(path).write_text(json.dumps(self.to_json(), allow_nan=False) + "\n", encoding="utf-8")
+        """Write an .npz or .json file.
+
+        Raises
+        ------
+        DeclarationError    if the name has another suffix
+        """
+        files.save(path, self._record())
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":
@@ -111,12 +96,51 @@ class Comparison:
 
         Raises
         ------
-        DeclarationError    if the file has other contents
+        DeclarationError    if the file is damaged or has other contents
         """
-        try:
-            return cls._from_layout(json.loads(Path(path).read_text(encoding="utf-8")))
-        except (KeyError, TypeError, ValueError) as error:
-            raise DeclarationError(f"{path} is not a saved comparison ({type(error).__name__}: {error}).") from error
+        return files.load(path, "a saved Comparison", cls._of_record)
+
+    def _record(self) -> dict[str, Any]:
+        return {
+            "scene": self.scene,
+            "t": self.times,
+            "names": self.outputs,
+            "box": dict(zip(self.box.names, np.transpose([self.box.lower, self.box.upper]).tolist(), strict=True)),
+            "solver": self.solver,
+            "reference": vars(self.reference),
+            "methods": [row.record() for row in self.rows],
+            "not_run": [vars(method) for method in self.not_run],
+            "setup_seconds": self.setup_seconds,
+            "solver_error": self.solver_error,
+            "threads": self.threads,
+            "repeats": self.repeats,
+            "units": self.units,
+            "reason": self.reason,
+        }
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Comparison":
+        """Entries from `setup_seconds` on are missing in files of earlier versions."""
+        t, names, box = record.times(), record.names("names"), record.record("box")
+        shape = len(t), len(names)
+        reference = Reference.of_record(record.record("reference"), *shape)
+        rows = tuple(Row.of_record(row, reference.yardstick) for row in record.records("methods"))
+        return cls(
+            scene=record.text("scene"),
+            times=t,
+            outputs=names,
+            box=Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+            solver=record.text("solver"),
+            reference=reference,
+            rows=rows,
+            not_run=tuple(NotRun(row.text("name"), row.text("reason")) for row in record.records("not_run")),
+            setup_seconds=record.known("setup_seconds", rows[0].setup_seconds if rows else None),
+            solver_error=record.size("solver_error", shape[1]) if "solver_error" in record else None,
+            threads=record.whole("threads") if "threads" in record else None,
+            repeats=record.whole("repeats") if "repeats" in record else None,
+            units=record.texts("units", ()),
+            reason=record.text("reason", default=""),
+        )
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw bounds over time and error against run time; write the picture to `path` if given.
@@ -187,25 +211,3 @@ class Comparison:
             return "evaluations and bounding, warm, median"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
         return f"evaluations and bounding, warm, median of at least {self.repeats}, {threads}"
-
-    @classmethod
-    def _from_layout(cls, layout: dict[str, Any]) -> "Comparison":
-        reference_layout = layout["reference"]
-        reference = Reference(
-            method=reference_layout["method"],
-            lower=np.array(reference_layout["lower"], dtype=float),
-            upper=np.array(reference_layout["upper"], dtype=float),
-            uncertainty=np.array(reference_layout["uncertainty"], dtype=float),
-        )
-        rows = tuple(Row.from_plain(method, reference.yardstick) for method in layout["methods"])
-        return cls(
-            scene=layout["scene"],
-            times=np.array(layout["times"], dtype=float),
-            outputs=tuple(layout["outputs"]),
-            box=Box(**{name: (lower, upper) for name, (lower, upper) in layout["box"].items()}),
-            solver=layout["solver"],
-            reference=reference,
-            rows=rows,
-            not_run=tuple(NotRun(**method) for method in layout.get("not_run", ())),
-            setup_seconds=rows[0].setup_seconds if rows else None,
-        )

@@ -9,6 +9,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor
 from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Vertex, propagate
+from symmb.files import Record
 from symmb.model import Box
 from symmb.nodes import Sobol
 from symmb.simulation import Simulator
@@ -35,8 +36,8 @@ class Reference:
     method : str                the constructor's text
     lower, upper : (n_t, n_y)
     uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
-    evaluations, failed : int or None     runs, and how many failed; None if read from a file
-    seconds : float or None     run time [s]; None if bounds were given or read from a file
+    evaluations, failed : int or None     runs, and how many failed; None if not known
+    seconds : float or None     run time [s]; None if bounds were given
     """
 
     method: str
@@ -46,6 +47,20 @@ class Reference:
     evaluations: int | None = None
     failed: int | None = None
     seconds: float | None = None
+
+    @classmethod
+    def of_record(cls, record: Record, n_t: int, n_y: int) -> "Reference":
+        """The reference of a file. Files of earlier versions have no costs."""
+        lower, upper = record.pair("lower", "upper", n_t, n_y)
+        return cls(
+            method=record.text("method"),
+            lower=lower,
+            upper=upper,
+            uncertainty=record.array("uncertainty", n_y, finite=False),
+            evaluations=record.whole("evaluations") if "evaluations" in record else None,
+            failed=record.whole("failed") if "failed" in record else None,
+            seconds=record.known("seconds"),
+        )
 
     @property
     def yardstick(self) -> Yardstick:

@@ -1,12 +1,11 @@
 """A row of a comparison: a method, its cost, its bounds and their score."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from symmb._types import Array
+from symmb.bounds import kind_of
+from symmb.files import Record
 from symmb.study.metrics import Score, Yardstick
 
 
@@ -25,7 +24,7 @@ class Row:
     estimate : (n_t, n_y) or None   the method's own estimate of its error
     inner : two (n_t, n_y) or None  lower and upper attained by actual runs
     score : Score                   measured with the comparison's reference
-    failure : str                   message of the first failed run; files do not contain it
+    failure : str                   message of the first failed run
     caution : str                   from when on the method is not valid, and why
     """
 
@@ -43,9 +42,17 @@ class Row:
     failure: str = ""
     caution: str = ""
 
-    def to_plain(self) -> dict[str, Any]:
-        """The row in the JSON layout, with arrays."""
-        plain: dict[str, Any] = {
+    def record(self) -> dict[str, Any]:
+        """The row for a file."""
+        inner_lower, inner_upper = self.inner or (None, None)
+        optional = {
+            "estimate": self.estimate,
+            "inner_lower": inner_lower,
+            "inner_upper": inner_upper,
+            "failure": self.failure or None,
+            "caution": self.caution or None,
+        }
+        return {
             "name": self.name,
             "kind": self.kind,
             "evaluations": self.evaluations,
@@ -58,34 +65,29 @@ class Row:
             "coverage": self.score.coverage,
             "lower": self.lower,
             "upper": self.upper,
+            **{name: value for name, value in optional.items() if value is not None},
         }
-        if self.estimate is not None:
-            plain["estimate"] = self.estimate
-        if self.caution:
-            plain["caution"] = self.caution
-        if self.inner is not None:
-            plain["inner_lower"], plain["inner_upper"] = self.inner
-        return plain
 
     @staticmethod
-    def from_plain(plain: Mapping[str, Any], yardstick: Yardstick) -> "Row":
-        """Rebuild a row. Its score is computed again from the bounds."""
-        lower, upper = _array(plain["lower"]), _array(plain["upper"])
-        estimate = _array(plain["estimate"]) if "estimate" in plain else None
-        inner = (_array(plain["inner_lower"]), _array(plain["inner_upper"])) if "inner_lower" in plain else None
+    def of_record(record: Record, yardstick: Yardstick) -> "Row":
+        """The row of a file. Its score is computed again from the bounds."""
+        shape = yardstick.lower.shape
+        lower, upper = record.pair("lower", "upper", *shape)
+        estimate = record.size("estimate", *shape) if "estimate" in record else None
         return Row(
-            name=plain["name"],
-            kind=plain["kind"],
-            evaluations=plain["evaluations"],
-            failed=plain["failed"],
-            setup_seconds=plain["setup_seconds"],
-            run_seconds=plain["run_seconds"],
+            name=record.text("name"),
+            kind=kind_of(record),
+            evaluations=record.whole("evaluations"),
+            failed=record.whole("failed"),
+            setup_seconds=record.known("setup_seconds"),
+            run_seconds=record.number("run_seconds"),
             lower=lower,
             upper=upper,
             estimate=estimate,
-            inner=inner,
+            inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
             score=yardstick.score(lower, upper, estimate),
-            caution=plain.get("caution", ""),
+            failure=record.text("failure", default=""),
+            caution=record.text("caution", default=""),
         )
 
 
@@ -95,7 +97,3 @@ class NotRun:
 
     name: str
     reason: str
-
-
-def _array(values: list[Any]) -> Array:
-    return np.array(values, dtype=float)

@@ -1,7 +1,6 @@
 """Stability of solvers: every solver with several steps or tolerances, on a scene and its harder variants."""
 
 import itertools
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb import plot
+from symmb import files, plot
 from symmb._errors import SimulationError
 from symmb._table import aligned
 from symmb._types import Array
@@ -36,7 +35,7 @@ _WIDTHS = 0.1, 0.2, 0.5
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """Results of the solvers on a scene. `print` shows them, `plot` draws them, `save` writes them as JSON.
+    """Results of the solvers on a scene. `print` shows them, `plot` draws them, `save` and `load` keep them in a file.
 
     Attributes
     ----------
@@ -80,32 +79,58 @@ class Stability:
         return [trial.family, f"{trial.setting:.1e}", *cells, trial.reason or "finished"]
 
     def to_json(self) -> dict[str, Any]:
-        """All results but the outputs. Unknown values are None."""
+        """The results as lists, texts and numbers. Numbers that are not known are None."""
+        return files.in_json(self._record())
 
-        def trial_json(trial: Trial) -> dict[str, Any]:
-            numbers = {
-                "setting": trial.setting,
-                "error": self.errors.get(trial.key, np.nan),
-                "position_drift": float(trial.position.max(initial=0.0)) if not trial.reason else np.nan,
-                "velocity_drift": float(trial.velocity.max(initial=0.0)) if not trial.reason else np.nan,
-                "energy_drift": trial.energy,
-                "run_seconds": trial.seconds,
-            }
-            known = {name: None if np.isnan(number) else number for name, number in numbers.items()}
-            return {"stress": trial.scene, "solver": trial.solver, "reason": trial.reason, **known}
+    def save(self, path: str | Path) -> None:
+        """Write an .npz or .json file. It holds neither outputs nor states of the trials.
 
+        Raises
+        ------
+        DeclarationError    if the name has another suffix
+        """
+        files.save(path, self._record())
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Stability":
+        """Read a file of `save`.
+
+        Raises
+        ------
+        DeclarationError    if the file is damaged or has other contents
+        """
+        return files.load(path, "a saved Stability", cls._of_record)
+
+    def _record(self) -> dict[str, Any]:
+        errors = [self.errors.get(trial.key) for trial in (*self.trials, *self.stress)]
         return {
             "scene": self.scene,
-            "times": self.times.tolist(),
+            "t": self.times,
             "uncertainty": self.uncertainty,
-            "trials": [trial_json(trial) for trial in (*self.trials, *self.stress)],
+            "trials": [
+                {**trial.record(), "error": error}
+                for trial, error in zip((*self.trials, *self.stress), errors, strict=True)
+            ],
             "corners": {f"{width:g}": list(counts) for width, counts in self.corners.items()},
             "advice": self.advice,
         }
 
-    def save(self, path: str | Path) -> None:
-        """Write JSON."""
-        Path(path).write_text(json.dumps(self.to_json()) + "\n", encoding="utf-8")
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Stability":
+        t, parts, corners = record.times(), record.records("trials"), record.record("corners")
+        trials = [Trial.of_record(part) for part in parts]
+        return cls(
+            scene=record.text("scene"),
+            times=t,
+            trials=tuple(trial for trial in trials if not trial.scene),
+            stress=tuple(trial for trial in trials if trial.scene),
+            errors={
+                trial.key: part.number("error") for trial, part in zip(trials, parts, strict=True) if "error" in part
+            },
+            uncertainty=record.number("uncertainty"),
+            corners={float(width): tuple(corners.array(width, 2).astype(int).tolist()) for width in corners.plain},
+            advice=record.text("advice"),
+        )
 
     def plot(self, path: str | Path) -> None:
         """Draw error against run time, the drift of positions over time, and errors of the harder variants."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb._errors import SymmbError
 from symmb._types import Array
+from symmb.files import Record
 from symmb.integrate import Solver
 from symmb.model import Scene
 from symmb.simulation import simulate
@@ -51,6 +52,37 @@ class Trial:
     energy: float = float("nan")
     values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     states: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+
+    def record(self) -> dict[str, Any]:
+        """The trial for a file, without outputs and states."""
+        return {
+            "stress": self.scene,
+            "solver": self.solver,
+            "family": self.family,
+            "setting": self.setting,
+            "reason": self.reason,
+            "position_drift": np.nan if self.reason else self.position.max(initial=0.0),
+            "velocity_drift": np.nan if self.reason else self.velocity.max(initial=0.0),
+            "energy_drift": self.energy,
+            "run_seconds": self.seconds,
+            "position": self.position,
+            "velocity": self.velocity,
+        }
+
+    @classmethod
+    def of_record(cls, record: Record) -> "Trial":
+        """The trial of a file."""
+        return cls(
+            scene=record.text("stress"),
+            solver=record.text("solver"),
+            family=record.text("family"),
+            setting=record.number("setting"),
+            reason=record.text("reason"),
+            seconds=record.number("run_seconds"),
+            position=record.size("position", None),
+            velocity=record.size("velocity", None),
+            energy=record.number("energy_drift"),
+        )
 
     @property
     def key(self) -> str:

@@ -85,8 +85,8 @@ def test_text_says_the_kind():
 
 
 def test_another_suffix_is_refused(tmp_path):
-    with pytest.raises(DeclarationError, match=r"\.npz only; .*wave\.csv"):
-        propagate(Wave(), Vertex(), BOX).save(tmp_path / "wave.csv")
+    with pytest.raises(DeclarationError, match=r"must end in \.npz or \.json or \.csv here, got .*wave\.txt"):
+        propagate(Wave(), Vertex(), BOX).save(tmp_path / "wave.txt")
     assert not list(tmp_path.iterdir())
 
 

@@ -58,6 +58,9 @@ def test_what_was_found_is_told_saved_and_drawn(found, tmp_path):
     assert "NSTIFFSI2" in text and "horizon x 100" in text and "the fastest is" in text
     assert "box widened to 50%: none of 4 corners fail" in text
     found.save(tmp_path / "found.json")
+    found.save(tmp_path / "found.npz")
+    for name in ("found.json", "found.npz"):
+        assert str(mb.Stability.load(tmp_path / name)) == text
     told = json.loads((tmp_path / "found.json").read_text())
     assert told["advice"] == found.advice and len(told["trials"]) == len(found.trials) + len(found.stress)
     found.plot(tmp_path / "found.png")

@@ -1,0 +1,139 @@
+"""Records in NumPy archives and in JSON, and tables.
+
+A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats keep the same
+entries. JSON calls ``t`` times and ``names`` outputs, and has None for numbers that are not finite. An archive has one
+array for each array of the record, and the rest as JSON in its array ``about``.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Callable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.files.jsonable import to_jsonable
+from symmb.files.record import Record
+from symmb.files.replacement import replacement, require_suffix
+
+_IN_JSON = {"t": "times", "names": "outputs"}
+_IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
+
+Table = Mapping[str, Any]
+"""Columns by their headings, all equally long."""
+T = TypeVar("T")
+
+
+def save(path: str | PathLike[str], record: Mapping[str, Any], table: Callable[[], Table] | None = None) -> None:
+    """Write a record as `.npz` or `.json`, or its table, if there is one, as `.csv`.
+
+    Raises
+    ------
+    DeclarationError    if the name has another suffix
+    OSError             if the file cannot be written; the previous one is kept
+    """
+    suffix = require_suffix(path, ".npz", ".json", *([".csv"] if table else []))
+    if suffix == ".json":
+        save_json(path, in_json(record))
+    elif suffix == ".npz":
+        arrays: dict[str, Any] = {}
+        about = json.dumps(_without_arrays(record, "", arrays))
+        with replacement(path) as file:
+            np.savez(file, about=np.array(about), **arrays)
+    elif table:
+        columns = table()
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(columns)
+        writer.writerows(zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True))
+        with replacement(path) as file:
+            file.write(text.getvalue().encode())
+
+
+def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
+    """Write what `in_json` returns."""
+    text = json.dumps(entries, allow_nan=False)
+    with replacement(path) as file:
+        file.write(f"{text}\n".encode())
+
+
+def in_json(record: Mapping[str, Any]) -> dict[str, Any]:
+    """A record as lists, texts and numbers. Numbers that are not finite are None."""
+    return to_jsonable({_IN_JSON.get(name, name): value for name, value in record.items()})
+
+
+def load(
+    path: str | PathLike[str], what: str, build: Callable[[Record], T], from_table: Callable[[Record], T] | None = None
+) -> T:
+    """What a file holds, built from its record, or from the ``headings`` and ``columns`` of its table.
+
+    Raises
+    ------
+    DeclarationError    if the file has another suffix, is damaged or has other contents
+    OSError             if it cannot be read
+    """
+    suffix = require_suffix(path, ".npz", ".json", *([".csv"] if from_table else []))
+    data = Path(path).read_bytes()
+    try:
+        if suffix == ".csv" and from_table:
+            return from_table(_table(data))
+        return build(_of_json(data) if suffix == ".json" else _of_archive(data))
+    except Exception as error:  # a damaged file makes zlib, zipfile, json and NumPy raise nearly anything
+        why = (
+            str(error)
+            if isinstance(error, DeclarationError)
+            else f"its contents cannot be read ({_first_line(error)})."
+        )
+        raise DeclarationError(f"{path} does not hold {what}: {why}") from error
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0]
+
+
+def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
+    """The value in the types of JSON, without its arrays, which are put into ``arrays`` by their place."""
+    if isinstance(value, Mapping):
+        parts = {name: _without_arrays(part, f"{place}/{name}", arrays) for name, part in value.items()}
+        return {name: part for name, part in parts.items() if not isinstance(value[name], np.ndarray)}
+    if isinstance(value, list | tuple):
+        return [_without_arrays(part, f"{place}/{k}", arrays) for k, part in enumerate(value)]
+    if isinstance(value, np.ndarray):
+        arrays[place[1:]] = value
+        return None
+    return to_jsonable(value)
+
+
+def _of_archive(data: bytes) -> Record:
+    with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        arrays = {name: array if array.ndim else array.item() for name, array in archive.items()}
+    entries = json.loads(arrays.pop("about", "{}"))
+    for place, array in arrays.items():
+        *parents, name = place.split("/")
+        holder = entries
+        for parent in parents:
+            holder = holder[int(parent)] if isinstance(holder, list) else holder[parent]
+        holder[name] = array
+    return Record.of(entries, "")
+
+
+def _of_json(data: bytes) -> Record:
+    entries = Record.of(json.loads(data), "")
+    return Record({_IN_ARCHIVES.get(name, name): value for name, value in entries.plain.items()})
+
+
+def _table(data: bytes) -> Record:
+    headings, *rows = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
+    columns = [_column(column) for column in zip(*rows, strict=True)]
+    return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
+
+
+def _column(cells: tuple[str, ...]) -> list[float] | list[str]:
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        return list(cells)

@@ -1,0 +1,162 @@
+"""The contents of a file, read with checks."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+
+
+class Record:
+    """Named texts, numbers, arrays and records that were read from a file.
+
+    Every method raises DeclarationError if the entry is missing, of another type or of another shape.
+    """
+
+    def __init__(self, entries: Mapping[str, Any], where: str = "") -> None:
+        self._entries = entries
+        self._where = where
+
+    @classmethod
+    def of(cls, value: Any, where: str) -> "Record":
+        """The record of a mapping of names to values."""
+        if not isinstance(value, Mapping):
+            raise DeclarationError(f"{where or 'the file'} holds {_kind(value)}, not names with values.")
+        return cls(value, where)
+
+    def __contains__(self, name: str) -> bool:
+        """Whether the entry is there. Files of earlier versions have arrays without rows and columns for None."""
+        value = self._entries.get(name)
+        return value is not None and np.shape(value) != (0, 0)
+
+    def text(self, name: str, *allowed: str, default: str | None = None) -> str:
+        """A text; one of those allowed, if there are any."""
+        value = self._value(name, default)
+        if not isinstance(value, str):
+            raise self._wrong(name, "a text", _kind(value))
+        if allowed and value not in allowed:
+            raise self._wrong(name, " or ".join(map(repr, allowed)), repr(value[:80]))
+        return value
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """A real number; nan if it is not finite in JSON."""
+        value = self._entries.get(name, default)
+        if value is None and name in self._entries:
+            return math.nan
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self._wrong(name, "a number", _kind(value))
+        return float(value)
+
+    def known(self, name: str, default: float | None = None) -> float | None:
+        """A number, or the default if it is missing."""
+        return self.number(name) if name in self else default
+
+    def whole(self, name: str, default: int | None = None) -> int:
+        """An integer of at least 0."""
+        value = self._value(name, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            raise self._wrong(name, "an integer of at least 0", repr(value)[:80])
+        return value
+
+    def texts(self, name: str, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
+        """A sequence of texts."""
+        value = self._value(name, default)
+        value = value.tolist() if isinstance(value, np.ndarray) else value
+        if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
+            raise self._wrong(name, "a list of texts", _kind(value))
+        return tuple(value)
+
+    def names(self, name: str) -> tuple[str, ...]:
+        """A sequence of different texts."""
+        value = self.texts(name)
+        if len(set(value)) < len(value):
+            raise self._wrong(name, "a list of different names", repr(value)[:80])
+        return value
+
+    def array(self, name: str, *shape: int | None, finite: bool = True) -> Array:
+        """An array of real numbers. None stands for any length of an axis."""
+        entry = self._value(name)
+        try:
+            value = np.array(entry, dtype=float)
+        except (TypeError, ValueError):
+            raise self._wrong(name, "an array of real numbers", "other contents") from None
+        if not value.size and len(shape) > 1 and 0 in shape:  # JSON does not keep the lengths of empty arrays
+            value = value.reshape([length or 0 for length in shape])
+        fits = len(value.shape) == len(shape) and all(n in (None, m) for n, m in zip(shape, value.shape, strict=True))
+        if not fits:
+            expected = ", ".join("any" if n is None else str(n) for n in shape)
+            raise self._wrong(name, f"an array of the shape ({expected})", f"the shape {value.shape}")
+        if finite and not np.isfinite(value).all():
+            raise self._wrong(name, "an array of finite numbers", "others")
+        return value
+
+    def size(self, name: str, *shape: int | None) -> Array:
+        """An array of numbers that are not negative. Those that are infinite are nan in JSON."""
+        value = self.array(name, *shape, finite=False)
+        if isinstance(self._value(name), list):
+            value = np.where(np.isnan(value), np.inf, value)
+        if not (value >= 0).all():
+            raise self._wrong(name, "an array of numbers of at least 0", "others")
+        return value
+
+    def times(self, name: str = "t") -> Array:
+        """Times (n_t,) that increase; at least one."""
+        t = self.array(name, None)
+        if not t.size or (np.diff(t) <= 0).any():
+            raise self._wrong(name, "times that increase", "others")
+        return t
+
+    def pair(self, lower: str, upper: str, *shape: int | None) -> tuple[Array, Array]:
+        """Lower and upper bounds, each of the same shape. A bound that is infinite is nan in JSON."""
+        bounds = []
+        for name, infinite in ((lower, -np.inf), (upper, np.inf)):
+            value = self.array(name, *shape, finite=False)
+            bounds.append(np.where(np.isnan(value), infinite, value) if isinstance(self._value(name), list) else value)
+        if not (bounds[0] <= bounds[1]).all():
+            raise self._wrong(upper, f"at least {lower}", "smaller values")
+        return bounds[0], bounds[1]
+
+    def record(self, name: str) -> "Record":
+        """Names with values."""
+        return self.of(self._value(name), self._named(name))
+
+    def records(self, name: str, *fields: str) -> list["Record"]:
+        """A list of records; empty if it is missing. With fields, an item may be the list of their values."""
+        value = self._entries.get(name)
+        if not isinstance(value, list | tuple | None):
+            raise self._wrong(name, "a list", _kind(value))
+        items = [
+            dict(zip(fields, item, strict=True)) if fields and isinstance(item, list) else item for item in value or ()
+        ]
+        return [self.of(item, f"{self._named(name)}/{k}") for k, item in enumerate(items)]
+
+    @property
+    def plain(self) -> Mapping[str, Any]:
+        """All entries as they are in the file."""
+        return self._entries
+
+    def numbers(self, name: str) -> dict[str, float]:
+        """Numbers by name."""
+        record = self.record(name)
+        return {key: record.number(key) for key in record.plain}
+
+    def _value(self, name: str, default: Any = None) -> Any:
+        value = self._entries.get(name)
+        if value is None:
+            value = default
+        if value is None:
+            raise DeclarationError(f"{self._named(name)} is missing.")
+        return value
+
+    def _named(self, name: str) -> str:
+        return f"{self._where}/{name}" if self._where else name
+
+    def _wrong(self, name: str, expected: str, got: str) -> DeclarationError:
+        return DeclarationError(f"{self._named(name)} must be {expected}, got {got}.")
+
+
+def _kind(value: object) -> str:
+    return "nothing" if value is None else f"a {type(value).__name__}"

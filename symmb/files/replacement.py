@@ -1,0 +1,65 @@
+"""A file that takes its place when it is complete."""
+
+import os
+import stat
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from symmb._errors import DeclarationError
+
+
+@contextmanager
+def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """A binary file to write to. It replaces the file at ``path`` when the block ends without an exception.
+
+    Until then it lies beside that file, under a name of its own, so that a kill or a full disk leaves the previous
+    contents. Links are followed, and the permissions of the previous file stay. A device or a pipe is written directly.
+
+    Raises
+    ------
+    OSError     if the folder cannot be written to, or is full
+    """
+    place = Path(os.path.realpath(path))
+    previous = _mode(place)
+    if previous is not None and not stat.S_ISREG(previous):
+        with open(path, "wb") as file:
+            yield file
+        return
+    part = place.with_name(f".symmb-{uuid.uuid4().hex}.part")
+    try:
+        with open(part, "xb") as file:
+            if previous is not None:
+                os.chmod(part, stat.S_IMODE(previous))
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, place)
+    except BaseException as error:
+        with suppress(OSError):
+            part.unlink()
+        if isinstance(error, OSError) and error.filename == str(part):  # the reader knows the name that was given
+            raise type(error)(error.errno, error.strerror, str(path)) from None
+        raise
+
+
+def _mode(place: Path) -> int | None:
+    try:
+        return place.stat().st_mode
+    except FileNotFoundError:
+        return None
+
+
+def require_suffix(path: str | os.PathLike[str], *allowed: str) -> str:
+    """The suffix of a file's name, in lower case.
+
+    Raises
+    ------
+    DeclarationError    if it is not one of those allowed
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in allowed:
+        raise DeclarationError(f"The name of a file must end in {' or '.join(allowed)} here, got {str(path)!r}.")
+    return suffix

@@ -1,0 +1,105 @@
+"""What the file of a run holds: attributes of a Trajectory, and what it would derive from the equations."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.events import Event
+from symmb.files import Record
+
+
+class Drift(NamedTuple):
+    """Largest violation of any row at every time: position (n_t,), velocity (n_t,), in the units of the rows."""
+
+    position: Array
+    velocity: Array
+
+    def __repr__(self) -> str:
+        return f"Drift(position at most {self.position.max():.1e}, velocity at most {self.velocity.max():.1e})"
+
+
+class Energy(NamedTuple):
+    """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
+
+    kinetic: Array
+    potential: Array
+    work: Array
+
+    def __repr__(self) -> str:
+        ranges = (f"{name} {values.min():.4g} ... {values.max():.4g} J" for name, values in self._asdict().items())
+        return f"Energy({', '.join(ranges)})"
+
+
+Contents = tuple[dict[str, Any], dict[str, Any]]
+"""Attributes of a Trajectory without its scene, and values of its cached properties."""
+
+
+def of_record(record: Record) -> Contents:
+    """The contents of an archive or a JSON file."""
+    t, names, rows = record.times(), record.texts("names"), record.names("row_names")
+    states = record.names("q_names"), record.names("v_names"), record.names("s_names")
+    parts = [record.array(key, len(t), len(own)) for key, own in zip("qvs", states, strict=True)]
+    drift = Drift(**_series(record.record("drift"), Drift._fields, len(t)))
+    energy = Energy(**_series(record.record("energy"), Energy._fields, len(t)))
+    known = {
+        "parameters": record.numbers("parameters"),
+        "solver": record.text("solver"),
+        "reason": record.text("reason"),
+        "t": t,
+        "x": np.concatenate(parts, axis=1),
+        "work": energy.work,
+        "statistics": dict(record.record("statistics").plain),
+        "setup_seconds": record.number("setup_seconds"),
+        "run_seconds": record.number("run_seconds"),
+        "events": tuple(_event(event) for event in record.records("events")),
+    }
+    derived = {
+        "name": record.text("scene"),
+        "names": names,
+        "units": record.texts("units"),
+        "values": record.array("values", len(t), len(names), finite=False),
+        "lam": record.array("lam", len(t), len(rows), finite=False),
+        "state_names": states,
+        "row_names": rows,
+        "drift": drift,
+        "energy": energy,
+        "_text": record.text("text"),
+    }
+    return known, derived
+
+
+def of_table(table: Record) -> Contents:
+    """The contents of a table: a column t, and one for each output."""
+    headings, columns = table.texts("headings"), table.record("columns")
+    if headings[0] != "t":
+        raise DeclarationError("its first column must be t.")
+    t, *values = (columns.array(str(k), None, finite=False) for k in range(len(headings)))
+    unknown = np.full(len(t), np.nan)
+    entries = {
+        "scene": "",
+        "t": t,
+        "names": headings[1:],
+        "values": np.transpose(values) if values else np.zeros((len(t), 0)),
+        "text": f"{len(t)} times from {t[0]:g} to {t[-1]:g} s: {', '.join(headings[1:])}",
+        **dict.fromkeys(("q", "v", "s", "lam"), np.zeros((len(t), 0))),
+        **dict.fromkeys(("units", "q_names", "v_names", "s_names", "row_names"), ()),
+        "parameters": {},
+        "statistics": {},
+        **dict.fromkeys(("solver", "reason"), ""),
+        **dict.fromkeys(("setup_seconds", "run_seconds"), math.nan),
+        "drift": dict.fromkeys(Drift._fields, unknown),
+        "energy": dict.fromkeys(Energy._fields, unknown),
+    }
+    return of_record(Record(entries))
+
+
+def _series(record: Record, names: tuple[str, ...], n_t: int) -> dict[str, Array]:
+    return {name: record.array(name, n_t, finite=False) for name in names}
+
+
+def _event(record: Record) -> Event:
+    numbers = {name: record.number(name) for name in ("time", "before", "after", "work")}
+    return Event(name=record.text("name"), what=record.text("what"), **numbers)

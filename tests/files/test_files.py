@@ -1,0 +1,244 @@
+"""Files of results: what is written is read, damage is told, and a file is replaced whole or not at all."""
+
+import json
+import os
+import random
+import signal
+import stat
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from mechanisms import double_pendulum
+from oscillators import BOX, Wave
+
+import symmb as mb
+from symmb.files import replacement
+
+BEAM = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), mb.Material(2e11, 7800.0, nu=0.3), elements=3)
+EXPANSION = mb.propagate(Wave(), mb.PolynomialChaos(order=3), BOX)
+RESULTS = {
+    "Trajectory": mb.simulate(double_pendulum(np.linspace(0.0, 0.1, 4))),
+    "Bounds": EXPANSION,
+    "Comparison": mb.compare(Wave(), [mb.Vertex(), mb.PolynomialChaos()], BOX),
+    "Moments": EXPANSION.moments(),
+    "Modes": mb.FiniteElements.beams(BEAM).modes(clamped=0, count=3),
+}
+FORMATS = [(name, suffix) for name in RESULTS for suffix in ("npz", "json")]
+FORMATS += [("Trajectory", "csv"), ("Bounds", "csv")]
+
+
+def attributes(result):
+    """Attributes of a result by name, without equations."""
+    names = ("scene", "simulator", "_text")
+    return {name: value for name, value in vars(result).items() if name not in names and not isinstance(value, dict)}
+
+
+def same(one, other):
+    """Whether two values are equal, nan to nan."""
+    if isinstance(one, np.ndarray):
+        return one.shape == other.shape and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if hasattr(one, "__dict__"):
+        return same([*attributes(one).values()], [*attributes(other).values()])
+    return one == other or (one != one and other != other)
+
+
+@pytest.mark.parametrize(("kind", "suffix"), FORMATS)
+def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
+    result, path = RESULTS[kind], tmp_path / f"result.{suffix}"
+    result.save(path)
+    again = getattr(mb, kind).load(path)
+    lost = ["inner", "failed", "expansion", "x", "lam", "drift", "energy", "work"] if suffix == "csv" else []
+    for name, value in attributes(again).items():
+        if name not in lost and (suffix != "csv" or "seconds" not in name) and not isinstance(value, str | tuple):
+            assert same(value, getattr(result, name)), name
+    if suffix != "csv":
+        assert str(again) == str(result) and again.__class__ is result.__class__
+        second = tmp_path / f"second.{suffix}"
+        again.save(second)
+        assert suffix != "json" or second.read_text() == path.read_text()
+
+
+def test_a_loaded_run_knows_its_names_and_with_its_scene_any_expression(tmp_path):
+    scene = double_pendulum(np.linspace(0.0, 0.1, 4))
+    run = mb.simulate(scene)
+    run.save(tmp_path / "run.npz")
+    loaded = mb.Trajectory.load(tmp_path / "run.npz")
+    for name in (*run.names, *run.state_names[0], *run.row_names):
+        np.testing.assert_array_equal(loaded[name], run[name])
+    assert loaded.q.shape == run.q.shape and loaded.v.shape == run.v.shape and loaded.s.shape == run.s.shape
+    assert loaded.energy_drift == run.energy_drift
+    with pytest.raises(mb.DeclarationError, match=r"read from a file\. Give Trajectory\.load the scene"):
+        loaded.reaction("shoulder")
+    whole = mb.Trajectory.load(tmp_path / "run.npz", scene)
+    np.testing.assert_allclose(whole.reaction("elbow")[0], run.reaction("elbow")[0])
+    other = mb.Scene(mb.System(mb.Body("ball", 1.0, pose=mb.Particle()), mb.Gravity(0, -9.81)), times=[0.0, 1.0])
+    with pytest.raises(mb.DeclarationError, match="of another scene"):
+        mb.Trajectory.load(tmp_path / "run.npz", other)
+
+
+@pytest.mark.parametrize(("kind", "suffix"), FORMATS)
+def test_a_damaged_file_is_one_error(tmp_path, kind, suffix):
+    """Cut, with changed bytes, and with values of another type or size: one error, or a result like the first."""
+    result, path = RESULTS[kind], tmp_path / f"result.{suffix}"
+    result.save(path)
+    whole, choice = path.read_bytes(), random.Random(f"{kind} {suffix}")
+    contents = [b"", b"\0" * 100, b"[" * 100_000, b'{"t": 1}', whole + whole]
+    contents += [whole[: choice.randrange(len(whole))] for _ in range(15)]
+    for _ in range(40):
+        damaged = bytearray(whole)
+        for _ in range(choice.choice((1, 5, 100))):
+            damaged[choice.randrange(len(damaged))] = choice.randrange(256)
+        contents.append(bytes(damaged))
+    if suffix == "json":
+        contents += [json.dumps(changed).encode() for changed in changes(json.loads(whole), choice)]
+    for content in contents:
+        path.write_bytes(content)
+        try:
+            loaded = getattr(mb, kind).load(path)
+        except mb.DeclarationError as error:
+            assert str(path) in str(error) and len(str(error).splitlines()) == 1
+        else:
+            str(loaded), loaded.save(tmp_path / "again.json")
+
+
+def changes(layout, choice):
+    """Layouts in which one value, at any depth, is missing or of another kind."""
+    for _ in range(60):
+        changed = json.loads(json.dumps(layout))
+        holder = changed
+        while True:
+            key = choice.choice(list(holder) if isinstance(holder, dict) else range(len(holder)))
+            inner = holder[key]
+            if not isinstance(inner, dict | list) or not inner or choice.random() < 0.3:
+                break
+            holder = inner
+        holder[key] = choice.choice([None, "no", -1, 1e400, [], {}, [[]], [1, 2], {"a": 1}, True, [None], "nan"])
+        yield changed
+
+
+@pytest.mark.parametrize("entry", ["lower", "upper", "t", "names", "estimate", "kind", "evaluations"])
+def test_nonsense_is_refused(tmp_path, entry):
+    column = np.ones((61, 1))
+    nonsense = {"lower": 9 * column, "upper": np.nan * column, "estimate": -column, "t": np.zeros(61)}
+    nonsense |= {"names": ["x", "x"], "kind": "proved", "evaluations": -3}
+    path = tmp_path / "bounds.npz"
+    mb.propagate(Wave(), mb.PolynomialChaos(), BOX).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    if entry in arrays:
+        arrays[entry] = nonsense[entry]
+    else:
+        arrays["about"] = np.array(json.dumps(json.loads(str(arrays["about"])) | {entry: nonsense[entry]}))
+    np.savez(path, **arrays)
+    with pytest.raises(mb.DeclarationError, match=f"bounds.npz does not hold saved Bounds: .*{entry}"):
+        mb.Bounds.load(path)
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_another_suffix_is_the_same_error_everywhere(tmp_path, kind):
+    for action in (RESULTS[kind].save, getattr(mb, kind).load):
+        with pytest.raises(mb.DeclarationError, match=r"must end in \.npz or \.json.* here, got '.*\.txt'"):
+            action(tmp_path / "result.txt")
+    if hasattr(RESULTS[kind], "plot"):
+        with pytest.raises(mb.DeclarationError, match=r"The name of a file must end in \.png or .* got '.*\.qqq'"):
+            RESULTS[kind].plot(tmp_path / "picture.qqq")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_an_earlier_version(tmp_path):
+    """Arrays without rows and columns stood for None, and failed runs were lists."""
+    none, path = np.empty((0, 0)), tmp_path / "bounds.npz"
+    about = {
+        "names": ["x"],
+        "kind": "sampled",
+        "method": "Vertex()",
+        "evaluations": 4,
+        "seconds": 0.1,
+        "parameters": [],
+    }
+    about["failed"] = [[{"k": 1.0}, 0.5, "blew up"]]
+    arrays = dict.fromkeys(("estimate", "inner_lower", "inner_upper", "alpha", "coefficients"), none)
+    np.savez_compressed(
+        path, about=np.array(json.dumps(about)), t=np.zeros(1), lower=np.zeros((1, 1)), upper=np.ones((1, 1)), **arrays
+    )
+    bounds = mb.Bounds.load(path)
+    assert bounds.estimate is bounds.inner is bounds.expansion is None
+    assert bounds.failed[0].message == "blew up" and bounds.failed[0].parameters == {"k": 1.0}
+
+
+# --- replacement ---------------------------------------------------------------------
+
+
+def test_the_previous_file_stays_until_the_new_one_is_complete(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("previous")
+    with pytest.raises(KeyboardInterrupt), replacement(path) as file:
+        file.write(b"half")
+        raise KeyboardInterrupt
+    assert path.read_text() == "previous" and list(tmp_path.iterdir()) == [path]
+    with replacement(path) as file:
+        file.write(b"new")
+        assert path.read_text() == "previous"
+    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+
+
+def test_links_and_permissions_stay(tmp_path):
+    real, link = tmp_path / "real", tmp_path / "link"
+    real.write_text("previous")
+    real.chmod(0o640)
+    link.symlink_to(real)
+    with replacement(link) as file:
+        file.write(b"new")
+    assert link.is_symlink() and real.read_text() == "new" and stat.S_IMODE(real.stat().st_mode) == 0o640
+    old = os.umask(0o027)
+    try:
+        with replacement(tmp_path / "fresh") as file:
+            file.write(b"new")
+    finally:
+        os.umask(old)
+    assert stat.S_IMODE((tmp_path / "fresh").stat().st_mode) == 0o640
+
+
+def test_a_folder_that_is_missing_is_told_by_the_name_that_was_given(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no/file\.npz"):
+        EXPANSION.save(tmp_path / "no" / "file.npz")
+
+
+SAVE = """
+import resource, signal, sys
+import numpy as np, symmb as mb
+limit, path = int(sys.argv[1]), sys.argv[2]
+t, values = np.linspace(0, 1, 1000), np.ones((1000, 20))
+names = tuple(f"x{k}" for k in range(20))
+bounds = mb.Bounds(t, names, values * 0, values, "sampled", "Vertex()", 4)
+if limit:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+print("ready", flush=True)
+while True:
+    try:
+        bounds.save(path)
+    except OSError as error:
+        sys.exit(7)
+"""
+
+
+@pytest.mark.parametrize("suffix", ["npz", "json", "csv"])
+def test_a_kill_or_a_full_disk_leaves_the_previous_file(tmp_path, suffix):
+    path = tmp_path / f"bounds.{suffix}"
+    EXPANSION.save(path)
+    previous, choice = path.read_bytes(), random.Random(suffix)
+    full = subprocess.run([sys.executable, "-c", SAVE, "20000", str(path)], stdout=subprocess.PIPE)
+    assert full.returncode == 7 and path.read_bytes() == previous and list(tmp_path.iterdir()) == [path]
+    for _ in range(4):
+        process = subprocess.Popen([sys.executable, "-c", SAVE, "0", str(path)], stdout=subprocess.PIPE)
+        process.stdout.readline()
+        time.sleep(choice.uniform(0.0, 0.1))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        process.stdout.close()
+        mb.Bounds.load(path)
