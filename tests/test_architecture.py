@@ -19,6 +19,8 @@ FLOORS = {
     "_options": 0,
     "_specs": 0,
     "_table": 0,
+    "_cleanup": 0,
+    "_interrupts": 0,
     "files": 1,
     "plot": 1,
     "structures": 1,

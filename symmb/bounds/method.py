@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._types import Array, Executor
 from symmb.bounds.result import Bounds, Kind
 from symmb.model import Box
-from symmb.simulation import Progress, Simulator
+from symmb.simulation import Attained, Progress, Simulator, attained_by_runs
 
 
 class Method(ABC):
@@ -45,6 +46,8 @@ class Method(ABC):
             If the box names a parameter that the simulator does not have.
         PropagationError
             If the simulator lacks what the method needs, or too many runs fail.
+        KeyboardInterrupt
+            If it is interrupted: ``partial`` then holds Bounds that the runs so far attained, if there are any.
         """
         for name in box.names:
             if name not in simulator.parameters:
@@ -52,12 +55,26 @@ class Method(ABC):
                     f"Box: {simulator!r} has no parameter '{name}'.{did_you_mean(name, simulator.parameters)}"
                 )
         start = time.perf_counter()
-        result = self._bounds(simulator, box, executor, progress)
+        with attained_by_runs(len(simulator.times), len(simulator.outputs)) as attained:
+            try:
+                result = self._bounds(simulator, box, executor, progress)
+            except KeyboardInterrupt as interrupt:
+                carry(interrupt, self._partial(simulator, attained, time.perf_counter() - start))
+                raise
         return replace(result, seconds=time.perf_counter() - start)
 
     def _result(self, simulator: Simulator, lower: Array, upper: Array, evaluations: int, **details: Any) -> Bounds:
         """Bounds of this method; `details` are the attributes of Bounds that it knows beyond lower and upper."""
         return Bounds(simulator.times, simulator.outputs, lower, upper, self.kind, repr(self), evaluations, **details)
+
+    def _partial(self, simulator: Simulator, attained: Attained, seconds: float) -> Bounds | None:
+        """What the runs before an interrupt attained."""
+        if not (attained.lower <= attained.upper).all():
+            return None
+        inner, text = (attained.lower, attained.upper), f"{self!r}, interrupted"
+        return Bounds(
+            simulator.times, simulator.outputs, *inner, "sampled", text, attained.runs, inner=inner, seconds=seconds
+        )
 
     @abstractmethod
     def _bounds(

@@ -1,5 +1,6 @@
 """Reductions of trajectories that bounding methods compute block by block."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -18,7 +19,9 @@ FailedRuns = tuple[tuple[int, float, str], ...]
 def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
     """Smallest and largest values (n_t, n_y) over the runs that did not fail; inf and -inf without any."""
     shape = len(simulator.times), len(simulator.outputs)
-    return Reduction(partial(_no_extremes, shape), _update_extremes, _merge_extremes, trajectories=False)
+    return Reduction(
+        partial(_no_extremes, shape), _update_extremes, _merge_extremes, trajectories=False, attained=_itself
+    )
 
 
 def failures() -> Reduction[FailedRuns]:
@@ -45,6 +48,7 @@ def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
         partial(_update_together, reductions),
         partial(_merge_together, reductions),
         trajectories=any(reduction.trajectories for reduction in reductions),
+        attained=next((partial(_of_part, k, r.attained) for k, r in enumerate(reductions) if r.attained), None),
     )
 
 
@@ -61,6 +65,14 @@ def require_some(method: object, failed: tuple[Failure, ...], runs: int) -> None
     """PropagationError if every run failed."""
     if len(failed) == runs:
         raise PropagationError(f"{method!r}: all {runs} runs failed.\n{failure_text(failed)}")
+
+
+def _itself(state: tuple[Array, Array]) -> tuple[Array, Array]:
+    return state
+
+
+def _of_part(k: int, attained: Callable[[Any], tuple[Array, Array]], state: tuple[Any, ...]) -> tuple[Array, Array]:
+    return attained(state[k])
 
 
 def _no_extremes(shape: tuple[int, int]) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._interrupts import carry
 from symmb._types import Array, Indices, Mask
 from symmb.codegen import REASONS, FailureCode
 from symmb.events import Event, ImpactLaws, Location, PostImpactState, Steps, evaluate_padded
@@ -59,8 +60,15 @@ class EventIntegration(Integration):
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         runs = EventRuns(self, x0, p)
-        runs.advance()
+        try:
+            runs.advance()
+        except KeyboardInterrupt as interrupt:
+            carry(interrupt, self._results(runs, x0))
+            raise
         self._steps, self._events = runs.n_steps, sum(map(len, runs.events))
+        return self._results(runs, x0)
+
+    def _results(self, runs: "EventRuns", x0: Array) -> list[Run]:
         Y, n_x = runs.Y, self.n_x
         return [
             self._unstarted() if not np.isfinite(x).all() else Run(y[:, :n_x], y[:, n_x:], t, why, tuple(events))

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._interrupts import Interrupts
 from symmb._types import Array, Mask
 from symmb.events import Event
 from symmb.integrate.marching import Marching
@@ -68,37 +69,51 @@ class Integration:
         """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
 
         Python threads must not share CasADi objects (their reference counts are not atomic); its thread map may.
+
+        Raises
+        ------
+        KeyboardInterrupt      at the end of the call of CasADi in which it arrives, with the runs so far as `partial`
         """
+        interrupts = Interrupts()
+        runs = self._run(x0, p, threads, interrupts)
+        interrupts.raise_with(runs)
+        return runs
+
+    def _run(self, x0: Array, p: Array, threads: int, interrupts: Interrupts) -> list[Run]:
         started: Mask = np.atleast_1d(np.isfinite(x0).all(axis=1))
         if not started.all():
-            parts = iter(self.run(x0[started], p[started], threads))
+            parts = iter(self._run(x0[started], p[started], threads, interrupts))
             return [next(parts) if ok else self._unstarted() for ok in started]
         if self._whole is None or not len(x0):
-            return [self._walk(*sample) for sample in zip(x0, p, strict=True)]
+            return [self._walk(*sample, interrupts) for sample in zip(x0, p, strict=True)]
         try:
             (z0,) = batch(self._guess, x0, p, self.times[:1])
-            with _quiet():
+            with _quiet(), interrupts:
                 xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
         except RuntimeError:  # one failing sample fails the whole call; the walk finds out where
             if len(x0) > 1:
-                return [run for sample in zip(x0[:, None], p[:, None], strict=True) for run in self.run(*sample)]
-            return [self._walk(x0[0], p[0])]
+                samples = zip(x0[:, None], p[:, None], strict=True)
+                return [run for sample in samples for run in self._run(*sample, 1, interrupts)]
+            return [self._walk(x0[0], p[0], interrupts)]
         X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
         done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
-        return [Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k]) for k in range(len(x0))]
+        return [Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k], interrupts) for k in range(len(x0))]
 
     def _unstarted(self) -> Run:
         n_t = len(self.times)
         message = "the start could not be solved for"
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
-    def _walk(self, x0: Array, p: Array) -> Run:
+    def _walk(self, x0: Array, p: Array, interrupts: Interrupts) -> Run:
         X = np.full((len(self.times), self.n_x), np.nan)
         quad = np.zeros((len(self.times), self.n_quad))
         X[0] = x = self.project(x0[None], p[None], 0)[0]
         for i in range(1, len(self.times)):
+            if interrupts.noticed:
+                return Run(X, quad, float(self.times[i - 1]), "interrupted")
             try:
-                x, q = self.advance(i, x[None], p[None])
+                with interrupts:
+                    x, q = self.advance(i, x[None], p[None])
             except RuntimeError as error:
                 return Run(X, quad, float(self.times[i - 1]), _reason(error))
             x = x[0]

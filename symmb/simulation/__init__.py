@@ -3,6 +3,7 @@
 `simulate` makes one run of a scene; the methods in `bounds` run many samples by a `Simulator`.
 """
 
+from symmb.simulation.attained import Attained, attained_by_runs, note_attained
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.simulator import Jets, Kinked, March, Progress, Reduction, Samples, Simulator, run_blocks
 from symmb.simulation.single_run import simulate

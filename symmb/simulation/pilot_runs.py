@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._interrupts import carry, partial_of
 from symmb._types import Array
 from symmb.integrate import Run, Solver, stiffness
 from symmb.model import Scene
@@ -51,26 +52,40 @@ class PilotRuns:
         simulator = self.simulator.solved_by(solver)
         integration = simulator.integration(work=simulator.dae.power is not None or simulator.dae.impacts is not None)
         built = time.perf_counter()
-        run = integration.run(self.x0, self.p[None])[0]
+        try:
+            run = integration.run(self.x0, self.p[None])[0]
+        except KeyboardInterrupt as interrupt:
+            for run in partial_of(interrupt) or []:
+                known = int(np.argmin([*np.isfinite(run.X).all(axis=1), False]))
+                some = self._trajectory(simulator, run, {}, built - begin, time.perf_counter() - built, known)
+                carry(interrupt, some if known > 1 else None)
+            raise
         seconds, counts = time.perf_counter() - built, integration.statistics()
+        trajectory = self._trajectory(simulator, run, counts, built - begin, seconds, len(run.X))
+        self.done[solver] = run, trajectory
+        return Pilot(run.message, counts.get("steps", 0), seconds, False)
+
+    def _trajectory(
+        self, simulator: DAESimulator, run: Run, counts: dict[str, int], setup: float, seconds: float, known: int
+    ) -> Trajectory:
+        """The trajectory of a run, at its first `known` times."""
         start = simulator.start
         names = {"held": start.listed, "solved": start.solved, "free": start.free, "redundant": start.redundant}
-        trajectory = Trajectory(
-            scene=self.scene,
+        times = simulator.times[:known]
+        return Trajectory(
+            scene=self.scene if known == len(simulator.times) else self.scene.with_times(times),
             simulator=simulator,
             parameters=self.parameters,
-            solver=repr(solver),
+            solver=repr(simulator.solver),
             reason="",
-            t=simulator.times,
-            x=run.X,
-            work=run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(simulator.times)),
+            t=times,
+            x=run.X[:known],
+            work=run.quad[:known, 0] if run.quad.shape[1] else np.zeros(known),
             statistics={"start": {key: list(some) for key, some in names.items()}, "integrator": counts},
-            setup_seconds=self._setup + built - begin,
+            setup_seconds=self._setup + setup,
             run_seconds=seconds,
             events=run.events,
         )
-        self.done[solver] = run, trajectory
-        return Pilot(run.message, counts.get("steps", 0), seconds, False)
 
     def judge(self, solver: Solver) -> Pilot:
         """Run by a solver, and return what is wrong with the result."""

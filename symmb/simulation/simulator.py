@@ -15,6 +15,7 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.simulation.attained import note_attained
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
@@ -80,12 +81,14 @@ class Reduction(Generic[S]):
     update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
     merge : (state, state) -> state of both, the first one with the lower sample numbers
     trajectories : whether ``update`` uses ``block.Y``; without it, blocks may be larger
+    attained : state -> smallest and largest values (n_t, n_y), if it knows them
     """
 
     init: Callable[[], S]
     update: Callable[[S, Samples, Indices], S]
     merge: Callable[[S, S], S]
     trajectories: bool = True
+    attained: Callable[[S], tuple[Array, Array]] | None = None
 
 
 class Simulator(Protocol):
@@ -198,6 +201,8 @@ def stream(
     ):
         state = reduction.merge(state, part)
         done += len(indices)
+        if reduction.attained is not None:
+            note_attained(*reduction.attained(part), len(indices))
         if progress is not None:
             progress(done, len(P))
     return state

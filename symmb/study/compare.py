@@ -1,7 +1,6 @@
 """Comparison of a scene or a simulator in one call."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 from symmb._types import Array, Executor, Expr
 from symmb.bounds import Bounds, Method, require_method
@@ -46,6 +45,7 @@ def compare(
     ------
     DeclarationError                 if there is no box, or an argument is not a method, a box or a solver
     PropagationError                 if no method can run
+    KeyboardInterrupt                if it is interrupted: `partial` then holds the Comparison of the methods so far
 
     Examples
     --------
@@ -65,9 +65,9 @@ def compare(
     simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
     if not isinstance(simulator, DAESimulator):
         return compare_simulator(
-            simulator, methods, box, reference, scene=repr(simulator), executor=executor, progress=progress
+            simulator, methods, box, reference, executor=executor, progress=progress, scene=repr(simulator)
         )
-    comparison = compare_simulator(
+    return compare_simulator(
         simulator,
         methods,
         box,
@@ -77,7 +77,8 @@ def compare(
         solver=repr(simulator.solver),
         setup_seconds=simulator.setup_seconds,
         threads=simulator.threads,
+        units=simulator.units,
+        reason=simulator.reason,
         executor=executor,
         progress=progress,
     )
-    return replace(comparison, units=simulator.units, reason=simulator.reason)

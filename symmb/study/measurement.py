@@ -1,19 +1,21 @@
 """Bounds by several methods, and their errors, run times and coverage."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from symmb._errors import PropagationError, SimulationError
+from symmb._interrupts import carry
 from symmb._types import Array, Executor
 from symmb.bounds import METHODS, Bounds, Method, propagate
 from symmb.model import Box
 from symmb.simulation import Simulator
 from symmb.study.comparison_result import Comparison
 from symmb.study.metrics import Yardstick
-from symmb.study.reference import find_reference
+from symmb.study.reference import Reference, find_reference
 from symmb.study.row import NotRun, Row
 
 _REPEATS, _ENOUGH = 3, 0.1
@@ -38,12 +40,9 @@ def compare_simulator(
     reference: Method | Bounds | None = None,
     *,
     tighter: Simulator | None = None,
-    scene: str = "simulator",
-    solver: str = "",
-    setup_seconds: float | None = None,
-    threads: int = 1,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    **about: Any,
 ) -> Comparison:
     """Run each method over the box, and score its bounds with the reference's.
 
@@ -56,15 +55,15 @@ def compare_simulator(
     ----------------
     tighter : Simulator, optional   the same simulator with a ten times tighter tolerance, for the reference and
                                     the error of the solver; without it the reference has the same error
-    scene, solver : str             names to print and to save
-    setup_seconds : float           deriving and compiling [s]
-    threads : int                   number of threads of `simulator` and `executor`
     progress : callable             called with the label of the work, the finished runs and all its runs
+    about                           attributes of the Comparison that the caller knows: scene, solver, ...
 
     Raises
     ------
     PropagationError    if no method can run, or the reference cannot
+    KeyboardInterrupt   if it is interrupted: `partial` then holds the Comparison of the methods so far
     """
+    about = {"scene": "simulator", "solver": "", "threads": 1, **about}
     if methods is None:
         methods = default_methods(simulator, box)
     exact = simulator if tighter is None else tighter
@@ -73,12 +72,17 @@ def compare_simulator(
     )
     scored: list[tuple[Bounds, float]] = []
     not_run: list[NotRun] = []
-    for method in methods:
+    for number, method in enumerate(methods):
         label = _labelled(progress, repr(method))
         try:
             bounds, seconds = _timed(partial(propagate, simulator, method, box, executor=executor, progress=label))
         except (PropagationError, SimulationError) as error:
             not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
+        except KeyboardInterrupt as interrupt:
+            if scored:
+                not_run += [NotRun(repr(left), "interrupted") for left in methods[number:]]
+                carry(interrupt, _comparison(simulator, box, reference_bounds, scored, not_run, about))
+            raise
         else:
             scored.append((bounds, seconds))
     if not scored:
@@ -86,20 +90,29 @@ def compare_simulator(
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
     if reference is None:
         reference_bounds = reference_bounds.joined([bounds.inner for bounds, _ in scored if bounds.inner is not None])
-    yardstick = reference_bounds.yardstick
+    if tighter is not None:
+        about["solver_error"] = _solver_error(simulator, tighter, box, reference_bounds.yardstick)
+    return _comparison(simulator, box, reference_bounds, scored, not_run, about)
+
+
+def _comparison(
+    simulator: Simulator,
+    box: Box,
+    reference: Reference,
+    scored: Sequence[tuple[Bounds, float]],
+    not_run: Sequence[NotRun],
+    about: Mapping[str, Any],
+) -> Comparison:
+    setup_seconds = about.get("setup_seconds")
     return Comparison(
-        scene=scene,
         times=np.asarray(simulator.times, dtype=float),
         outputs=tuple(simulator.outputs),
         box=box,
-        solver=solver,
-        reference=reference_bounds,
-        rows=tuple(_row(bounds, yardstick, setup_seconds, seconds) for bounds, seconds in scored),
+        reference=reference,
+        rows=tuple(_row(bounds, reference.yardstick, setup_seconds, seconds) for bounds, seconds in scored),
         not_run=tuple(not_run),
-        setup_seconds=setup_seconds,
-        solver_error=None if tighter is None else _solver_error(simulator, tighter, box, yardstick),
-        threads=threads,
         repeats=_REPEATS,
+        **about,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb import files, plot
 from symmb._errors import SimulationError
+from symmb._interrupts import carry
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.integrate import CVODES, IDAS, NSTIFFSI2, SOLVERS, Rosenbrock, Solver, StabilizedIndex2, stiffness
@@ -122,8 +123,8 @@ class Stability:
         return cls(
             scene=record.text("scene"),
             times=t,
-            trials=tuple(trial for trial in trials if not trial.scene),
-            stress=tuple(trial for trial in trials if trial.scene),
+            trials=_parted(trials)[0],
+            stress=_parted(trials)[1],
             errors={
                 trial.key: part.number("error") for trial, part in zip(trials, parts, strict=True) if "error" in part
             },
@@ -168,6 +169,7 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     ------
     AssemblyError              if the scene cannot be started
     SimulationError            if there is nothing to integrate, there are impacts, or no solver finishes
+    KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
     begin = time.monotonic()
     times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
@@ -180,17 +182,16 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     jobs = [Job("", lambda: scene_at_times, family, ladder) for family, ladder in _ladders(float(times[-1] - times[0]))]
     under = [Job(name, make, family, [one]) for name, make in stresses(scene_at_times) for family, one in _few(times)]
     total = sum(len(job.solvers) for job in (*jobs, *under))
-    done_trials: list[Trial] = []
+    done: list[Trial] = []
 
     def collect(some: Sequence[Job], limit: float) -> list[Trial]:
         order = [(job.scene, job.family) for job in some]
-        trials = []
+        first = len(done)
         for trial in run_jobs(some, limit, begin + _ALL):
-            trials.append(trial)
-            done_trials.append(trial)
+            done.append(trial)
             if progress is not None:
-                progress(trial.family, len(done_trials), total + len(_REFERENCES))
-        return sorted(trials, key=lambda t: order.index((t.scene, t.family)))  # stable
+                progress(trial.family, len(done), total + len(_REFERENCES))
+        return sorted(done[first:], key=lambda t: order.index((t.scene, t.family)))  # stable
 
     references = collect(
         [Job("", lambda: scene_at_times, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT
@@ -198,18 +199,36 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     best, uncertainty = _reference(references)
     if best is None:
         raise SimulationError(f"{scene.name}: no solver finishes. {references[0].reason}")
-    true, some = best.values, slice(None, None, max(1, TIMES // 10))
+    some = slice(None, None, max(1, TIMES // 10))
     fastest = stiffness(dae, best.states[some], dae.p_nominal, times[some])
-    trials, stress = collect(jobs, _LIMIT), collect(under, _LIMIT)
-    errors = {trial.key: _error(trial.values, true) for trial in trials if not trial.reason}
-    for name in dict.fromkeys(trial.scene for trial in stress):
-        done = [trial for trial in stress if trial.scene == name and not trial.reason]
-        best, _ = _reference(done)
-        if best is not None:
-            errors |= {trial.key: _error(trial.values, best.values) for trial in done if trial is not best}
-    corners = _corners(scene)
+    try:
+        trials, stress = collect(jobs, _LIMIT), collect(under, _LIMIT)
+        corners = _corners(scene)
+    except KeyboardInterrupt as interrupt:
+        parts = _parted(done[len(references) :])
+        text = f"Interrupted after {len(done)} of {total + len(_REFERENCES)} runs."
+        errors = _errors(*parts, best.values)
+        carry(interrupt, Stability(scene.name, times, *parts, errors, uncertainty, {}, text))
+        raise
+    errors = _errors(trials, stress, best.values)
     text = advice(trials, stress, errors, corners, fastest, float(times[-1] - times[0]))
     return Stability(scene.name, times, tuple(trials), tuple(stress), errors, uncertainty, corners, text)
+
+
+def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
+    """Runs of the scene, and of its harder variants."""
+    return tuple(trial for trial in trials if not trial.scene), tuple(trial for trial in trials if trial.scene)
+
+
+def _errors(trials: Sequence[Trial], stress: Sequence[Trial], true: Array) -> dict[str, float]:
+    """Errors of the runs of the scene, and of its harder variants, whose reference is the best of their own runs."""
+    errors = {trial.key: _error(trial.values, true) for trial in trials if not trial.reason}
+    for name in dict.fromkeys(trial.scene for trial in stress):
+        finished = [trial for trial in stress if trial.scene == name and not trial.reason]
+        best, _ = _reference(finished)
+        if best is not None:
+            errors |= {trial.key: _error(trial.values, best.values) for trial in finished if trial is not best}
+    return errors
 
 
 _REFERENCES: dict[str, tuple[float, Solver]] = {

@@ -1,6 +1,7 @@
 """Runs that may break down or take too long, each family of solvers in a process of its own."""
 
 import multiprocessing
+import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -147,7 +148,19 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
         for job in jobs:
             yield from job.run() if time.monotonic() < deadline else _left(job, 0, LEFT_OUT)
         return
-    pending, running = list(jobs), []
+    pending: list[Job] = list(jobs)
+    running: list[_Running] = []
+    try:
+        yield from _forked(pending, running, limit, deadline, workers)
+    finally:  # also where the caller is interrupted
+        for r in running:
+            r.process.kill()
+            r.process.join()
+
+
+def _forked(
+    pending: list[Job], running: list[_Running], limit: float, deadline: float, workers: int
+) -> Iterator[Trial]:
     while pending or running:
         while pending and len(running) < workers:
             job = pending.pop(0)
@@ -185,6 +198,8 @@ def _begin(job: Job) -> _Running:
 
 
 def _send(job: Job, pipe: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal interrupts all processes; the first one ends the others
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for trial in job.run():
         pipe.send(trial)
     pipe.close()

@@ -14,7 +14,7 @@ from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
 from symmb.model import Box
 from symmb.polynomials import Expansion
-from symmb.simulation import Progress, Simulator, run_blocks
+from symmb.simulation import Progress, Simulator, note_attained, run_blocks
 
 
 class EstimatedRange(NamedTuple):
@@ -125,6 +125,7 @@ class Runs:
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
         low, high = ensemble.extremes()
         self.extremes = np.minimum(self.extremes[0], low), np.maximum(self.extremes[1], high)
+        note_attained(low, high, len(P))
         return ensemble.Y, ensemble.ok, ensemble.events
 
 

@@ -1,0 +1,114 @@
+"""What must not outlive this process: temporary folders, incomplete files, and programs that it has started."""
+
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+PREFIX = "symmb-"
+"""Beginning of the names of temporary folders. The number of their process follows."""
+
+_FOLDERS: set[str] = set()
+_FILES: set[str] = set()
+_GROUPS: set[int] = set()
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A new folder that is removed at the end of the block.
+
+    Raises
+    ------
+    OSError     if it cannot be created
+    """
+    name = tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-")
+    _FOLDERS.add(name)
+    try:
+        yield Path(name).resolve()
+    finally:
+        shutil.rmtree(name, ignore_errors=True)
+        _FOLDERS.discard(name)
+
+
+@contextmanager
+def temporary_file(path: Path) -> Iterator[None]:
+    """A context that removes a file if the block raises."""
+    _FILES.add(str(path))
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            path.unlink()
+        raise
+    finally:
+        _FILES.discard(str(path))
+
+
+def run_program(command: Sequence[str], seconds: float, folder: Path | None = None) -> tuple[int, str]:
+    """Run a program, and return its exit status and what it wrote.
+
+    The program and those that it starts are a group of processes. They end when the time is over, and when this call
+    is interrupted. Temporary files of the program go into the folder, if it is given.
+
+    Raises
+    ------
+    OSError                         if it cannot be started
+    subprocess.TimeoutExpired       if it takes longer
+    """
+    environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        env=environment,
+        start_new_session=True,
+    )
+    _GROUPS.add(process.pid)
+    try:
+        text, _ = process.communicate(timeout=seconds)
+        return process.returncode, text
+    finally:
+        if process.returncode is None:
+            _kill(process.pid)
+            process.wait()
+        _GROUPS.discard(process.pid)
+
+
+def clean_up() -> None:
+    """End the programs, and remove the folders and files, of a process that is about to end at once."""
+    for group in list(_GROUPS):
+        _kill(group)
+    for name in list(_FILES):
+        with suppress(OSError):
+            os.unlink(name)
+    for name in list(_FOLDERS):
+        shutil.rmtree(name, ignore_errors=True)
+
+
+def left_folders() -> list[Path]:
+    """The user's temporary folders of processes that were killed."""
+    folders = [path for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*-*") if path.is_dir()]
+    own = [path for path in folders if not path.is_symlink() and path.stat().st_uid == os.getuid()]
+    return [path for path in own if not _runs(path.name.split("-")[1])]
+
+
+def _runs(number: str) -> bool:
+    try:
+        os.kill(int(number), 0)
+    except ProcessLookupError:
+        return False
+    except (ValueError, PermissionError):  # not a name of ours, or a process of another user
+        pass
+    return True
+
+
+def _kill(group: int) -> None:
+    with suppress(OSError):
+        os.killpg(group, signal.SIGKILL)

@@ -1,0 +1,57 @@
+"""Interrupts of long work: a KeyboardInterrupt that has, in `partial`, what was found so far."""
+
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any
+
+
+def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
+    """Let an interrupt carry a result so far, in place of that of an inner part."""
+    interrupt.partial = partial  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def partial_of(interrupt: KeyboardInterrupt) -> Any:
+    """The result so far; None if there is none."""
+    return getattr(interrupt, "partial", None)
+
+
+class Interrupts:
+    """A context for calls that swallow interrupts, such as those of CasADi's integrators.
+
+    Attributes
+    ----------
+    noticed : bool      whether SIGINT or SIGTERM arrived
+    """
+
+    def __init__(self) -> None:
+        self.noticed = False
+        self._previous: dict[int, Callable[[int, FrameType | None], Any]] = {}
+
+    def __enter__(self) -> "Interrupts":
+        if threading.current_thread() is threading.main_thread():  # only there do handlers run
+            for number in (signal.SIGINT, signal.SIGTERM):
+                handler = signal.getsignal(number)
+                if callable(handler):
+                    self._previous[number] = handler
+                    signal.signal(number, self._notice)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+        self._previous = {}
+
+    def raise_with(self, partial: Any) -> None:
+        """KeyboardInterrupt with a result so far, if an interrupt arrived."""
+        if self.noticed:
+            interrupt = KeyboardInterrupt()
+            carry(interrupt, partial)
+            raise interrupt
+
+    def _notice(self, number: int, frame: FrameType | None) -> None:
+        self.noticed = True
+        self._previous[number](number, frame)  # what it raises may end the call at once
