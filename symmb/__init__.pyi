@@ -5,6 +5,7 @@ from ._errors import DeclarationError as DeclarationError
 from ._errors import PropagationError as PropagationError
 from ._errors import SimulationError as SimulationError
 from ._errors import SymmbError as SymmbError
+from ._errors import SymmbWarning as SymmbWarning
 from .bounds.interval_arithmetic import IntervalArithmetic as IntervalArithmetic
 from .bounds.optimization import Optimization as Optimization
 from .bounds.polynomial_chaos import PolynomialChaos as PolynomialChaos

@@ -60,25 +60,18 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
     subprocess.TimeoutExpired       if it takes longer
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
-    process = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        env=environment,
-        start_new_session=True,
-    )
-    _GROUPS.add(process.pid)
-    try:
-        text, _ = process.communicate(timeout=seconds)
-        return process.returncode, text
-    finally:
-        if process.returncode is None:
-            _kill(process.pid)
-            process.wait()
-        _GROUPS.discard(process.pid)
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(
+        command, **streams, text=True, errors="replace", env=environment, start_new_session=True
+    ) as process:
+        _GROUPS.add(process.pid)
+        try:
+            text, _ = process.communicate(timeout=seconds)
+        finally:
+            if process.returncode is None:
+                _kill(process.pid)
+            _GROUPS.discard(process.pid)
+    return process.returncode, text
 
 
 def clean_up() -> None:

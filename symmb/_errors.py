@@ -19,3 +19,7 @@ class SimulationError(SymmbError, RuntimeError):
 
 class PropagationError(SymmbError, ValueError):
     """A method asks for something that the simulator at hand cannot give."""
+
+
+class SymmbWarning(UserWarning):
+    """Something that the user should know about a result, or about how it is computed."""

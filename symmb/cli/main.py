@@ -4,6 +4,7 @@ import argparse
 import io
 import math
 import os
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,17 +13,18 @@ from typing import NoReturn
 import numpy as np
 
 import symmb as mb
+from symmb._cleanup import left_folders
 from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._table import aligned
 from symmb.cli import specs
 from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
-from symmb.codegen import cache, has_compiler
+from symmb.codegen import SLOW, cache, has_compiler
 from symmb.files import require_suffix, save_json
 from symmb.plot import PICTURES
 
-_SLOW = "No C compiler found: runs take about 30 times as long. Install gcc or clang, or set CC."
+_SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
 _ROUNDING = 1e-12, 1e-30
 """Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
 
@@ -124,6 +126,8 @@ def _cache(options: argparse.Namespace) -> None:
     if options.clear:
         for path in files:
             path.unlink(missing_ok=True)
+        for path in left_folders():
+            shutil.rmtree(path, ignore_errors=True)
     summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
     print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
 

@@ -9,13 +9,19 @@ import platform
 import shutil
 import subprocess
 import sys
-import tempfile
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
-from symmb._errors import SymmbError
+from symmb._cleanup import run_program, temporary_folder
+from symmb._errors import SymmbError, SymmbWarning
 from symmb.codegen import cache
 from symmb.codegen.c_source import C_FOLDER, c_source
+
+R = TypeVar("R")
 
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
 _NATIVE = "-march=native", "-mcpu=native"  # the second for ARM compilers that do not know the first
@@ -24,15 +30,35 @@ _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
 
 _PROBE = """
 #include "lanes.h"
+#ifdef __cplusplus
+#error the sources are C
+#endif
 #if defined(LIBMVEC) && !defined(__AVX2__)
 #error the vector functions are compiled for processors with AVX2
 #endif
 V probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }
+int answer(void) { return 42; }
 """
+_ANSWER = 42
+
+SLOW = "Without a C compiler runs take about 30 times as long."
+
+_PROBE_SECONDS = 5.0
+"""Time for the version of a compiler, and for the probe, which takes half a second [s]."""
+_BUILD_SECONDS, _SECONDS_PER_MEGABYTE = 30.0, 30.0
+"""Time for a model, and more for a long one [s]: ten times what gcc takes. tests/benchmarks/scaling.py"""
 
 
 class NoCompilerError(SymmbError):
-    """No C compiler was found."""
+    """No C compiler was found, or none works."""
+
+
+class _BuildError(SymmbError):
+    """A compiler does not build a source."""
+
+
+class _TimeoutError(_BuildError):
+    """A compiler takes too long."""
 
 
 def has_compiler() -> bool:
@@ -44,16 +70,35 @@ def has_compiler() -> bool:
     return True
 
 
+def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
+    """What needs a compiler, or what is done without one."""
+    if has_compiler():
+        with suppress(NoCompilerError):  # none builds this
+            return work()
+    return otherwise()
+
+
 def load(source: str) -> ctypes.CDLL:
-    """The library of a C source, from the cache or built now.
+    """The library of a C source, from the cache or built now. A compiler that fails gives way to the next.
 
     Raises
     ------
-    NoCompilerError        if there is no C compiler
+    NoCompilerError        if there is no C compiler, or none builds the source
     UnsafeFolderError      if others can write to the folder for temporary files
-    SymmbError             if the source does not build
     """
-    return _loaded(source, _compiler())
+    while True:
+        compiler = _compiler()
+        try:
+            return _loaded(source, compiler)
+        except _BuildError as error:
+            _give_up(compiler.path, str(error))
+            _compiler.cache_clear()
+
+
+def _give_up(compiler: str, reason: str) -> None:
+    """Do without a compiler from now on, and tell so."""
+    _UNUSABLE[os.path.realpath(compiler)] = reason
+    warnings.warn(f"{compiler} is not used: {reason} {SLOW}", SymmbWarning, stacklevel=2)
 
 
 @functools.cache
@@ -62,15 +107,17 @@ def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
     library_in_cache = _opened(cache.find(key))
     if library_in_cache is not None:
         return library_in_cache
-    with tempfile.TemporaryDirectory(prefix="symmb-") as name:
-        folder = Path(name).resolve()
-        cache.check_folder(folder, "TMPDIR")
-        library_path = _built(source, folder, compiler)
-        cache.keep(key, library_path.read_bytes())
-        # The cache first, then the temporary folder: either may forbid the execution of programs.
-        library = _opened(cache.find(key)) or _opened(library_path)
+    try:
+        with temporary_folder() as folder:
+            cache.check_folder(folder, "TMPDIR")
+            library_path = _built(source, folder, compiler)
+            cache.keep(key, library_path.read_bytes())
+            # The cache first, then the temporary folder: either may forbid the execution of programs.
+            library = _opened(cache.find(key)) or _opened(library_path)
+    except OSError as error:
+        raise _BuildError(f"temporary files cannot be written ({error}). Set TMPDIR to another folder.") from error
     if library is None:
-        raise SymmbError(f"What {compiler.path} built cannot be loaded. Set TMPDIR to a folder that may hold programs.")
+        raise _BuildError("its libraries cannot be loaded. Set TMPDIR to a folder that may hold programs.")
     return library
 
 
@@ -86,11 +133,33 @@ def _opened(library: Path | None) -> ctypes.CDLL | None:
 def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
     text, library_path = folder / "model.c", folder / "model.so"
     text.write_text(source, encoding="utf-8")
-    command = [compiler.path, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
-    run = subprocess.run(command, capture_output=True, text=True, errors="replace")
-    if run.returncode:
-        raise SymmbError(f"{compiler.path} cannot build the model: {run.stderr.strip()[:2000]}")
+    seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * len(source) / 1e6
+    _compile([compiler.path, str(text), "-o", str(library_path), *compiler.flags, "-lm"], library_path, folder, seconds)
     return library_path
+
+
+def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:
+    """Run a compiler, which must write a library.
+
+    Raises
+    ------
+    _BuildError            if it does not, or takes longer
+    """
+    try:
+        status, text = run_program(command, seconds, folder)
+    except subprocess.TimeoutExpired:
+        raise _TimeoutError(f"it takes longer than {seconds:.0f} s.") from None
+    except OSError as error:
+        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    if status:
+        raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
+    if not library_path.is_file():
+        raise _BuildError("it reports success, but writes no library.")
+
+
+def _first_error(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")[:300]
 
 
 @dataclass(frozen=True)
@@ -98,6 +167,10 @@ class _Compiler:
     path: str
     version: str
     flags: tuple[str, ...]
+
+
+_UNUSABLE: dict[str, str] = {}
+"""Real paths of compilers that do not work, and why."""
 
 
 @functools.cache
@@ -110,32 +183,57 @@ def _compiler() -> _Compiler:
     """
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         path = shutil.which(name)
-        if path and os.name == "posix":
-            version = _version(path)
-            for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
-                flags = (*_FLAGS, native, *extra)
-                if _builds(path, version, flags):
-                    return _Compiler(path, version, flags)
+        if path and os.name == "posix" and os.path.realpath(path) not in _UNUSABLE:
+            try:
+                return _probed(path)
+            except _BuildError as error:
+                _give_up(path, str(error))
     raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
 
 
-def _builds(compiler: str, version: str, flags: tuple[str, ...]) -> bool:
-    """Whether a library that uses the lanes can be built without undefined symbols. A positive answer is cached."""
-    lanes = c_source("lanes")
-    key = _key(_PROBE, lanes, compiler, version, *flags)
+def _probed(path: str) -> _Compiler:
+    """A compiler with the flags that it knows.
+
+    Raises
+    ------
+    _BuildError            if it builds nothing that works
+    """
+    version, refused = _version(path), ""
+    for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
+        flags = (*_FLAGS, native, *extra)
+        try:
+            _probe(path, version, flags)
+        except _TimeoutError:
+            raise
+        except _BuildError as error:
+            refused = str(error)
+        else:
+            return _Compiler(path, version, flags)
+    raise _BuildError(refused)
+
+
+def _probe(compiler: str, version: str, flags: tuple[str, ...]) -> None:
+    """Build a library that uses the lanes, without undefined symbols, and call it. A success is noted in the cache.
+
+    Raises
+    ------
+    _BuildError            if this fails
+    """
+    key = _key(_PROBE, c_source("lanes"), compiler, version, *flags)
     if cache.is_noted(key):
-        return True
+        return
     try:
-        with tempfile.TemporaryDirectory(prefix="symmb-") as folder:
-            text = Path(folder) / "probe.c"
+        with temporary_folder() as folder:
+            text, library_path = folder / "probe.c", folder / "probe.so"
             text.write_text(_PROBE, encoding="utf-8")
-            command = [compiler, str(text), "-o", str(Path(folder) / "probe.so"), f"-I{C_FOLDER}"]
-            if subprocess.run([*command, *flags, "-lm", *_DEFINED], capture_output=True).returncode:
-                return False
-    except OSError:  # no space for files, or not a program
-        return False
+            command = [compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
+            _compile(command, library_path, folder, _PROBE_SECONDS)
+            library = _opened(library_path)  # None in a folder that may not hold programs: the cache may
+            if library is not None and library.answer() != _ANSWER:
+                raise _BuildError("its libraries do not work.")
+    except (OSError, AttributeError) as error:
+        raise _BuildError(f"a test fails ({error}).") from error
     cache.note(key)
-    return True
 
 
 def _key(*described: str) -> str:
@@ -145,11 +243,18 @@ def _key(*described: str) -> str:
 
 
 def _version(compiler: str) -> str:
-    """The version of the compiler, and its real path."""
+    """The version of the compiler, and its real path.
+
+    Raises
+    ------
+    _BuildError            if it cannot be started, or does not answer
+    """
     try:
-        said = subprocess.run([compiler, "--version"], capture_output=True, text=True, errors="replace").stdout
-    except OSError:  # not a program
-        said = ""
+        _, said = run_program([compiler, "--version"], _PROBE_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to tell its version.") from None
+    except OSError as error:
+        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
     return f"{said}{os.path.realpath(compiler)}"
 
 

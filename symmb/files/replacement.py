@@ -4,10 +4,11 @@ import os
 import stat
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from symmb._cleanup import temporary_file
 from symmb._errors import DeclarationError
 
 
@@ -30,17 +31,16 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         return
     part = place.with_name(f".symmb-{uuid.uuid4().hex}.part")
     try:
-        with open(part, "xb") as file:
-            if previous is not None:
-                os.chmod(part, stat.S_IMODE(previous))
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, place)
-    except BaseException as error:
-        with suppress(OSError):
-            part.unlink()
-        if isinstance(error, OSError) and error.filename == str(part):  # the reader knows the name that was given
+        with temporary_file(part):
+            with open(part, "xb") as file:
+                if previous is not None:
+                    os.chmod(part, stat.S_IMODE(previous))
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(part, place)
+    except OSError as error:
+        if error.filename == str(part):  # the reader knows the name that was given
             raise type(error)(error.errno, error.strerror, str(path)) from None
         raise
 

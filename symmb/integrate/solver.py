@@ -2,12 +2,14 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
+from symmb.codegen import with_compiler
 from symmb.integrate.integration import Integration
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 from symmb.model import DAE
@@ -61,7 +63,8 @@ class Solver(ABC):
             raise PropagationError(
                 f"{self!r} gives no derivatives along the run. Use another solver for Taylor, such as DormandPrince()."
             )
-        return self._integration(dae, times, order, work)
+        make = partial(self._integration, dae, times, order, work)
+        return with_compiler(make, make)  # the same call takes another way without a compiler
 
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...

@@ -6,7 +6,6 @@ The files need a C compiler, and neither symmb nor CasADi.
 import json
 import math
 import os
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from string import Template
@@ -14,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 
+from symmb._cleanup import temporary_folder
 from symmb._errors import DeclarationError
 from symmb.files import replacement
 
@@ -62,7 +62,7 @@ def save_c(
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
     for f in renamed:
         generator.add(f)
-    with tempfile.TemporaryDirectory(prefix="symmb-") as generated:
+    with temporary_folder() as generated:
         source = Path(generator.generate(f"{generated}{os.sep}")).read_text(encoding="utf-8")
         header = Path(generated, f"{name}.h").read_text(encoding="utf-8")
     texts = {f"{name}.c": source, f"{name}.h": _documented(name, renamed, header)}

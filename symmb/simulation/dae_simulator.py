@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor
-from symmb.codegen import cores
+from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
 from symmb.integrate import (
     AnyEngine,
@@ -124,10 +124,17 @@ class DAESimulator:
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
-        if self.compiled:
-            self.engine()
-        else:
+        if self._lanes() is None:
             self.integration()
+
+    def _lanes(self, order: int = 0) -> AnyEngine | None:
+        """The engine, if samples run in compiled lanes. If no compiler builds it, there are none from then on."""
+        if not self.compiled:
+            return None
+        try:
+            return self.engine(order)
+        except NoCompilerError:
+            return self.engine(order) if self.compiled else None
 
     def tighter(self) -> "DAESimulator":
         """The same simulator with a solver ten times more accurate."""
@@ -202,8 +209,9 @@ class DAESimulator:
         """Run samples P (N, d). Outputs of a sample are nan after its failure."""
         with LOCK:
             P = np.ascontiguousarray(P, dtype=float)
-            if self.compiled:
-                return CompiledEnsemble(self.dae, self.start, self.engine(), P, float(self.times[0]), self.threads)
+            lanes = self._lanes()
+            if lanes is not None:
+                return CompiledEnsemble(self.dae, self.start, lanes, P, float(self.times[0]), self.threads)
             x0, reasons = self.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
@@ -240,8 +248,9 @@ class DAESimulator:
             x0 = np.hstack(self.start.jets(np.asarray(p0, dtype=float), directions, order))
             P = np.hstack([np.tile(p0, (m, 1)), directions])
             shape = (m, len(self.times), order + 1, len(self.outputs))
-            if self.compiled:
-                Y, failed_samples = self.engine(order).values(x0, P, self.threads)
+            lanes = self._lanes(order)
+            if lanes is not None:
+                Y, failed_samples = lanes.values(x0, P, self.threads)
                 t_failed = failed_samples.t_failed
                 if not np.isnan(t_failed).all():
                     k = int(np.nanargmin(t_failed))

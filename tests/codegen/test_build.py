@@ -12,7 +12,9 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mechanisms import double_pendulum
 
 import symmb as mb
 from symmb.codegen import build, cache
@@ -63,6 +65,16 @@ def folder(tmp_path, monkeypatch):
     """An empty cache folder, where no library has been loaded from."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return cache.folder()
+
+
+@pytest.fixture
+def compilers(monkeypatch):
+    """No compiler is known not to work. Afterwards it is as before."""
+    monkeypatch.setattr(build, "_UNUSABLE", {})
+    build._compiler.cache_clear()
+    yield
+    monkeypatch.undo()
+    build._compiler.cache_clear()
 
 
 @pytest.fixture
@@ -293,10 +305,10 @@ def test_a_full_folder_is_no_hindrance(folder, monkeypatch):
     assert list(folder.iterdir()) == []
 
 
-def test_a_source_that_does_not_build_is_told(folder):
-    with pytest.raises(mb.SymmbError, match=r"cannot build the model: .*error"):
+def test_a_source_that_no_compiler_builds_is_told(folder, compilers):
+    with pytest.raises(build.NoCompilerError), pytest.warns(mb.SymmbWarning, match="cannot build a model: .*error"):
         build.load("this is no C\n")
-    assert list(folder.iterdir()) == []
+    assert libraries(folder) == []
 
 
 # --- compilers -----------------------------------------------------------------
@@ -315,12 +327,71 @@ def test_a_compiler_that_does_not_know_an_option_does_without(folder, tmp_path, 
     assert answer() == 42
 
 
-def test_a_compiler_that_cannot_build_is_passed_over(tmp_path, monkeypatch):
-    compiler = tmp_path / "cc"
-    compiler.write_text("no program\n")
+BAD = {
+    "is no program": ("no program", "cannot be started"),
+    "only reports success": ("#!/bin/sh\nexit 0", "reports success, but writes no library"),
+    "writes rubbish": ('#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done; echo rubbish > $2', ""),
+    "fails": ("#!/bin/sh\necho 'error: no licence' >&2; exit 1", "error: no licence"),
+    "hangs at once": ("#!/bin/sh\nsleep 60", "longer than 1 s to tell its version"),
+    "hangs": ('#!/bin/sh\n[ "$1" = --version ] || sleep 60', "longer than 1 s"),
+    "is for C++": (f'#!/bin/sh\nexec {shutil.which("g++")} -xc++ "$@"', "error"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_a_compiler_that_does_not_work_gives_way_to_the_next(folder, compilers, tmp_path, monkeypatch, kind):
+    script, told = BAD[kind]
+    if kind == "is for C++" and shutil.which("g++") is None:
+        pytest.skip("needs g++")
+    compiler = tmp_path / "bad"
+    compiler.write_text(script + "\n")
     compiler.chmod(0o700)
     monkeypatch.setenv("CC", str(compiler))
-    assert build._compiler.__wrapped__().path != str(compiler)
+    monkeypatch.setattr(build, "_PROBE_SECONDS", 1.0 if "hangs" in kind else 20.0)
+    with pytest.warns(mb.SymmbWarning, match=f"{compiler} is not used: .*{told}"):
+        assert build.load(ANSWER).answer() == 42
+    assert build._compiler().path != str(compiler)
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.Rosenbrock(step=1e-3)], ids=repr)
+@pytest.mark.parametrize("how", ["sleep 60", "exit 1", "exit 0"])
+def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_numpy(
+    folder, compilers, tmp_path, monkeypatch, how, solver
+):
+    compiler = tmp_path / "bad"
+    compiler.write_text(f'#!/bin/sh\ncase "$*" in *model.c*) {how};; *) exec {shutil.which("cc")} "$@";; esac\n')
+    compiler.chmod(0o700)
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setattr(build, "_BUILD_SECONDS", 1.0 if "sleep" in how else 60.0)
+    with pytest.warns(mb.SymmbWarning, match=f"{compiler} is not used"):
+        assert build.load(ANSWER).answer() == 42
+    build._UNUSABLE.clear()
+    build._compiler.cache_clear()
+    build._loaded.cache_clear()
+    monkeypatch.setattr(shutil, "which", lambda name: str(compiler) if name == str(compiler) else None)
+    scene = double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
+    with pytest.warns(mb.SymmbWarning, match="Without a C compiler runs take about 30 times as long") as told:
+        bounds = mb.propagate(scene, mb.Vertex(), solver=solver)
+    assert len(told) == 1
+    np.testing.assert_allclose(bounds.lower, mb.propagate(scene, mb.Vertex(), solver=mb.CVODES()).lower, atol=1e-5)
+
+
+@pytest.mark.parametrize("place", ["missing", "full"])
+def test_a_bad_folder_for_temporary_files_gives_way_to_numpy(folder, compilers, tmp_path, monkeypatch, place):
+    def refuse(*arguments, **options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if place == "missing":
+        monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    else:
+        monkeypatch.setattr(Path, "write_text", refuse)
+    scene = double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
+    with pytest.warns(mb.SymmbWarning, match="is not used: .*(No space left|No such file)"):
+        bounds = mb.propagate(scene, mb.Vertex())
+    monkeypatch.undo()
+    build._UNUSABLE.clear()
+    build._compiler.cache_clear()
+    np.testing.assert_allclose(bounds.lower, mb.propagate(scene, mb.Vertex()).lower, atol=1e-5)
 
 
 # --- what the flags leave alone ------------------------------------------------

@@ -184,7 +184,9 @@ def test_the_command_line_says_that_runs_are_slow(no_compiler, tmp_path, capsys)
         "def scene():\n    return mb.Scene(mb.System(ball, drag, parameters=p), {'ball.vx': 1.0}, [0.0, 0.5, 1.0],\n"
         "                    {'v': ball.vx}, box=mb.Box(c=(0.3, 0.5)))\n"
     )
-    told = "No C compiler found: runs take about 30 times as long. Install gcc or clang, or set CC.\n"
+    told = (
+        "No C compiler found. Without a C compiler runs take about 30 times as long. Install gcc or clang, or set CC.\n"
+    )
     assert main(["compare", str(file), "--methods", "vertex"]) == 0
     assert capsys.readouterr().err == told
     assert main(["compare", str(file), "--methods", "vertex", "--solver", "cvodes"]) == 0

@@ -1,7 +1,7 @@
 """A part of the box with its own interpolant on a tensor grid, and the range of this interpolant."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from symmb.bounds.adaptive.constants import (
 from symmb.bounds.adaptive.error_estimate import TruncationError
 from symmb.bounds.adaptive.runs import Runs, relative_rms
 from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
-from symmb.codegen import has_compiler
+from symmb.codegen import with_compiler
 from symmb.nodes import Grid
-from symmb.polynomials import Expansion
+from symmb.polynomials import Expansion, MultiIndices
 from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
 
 Part = tuple[Array, Array, Array]
@@ -126,12 +126,9 @@ class Piece:
         """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d) in the unit box."""
         alpha, shape = self.expansion.alpha, self.runs.shape
         coefficients = self.expansion.coefficients.reshape(len(alpha), -1)
-        if has_compiler():
-            lower, upper, *at = dense_extremes(alpha, coefficients)
-        else:
-            extremes = Exact(TENSOR_RANGE, budget=300).search(alpha, coefficients)
-            lower, upper = extremes.lower + extremes.below, extremes.upper - extremes.above
-            at = [extremes.at_lower, extremes.at_upper]
+        lower, upper, *at = with_compiler(
+            partial(dense_extremes, alpha, coefficients), partial(_branch_and_bound, alpha, coefficients)
+        )
         lower, upper, places = lower.reshape(shape), upper.reshape(shape), np.stack(at).reshape(2, *shape, -1)
         if self.jumps is not None:
             Y = self.Y
@@ -200,3 +197,10 @@ class Piece:
                 share = INHERITED_SHARE ** (1 / len(self.half))
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
+
+
+def _branch_and_bound(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
+    """The range as `dense_extremes` gives it, without a compiler."""
+    extremes = Exact(TENSOR_RANGE, budget=300).search(alpha, coefficients)
+    lower, upper = extremes.lower + extremes.below, extremes.upper - extremes.above
+    return lower, upper, extremes.at_lower, extremes.at_upper

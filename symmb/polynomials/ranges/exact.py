@@ -1,13 +1,14 @@
 """Exact ranges of many polynomials at once, by branch and bound in Chebyshev form."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import require_whole
 from symmb._types import Array
-from symmb.codegen import has_compiler
+from symmb.codegen import with_compiler
 from symmb.polynomials.chebyshev import LowerSet
 from symmb.polynomials.legendre import MultiIndices
 from symmb.polynomials.ranges.branch_and_bound import compiled_ranges
@@ -94,5 +95,5 @@ class Exact:
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
         """Bounds with points that nearly attain them."""
         terms = terms_of(LowerSet.of(alpha))
-        ranges = compiled_ranges if has_compiler() else array_ranges
-        return Extremes(*ranges(terms, coefficients, self.tolerance, self.budget))
+        arguments = terms, coefficients, self.tolerance, self.budget
+        return Extremes(*with_compiler(partial(compiled_ranges, *arguments), partial(array_ranges, *arguments)))
