@@ -15,6 +15,7 @@ PREFIX = "symmb-"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
 _GROUPS: set[int] = set()
+_LEADS = False
 
 
 @contextmanager
@@ -60,9 +61,15 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
     subprocess.TimeoutExpired       if it takes longer
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
-    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with subprocess.Popen(
-        command, **streams, text=True, errors="replace", env=environment, start_new_session=True
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        env=environment,
+        start_new_session=not _LEADS,
     ) as process:
         _GROUPS.add(process.pid)
         try:
@@ -70,14 +77,41 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
         finally:
             if process.returncode is None:
                 _kill(process.pid)
+                process.kill()  # in a group that it does not lead
             _GROUPS.discard(process.pid)
-    return process.returncode, text
+        return process.wait(), text
+
+
+def lead_group() -> None:
+    """Make this forked process, with the programs that it starts, a group that its parent ends."""
+    global _LEADS
+    os.setsid()
+    _LEADS = True
+    for known in (_GROUPS, _FOLDERS, _FILES):  # the parent's
+        known.clear()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def note_group(leader: int) -> None:
+    """A forked process that leads a group."""
+    _GROUPS.add(leader)
+
+
+def end_group(leader: int) -> None:
+    """End a forked process and the programs that it started, and remove its folders."""
+    _kill(leader)
+    with suppress(OSError):
+        os.kill(leader, signal.SIGKILL)  # it may not lead its group yet
+    _GROUPS.discard(leader)
+    for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}{leader}-*"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def clean_up() -> None:
     """End the programs, and remove the folders and files, of a process that is about to end at once."""
     for group in list(_GROUPS):
-        _kill(group)
+        end_group(group)
     for name in list(_FILES):
         with suppress(OSError):
             os.unlink(name)

@@ -17,6 +17,16 @@ def partial_of(interrupt: KeyboardInterrupt) -> Any:
     return getattr(interrupt, "partial", None)
 
 
+def carry_runs(interrupt: KeyboardInterrupt, runs: list[Any]) -> None:
+    """Let an interrupt carry runs of an integration, from which its caller makes a result."""
+    interrupt.runs = runs  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def runs_of(interrupt: KeyboardInterrupt) -> list[Any]:
+    """The runs of an integration so far."""
+    return getattr(interrupt, "runs", [])
+
+
 class Interrupts:
     """A context for calls that swallow interrupts, such as those of CasADi's integrators.
 
@@ -45,11 +55,11 @@ class Interrupts:
             signal.signal(number, handler)
         self._previous = {}
 
-    def raise_with(self, partial: Any) -> None:
-        """KeyboardInterrupt with a result so far, if an interrupt arrived."""
+    def raise_with(self, runs: list[Any]) -> None:
+        """KeyboardInterrupt that carries runs, if an interrupt arrived."""
         if self.noticed:
             interrupt = KeyboardInterrupt()
-            carry(interrupt, partial)
+            carry_runs(interrupt, runs)
             raise interrupt
 
     def _notice(self, number: int, frame: FrameType | None) -> None:

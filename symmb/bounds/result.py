@@ -129,6 +129,10 @@ class Bounds:
         """
         return files.load(path, "saved Bounds", cls._of_record, cls._of_table)
 
+    def to_json(self) -> dict[str, Any]:
+        """The bounds as lists, texts and numbers. Numbers that are not finite are None."""
+        return files.in_json(self._record())
+
     def _record(self) -> dict[str, Any]:
         inner_lower, inner_upper = self.inner or (None, None)
         return {

@@ -1,3 +1,1 @@
 """The command line: compare methods on a scene, simulate it, show its equations, export it as C."""
-
-from symmb.cli.main import main

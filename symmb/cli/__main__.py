@@ -1,7 +1,25 @@
-"""`python -m symmb.cli` does what `symmb` does."""
+"""The program `symmb`, which `python -m symmb.cli` runs as well."""
 
+import importlib
+import signal
 import sys
 
-from symmb.cli.main import main
+from symmb.cli.signals import INTERRUPTED, SIGNALS, end_at_signals, end_now
 
-sys.exit(main())
+
+def run() -> int:
+    """Run the command that the arguments name. Signals end it from its first moment on, while modules load as well."""
+    end_at_signals()
+    try:
+        status = importlib.import_module("symmb.cli.main").main()
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)  # the work is done: its status is that of the process
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    if status == INTERRUPTED:
+        end_now()  # Python would end by SIGINT, if a module was loading
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(run())

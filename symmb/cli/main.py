@@ -8,18 +8,20 @@ import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 import symmb as mb
 from symmb._cleanup import left_folders
 from symmb._errors import DeclarationError, SimulationError, SymmbError
+from symmb._interrupts import partial_of
 from symmb._table import aligned
 from symmb.cli import specs
 from symmb.cli.equations import equations_text
 from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
+from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import SLOW, cache, has_compiler
 from symmb.files import require_suffix, save_json
 from symmb.plot import PICTURES
@@ -50,9 +52,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        return 130
+    except KeyboardInterrupt as interrupt:
+        _keep_partial(options, partial_of(interrupt))
+        return INTERRUPTED
     return 0
+
+
+def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
+    """Print what was found before an interrupt, and write it beside the files that were asked for."""
+    if partial is None:
+        return
+    print(partial)
+    for name in filter(None, (getattr(options, "json", None), getattr(options, "csv", None))):
+        path = Path(name).with_suffix(f".partial{Path(name).suffix}")
+        partial.save(path)
+        print(f"symmb {options.command}: interrupted. What was found so far is in {path}.", file=sys.stderr)
+    sys.stdout.flush()
 
 
 def _compare(options: argparse.Namespace) -> None:

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._interrupts import carry
+from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices, Mask
 from symmb.codegen import REASONS, FailureCode
 from symmb.events import Event, ImpactLaws, Location, PostImpactState, Steps, evaluate_padded
@@ -63,7 +63,7 @@ class EventIntegration(Integration):
         try:
             runs.advance()
         except KeyboardInterrupt as interrupt:
-            carry(interrupt, self._results(runs, x0))
+            carry_runs(interrupt, self._results(runs, x0))
             raise
         self._steps, self._events = runs.n_steps, sum(map(len, runs.events))
         return self._results(runs, x0)

@@ -72,7 +72,7 @@ class Integration:
 
         Raises
         ------
-        KeyboardInterrupt      at the end of the call of CasADi in which it arrives, with the runs so far as `partial`
+        KeyboardInterrupt      at the end of the call of CasADi in which it arrives, which carries the runs so far
         """
         interrupts = Interrupts()
         runs = self._run(x0, p, threads, interrupts)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._interrupts import carry
+from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices
 from symmb.codegen import REASONS, FailureCode
 from symmb.events import longest_step
@@ -89,7 +89,7 @@ class _Partitioned(Integration):
                 except _Breakdown as breakdown:
                     message = str(breakdown)
                 except KeyboardInterrupt as interrupt:
-                    carry(interrupt, [Run(Y[:, :n_x], Y[:, n_x:], motion.t, "interrupted")])
+                    carry_runs(interrupt, [Run(Y[:, :n_x], Y[:, n_x:], motion.t, "interrupted")])
                     raise
                 t = motion.t
         return Run(Y[:, :n_x], Y[:, n_x:], t if message else np.nan, message)

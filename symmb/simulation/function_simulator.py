@@ -99,7 +99,7 @@ class FunctionSimulator:
         return values
 
     def __repr__(self) -> str:
-        return f"FunctionSimulator({getattr(self.f, '__name__', repr(self.f))})"
+        return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"
 
 
 def _text(values: Mapping[str, float]) -> str:

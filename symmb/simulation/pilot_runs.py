@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from symmb._interrupts import carry, partial_of
+from symmb._interrupts import carry, runs_of
 from symmb._types import Array
 from symmb.integrate import Run, Solver, stiffness
 from symmb.model import Scene
@@ -55,7 +55,7 @@ class PilotRuns:
         try:
             run = integration.run(self.x0, self.p[None])[0]
         except KeyboardInterrupt as interrupt:
-            for run in partial_of(interrupt) or []:
+            for run in runs_of(interrupt):
                 known = int(np.argmin([*np.isfinite(run.X).all(axis=1), False]))
                 some = self._trajectory(simulator, run, {}, built - begin, time.perf_counter() - built, known)
                 carry(interrupt, some if known > 1 else None)

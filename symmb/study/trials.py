@@ -1,7 +1,6 @@
 """Runs that may break down or take too long, each family of solvers in a process of its own."""
 
 import multiprocessing
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from symmb._cleanup import end_group, lead_group, note_group
 from symmb._errors import SymmbError
 from symmb._types import Array
 from symmb.files import Record
@@ -154,8 +154,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
         yield from _forked(pending, running, limit, deadline, workers)
     finally:  # also where the caller is interrupted
         for r in running:
-            r.process.kill()
-            r.process.join()
+            _end(r)
 
 
 def _forked(
@@ -183,8 +182,7 @@ def _forked(
                 if ended:
                     yield from _left(r.job, r.done, f"took longer than {limit:g} s", "a longer step took too long")
             if ended:
-                r.process.kill()
-                r.process.join()
+                _end(r)
                 running.remove(r)
 
 
@@ -194,12 +192,18 @@ def _begin(job: Job) -> _Running:
     process = context.Process(target=_send, args=(job, theirs), daemon=True)
     process.start()
     theirs.close()
-    return _Running(job, process, mine, time.monotonic())
+    running = _Running(job, process, mine, time.monotonic())
+    note_group(running.process.pid)
+    return running
+
+
+def _end(running: _Running) -> None:
+    end_group(running.process.pid)
+    running.process.join()
 
 
 def _send(job: Job, pipe: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal interrupts all processes; the first one ends the others
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    lead_group()
     for trial in job.run():
         pipe.send(trial)
     pipe.close()

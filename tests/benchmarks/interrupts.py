@@ -1,0 +1,142 @@
+"""Signals at random moments: python tests/benchmarks/interrupts.py [MOMENTS] ends each command so often by each signal.
+
+Every command must end within 2 s with exit status 130, keep the files of an earlier run, and leave neither processes
+nor folders. It prints the longest time to end of each command and what did not hold. 50 moments take half an hour.
+"""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+LONG = """
+import numpy as np
+from models import {model} as model
+
+def scene():
+    return model.scene().with_times(np.linspace(0, {end}, {n}))
+"""
+SCENES = {
+    "long.py": LONG.format(model="double_pendulum", end=5000, n=20_001),
+    "short.py": LONG.format(model="double_pendulum", end=200, n=20_001),
+    "wide.py": LONG.format(model="chain", end=2, n=2001),
+}
+COMMANDS = {
+    "simulate by CVODES": ["simulate", "long.py", "--solver", "cvodes", "--json", "out.json"],
+    "simulate by IDAS": ["simulate", "short.py", "--solver", "idas", "--csv", "out.csv"],
+    "simulate in lanes": ["simulate", "long.py", "--solver", "dopri", "--json", "out.json"],
+    "compare": ["compare", "double_pendulum", "--json", "out.json", "--plot", "out.png"],
+    "stability": ["stability", "double_pendulum", "--json", "out.json"],
+    "build": ["simulate", "wide.py", "--solver", "nstiff-si2:1e-3", "--json", "out.json"],
+}
+ROOT = Path(__file__).parents[2]
+PREVIOUS = b"previous"
+SIGNALS = signal.SIGINT, signal.SIGTERM
+MOST = 2.0
+LATEST = {"compare": 6.0, "stability": 8.0}
+"""Moments are drawn from up to this time [s], otherwise from up to 2 s."""
+
+
+@dataclass
+class Findings:
+    """The longest time to end [s], and what did not hold."""
+
+    longest: float = 0.0
+    faults: list[str] = field(default_factory=list)
+
+
+def interrupted(name: str, number: signal.Signals, moment: float) -> tuple[float | None, list[str]]:
+    """Time to end of a command that gets a signal at a moment; None if it had ended before; and what did not hold."""
+    with tempfile.TemporaryDirectory() as folder:
+        place, temporary = Path(folder, "work"), Path(folder, "tmp")
+        place.mkdir()
+        temporary.mkdir(mode=0o700)
+        for file, text in SCENES.items():
+            (place / file).write_text(text)
+        outputs = [place / part for part in COMMANDS[name] if part.startswith("out.")]
+        for path in outputs:
+            path.write_bytes(PREVIOUS)
+        environment = {**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": str(ROOT)}
+        if name == "build":
+            environment["XDG_CACHE_HOME"] = str(Path(folder, "cache"))
+        process = subprocess.Popen(
+            [sys.executable, "-m", "symmb.cli", *COMMANDS[name]],
+            cwd=place,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        time.sleep(moment)
+        if process.poll() is not None:
+            process.communicate()
+            return None, []
+        begin = time.monotonic()
+        process.send_signal(number)
+        try:
+            _, error = process.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return 20.0, ["it did not end"]
+        seconds = time.monotonic() - begin
+        faults = []
+        if process.returncode not in (0, 130):  # 0 if it had nearly ended
+            faults.append(f"exit status {process.returncode}: {error.decode()[-200:]}")
+        if b"Traceback" in error:
+            faults.append(f"traceback: {error.decode()[-200:]}")
+        if seconds > MOST:
+            faults.append(f"took {seconds:.1f} s")
+        faults += [f"{path.name} is not whole" for path in outputs if not is_whole(path)]
+        faults += [f"left {path.name}" for path in temporary.iterdir()]
+        faults += [f"left {path.name}" for path in place.iterdir() if path.name.startswith(".")]
+        faults += [f"left a process: {line}" for line in processes_in(folder)]
+        return seconds, faults
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a file is as it was before, or complete."""
+    content = path.read_bytes()
+    ends = {".json": b"}\n", ".csv": b"\n", ".png": b"IEND\xaeB`\x82"}
+    return content == PREVIOUS or content.endswith(ends[path.suffix])
+
+
+def processes_in(folder: str) -> list[str]:
+    """Command lines of processes whose environment or arguments name a folder."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            if folder.encode() in (path / "environ").read_bytes() and int(path.name) != os.getpid():
+                found.append((path / "cmdline").read_bytes().replace(b"\0", b" ").decode()[:100])
+        except OSError:
+            continue
+    return found
+
+
+def study(name: str, moments: int, seed: int = 0) -> Findings:
+    """A command under both signals at random moments."""
+    choice, findings = random.Random(f"{name} {seed}"), Findings()
+    for number in SIGNALS:
+        done = 0
+        while done < moments:
+            moment = choice.uniform(0.1, LATEST.get(name, 2.0))
+            seconds, faults = interrupted(name, number, moment)
+            if seconds is None:
+                continue
+            done += 1
+            findings.longest = max(findings.longest, seconds)
+            findings.faults += [f"{number.name} at {moment:.3f} s: {fault}" for fault in faults]
+    return findings
+
+
+if __name__ == "__main__":
+    MOMENTS = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    for command in COMMANDS:
+        result = study(command, MOMENTS)
+        print(f"{command:20}  {2 * MOMENTS} signals, longest {result.longest:.2f} s, {len(result.faults)} faults")
+        for fault in result.faults:
+            print(f"    {fault}")

@@ -1,0 +1,127 @@
+"""SIGINT and SIGTERM end every command, and studies in Python carry what was found so far."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mechanisms import double_pendulum
+
+import symmb as mb
+from symmb import _cleanup
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import interrupts
+
+pytestmark = pytest.mark.slow
+
+T = np.linspace(0.0, 1.0, 5)
+
+
+@pytest.mark.parametrize("number", interrupts.SIGNALS, ids=lambda number: number.name)
+@pytest.mark.parametrize("name", interrupts.COMMANDS)
+def test_a_signal_ends_a_command_in_two_seconds_and_leaves_nothing(name, number):
+    moment = {"stability": 2.5, "compare": 2.0}.get(name, 0.9)
+    seconds, faults = interrupts.interrupted(name, number, moment)
+    assert not faults and (seconds is None or seconds < interrupts.MOST)
+
+
+class Interrupted(mb.FunctionSimulator):
+    """Ends by an interrupt at a run."""
+
+    def __init__(self, last):
+        self.left = last
+        super().__init__(self.values, {"k": 1.0, "c": 0.5}, T, ["x"])
+
+    def values(self, k, c):
+        self.left -= 1
+        if self.left < 0:
+            raise KeyboardInterrupt
+        return np.exp(-k * T) + c
+
+
+BOX = mb.Box(k=(0.9, 1.1), c=(0.4, 0.6))
+
+
+@pytest.mark.parametrize(
+    ("method", "runs"), [(mb.MonteCarlo(1000), 200), (mb.Scanning(30), 200), (mb.PolynomialChaos(tolerance=1e-9), 20)]
+)
+def test_interrupted_bounds_carry_what_the_runs_attained(method, runs):
+    with pytest.raises(KeyboardInterrupt) as caught:
+        mb.propagate(Interrupted(runs), method, BOX)
+    partial = caught.value.partial
+    assert partial.kind == "sampled" and "interrupted" in partial.method and 0 < partial.evaluations <= runs
+    whole = mb.propagate(Interrupted(10**9), method, BOX)
+    assert (partial.lower >= whole.inner[0]).all() and (partial.upper <= whole.inner[1]).all()
+    assert (partial.lower < partial.upper).all()
+
+
+def test_bounds_without_a_finished_run_carry_nothing():
+    with pytest.raises(KeyboardInterrupt) as caught:
+        mb.propagate(Interrupted(0), mb.Vertex(), BOX)
+    assert caught.value.partial is None
+
+
+def test_an_interrupted_comparison_carries_the_methods_so_far():
+    def progress(label, done, total):
+        if label.startswith("MonteCarlo") and done > 500:
+            raise KeyboardInterrupt
+
+    methods = [mb.Vertex(), mb.MonteCarlo(10_000), mb.Scanning(5)]
+    with pytest.raises(KeyboardInterrupt) as caught:
+        mb.compare(Interrupted(10**9), methods, BOX, mb.Scanning(3), progress=progress)
+    partial = caught.value.partial
+    assert [row.name for row in partial.rows] == ["Vertex()"]
+    assert [(left.name, left.reason) for left in partial.not_run] == [
+        ("MonteCarlo(10000)", "interrupted"),
+        ("Scanning(5)", "interrupted"),
+    ]
+    assert "interrupted" in str(partial)
+
+
+def interrupt_after(seconds):
+    threading.Timer(seconds, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+
+@pytest.mark.parametrize("solver", [mb.CVODES(), mb.IDAS(), mb.StabilizedIndex2()], ids=repr)
+def test_an_integrator_of_casadi_does_not_swallow_an_interrupt(solver):
+    scene = double_pendulum(np.linspace(0.0, 1000.0, 100_001))
+    mb.simulate(scene, solver, times=[0.0, 0.1])
+    before, begin = signal.getsignal(signal.SIGINT), time.monotonic()
+    interrupt_after(0.3)
+    with pytest.raises(KeyboardInterrupt):
+        mb.simulate(scene, solver)
+    assert time.monotonic() - begin < 2.0 and signal.getsignal(signal.SIGINT) is before
+
+
+def endless_ball():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, 1.0))
+    return mb.Scene(system, start={"ball.y": 1.0}, times=np.linspace(0.0, 1000.0, 10_001), outputs={"y": ball.y})
+
+
+@pytest.mark.parametrize(
+    ("scene", "solver"), [(double_pendulum(np.linspace(0.0, 50.0, 5001)), mb.StateSpace()), (endless_ball(), None)]
+)
+def test_a_run_in_python_carries_its_trajectory_so_far(scene, solver):
+    mb.simulate(scene, solver, times=[0.0, 0.01])
+    interrupt_after(0.7)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        mb.simulate(scene, solver)
+    run = caught.value.partial
+    assert 1 < len(run.t) < len(scene.times) and np.isfinite(run.values).all() and str(run)
+
+
+def test_folders_of_killed_builds_are_found(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    left, own = tmp_path / f"symmb-{dead.pid}-abc", tmp_path / f"symmb-{os.getpid()}-abc"
+    for folder in (left, own, tmp_path / "symmb-other", tmp_path / "another"):
+        folder.mkdir()
+    assert _cleanup.left_folders() == [left]
