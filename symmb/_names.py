@@ -1,14 +1,41 @@
-"""Near misses: what a user may have meant by an unknown name."""
+"""Names: which ones are allowed, and what a user may have meant by an unknown one."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+
+LONGEST = 100
+"""Most characters of a name: longer ones do not fit into tables and pictures."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
     known = list(known)
-    close = get_close_matches(name, known, n=1)
+    close = get_close_matches(name, known, n=1) if isinstance(name, str) else ()
     if close:
         return f" Did you mean {close[0]!r}?"
     shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
     return f" Known are: {shown}." if known else ""
+
+
+def name_fault(name: object, without: str = "") -> str:
+    """Why a name is not allowed, as a sentence; empty if it is.
+
+    Names are printed in tables, pictures, LaTeX and C, where a line break or a control character would do harm.
+
+    Parameters
+    ----------
+    without : str      characters that it must not contain either
+    """
+    if not isinstance(name, str):
+        return f"a name is a text, got {name!r}."
+    if not name.isprintable() or name != name.strip() or not 1 <= len(name) <= LONGEST:
+        return f"a name has 1 to {LONGEST} printable characters, without spaces at its ends."
+    if any(c in name for c in without):
+        return f"a name is a text without {' '.join(without.replace(' ', '␣'))}."
+    return ""
+
+
+def name_faults(names: Sequence[object]) -> list[str]:
+    """Why some of the names are not allowed: each with its fault, and those that are given twice."""
+    faults = [f"{name!r}: {fault}" for name in names if (fault := name_fault(name))]
+    return faults + [f"{name!r}: the name is used twice." for name in dict.fromkeys(names) if names.count(name) > 1]

@@ -21,6 +21,17 @@ def constructor_text(instance: Any, *leading: str, name: str | None = None) -> s
     return f"{name or type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
 
 
+def is_finite_number(value: object) -> bool:
+    """Whether a value is a real number, neither nan nor infinite. Texts and truth values are not."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:
+    """DeclarationError unless a value is an object with a method of this name, such as `example`."""
+    if isinstance(value, type) or not callable(getattr(value, has, None)):
+        raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {value!r}.")
+
+
 def require_whole(owner: str, name: str, value: object, least: int) -> None:
     """DeclarationError unless value is an integer of at least ``least``."""
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:

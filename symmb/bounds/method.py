@@ -88,6 +88,8 @@ def require_method(owner: str, method: object) -> None:
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):
         raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {method!r}.")
+    if not repr(method).isprintable():
+        raise DeclarationError(f"{owner}: the text of a method must be printable and on one line, got {method!r}.")
 
 
 def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._options import constructor_text, require_whole
+from symmb._options import constructor_text, is_finite_number, require_kind, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failure import Failure, failure_text
@@ -81,6 +81,9 @@ class PolynomialChaos(Method):
     def __post_init__(self) -> None:
         if self.order is not None:
             require_whole("PolynomialChaos", "order", self.order, 1)
+            require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
+            require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
+            require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
             if self.budget is not None or self.tolerance != 1e-2:
                 raise DeclarationError("PolynomialChaos: tolerance and budget choose the order; leave order out.")
             return
@@ -91,7 +94,7 @@ class PolynomialChaos(Method):
             )
         if self.budget is not None:
             require_whole("PolynomialChaos", "budget", self.budget, 1)
-        if not 0 < self.tolerance < 1:
+        if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
             raise DeclarationError(f"PolynomialChaos: tolerance must be between 0 and 1, got {self.tolerance!r}.")
 
     @classmethod

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._options import constructor_text, require_whole
+from symmb._options import constructor_text, require_kind, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
@@ -50,6 +50,7 @@ class MonteCarlo(Method):
     def __post_init__(self) -> None:
         require_whole("MonteCarlo", "samples", self.samples, 1)
         require_whole("MonteCarlo", "seed", self.seed, 0)
+        require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         points = self.sampler.points(self.samples, len(box), self.seed)

@@ -62,16 +62,18 @@ def _find(given: str) -> Path:
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
     """A context for the code of the file: it can import from its folder, and its exceptions become a sentence."""
-    folder = str(path.parent.resolve())
-    sys.path.insert(0, folder)
+    before, folder = sys.path, str(path.parent.resolve())
+    sys.path = [folder, *before]
     try:
         yield
     except SymmbError as error:
         raise DeclarationError(f"{path}: {error}") from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise DeclarationError(f"{path} raised {_sentence(error, path)}") from error
     finally:
-        sys.path.remove(folder)
+        sys.path = before
 
 
 def _sentence(error: BaseException, path: Path) -> str:

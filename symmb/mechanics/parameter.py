@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, name_fault
+from symmb._options import is_finite_number
 from symmb._types import Array
 from symmb.symbolic import Kind, declare
 
@@ -20,7 +21,7 @@ class Parameters(Mapping[str, float]):
 
     Raises
     ------
-    DeclarationError       if a value is not a finite number or a name is taken by the class itself
+    DeclarationError       if a value is not a finite number, or a name is no identifier or taken by the class itself
 
     Examples
     --------
@@ -32,8 +33,13 @@ class Parameters(Mapping[str, float]):
     def __init__(self, **nominal: float) -> None:
         taken = [n for n in nominal if n == "t" or hasattr(type(self), n)]
         faults = [f"parameter {n!r}: the name is taken; choose another." for n in taken]
+        faults += [
+            f"parameter {n!r}: a name has letters, digits and underscores, a letter first."
+            for n in nominal
+            if not n.isidentifier() or name_fault(n)
+        ]
         for name, value in nominal.items():
-            if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+            if not is_finite_number(value):
                 faults.append(f"parameter {name!r}: nominal value {value!r} is not a finite number.")
         if faults:
             raise DeclarationError("\n".join(faults))

@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import is_finite_number
 from symmb._types import Array
 
 
@@ -72,12 +73,17 @@ class Box:
         >>> Box.around({"l1": 1.0, "m": -2.0}, 0.05)
         Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
         """
-        if not 0 < spread < 1:
+        if not isinstance(parameters, Mapping):
+            raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {parameters!r}.")
+        if not is_finite_number(spread) or not 0 < spread < 1:
             raise DeclarationError(
                 f"Box.around: spread must be a share between 0 and 1, such as 0.05 for ± 5 %, got {spread!r}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
-        nominal = {name: float(value) for name, value in parameters.items()}
+        try:
+            nominal = {name: float(value) for name, value in parameters.items()}
+        except (TypeError, ValueError):
+            raise DeclarationError(f"Box.around: the nominal values must be numbers, got {parameters!r}.") from None
         intervals = {}
         for name in nominal if names is None else names:
             if name not in nominal:

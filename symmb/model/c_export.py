@@ -3,7 +3,6 @@
 The files need a C compiler, and neither symmb nor CasADi.
 """
 
-import json
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -131,7 +130,7 @@ def example_c(
         t1=float(t1),
         start=_numbers(zip(labels, [*q, *v, *s], strict=True)),
         parameters=_numbers(parameters.items()),
-        heads=", ".join(json.dumps(head) for head in coordinates),
+        heads=", ".join(map(_quoted, coordinates)),
         arguments="x, x + N_Q, x + N_Q + N_V, P, &t" if first_order else "x, x + N_Q, P, &t",
         results="rates, rates + N_Q, rates + N_Q + N_V" if first_order else "rates, rates + N_Q",
         blocks=3 if first_order else 2,
@@ -170,7 +169,13 @@ def _layout(name: str, pattern: ca.Sparsity) -> str:
 
 def _numbers(labelled: Iterable[tuple[str, float]]) -> str:
     """The numbers of a C array, one in a line with its label. An empty array gets a zero, because C has none."""
+    labelled = [(label.replace("*/", "* /"), value) for label, value in labelled]
     return "\n".join(f"    {float(value)!r}, /* {label} */" for label, value in labelled) or "    0.0"
+
+
+def _quoted(text: str) -> str:
+    """A text as a C string."""
+    return '"' + text.replace("\\", r"\\").replace('"', r"\"") + '"'
 
 
 _HEADER = """\

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._types import Array, Expr
 from symmb.mechanics import Rotation, Spatial
 from symmb.model.box import Box
@@ -64,6 +64,7 @@ class Scene:
     def __post_init__(self) -> None:
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
+        faults += [f"name {self.name!r}: {fault}" for fault in [name_fault(self.name)] if fault]
         attempts = [lambda: self.prescribed, lambda: self.guesses]
         if not untimely:  # coordinates that move uniformly need the start time
             attempts.append(lambda: self._bound_outputs)
@@ -84,6 +85,8 @@ class Scene:
     def _box_faults(self) -> list[str]:
         if self.box is None:
             return []
+        if not isinstance(self.box, Box):
+            return [f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."]
         known = self.system.parameters
         unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
         return unknown or self.system.sign_faults(self.box)
@@ -113,7 +116,9 @@ class Scene:
             return dict(pairs) if c.q_names else {}
         if not isinstance(outputs, Mapping):
             raise DeclarationError('outputs: expected a mapping from names to expressions, such as {"x": rod.x}.')
-        bound, faults = {}, []
+        bound, faults = {}, [f"output {fault}" for fault in name_faults([*outputs])]
+        if not outputs:
+            raise DeclarationError("outputs: give at least one, or leave them out for all coordinates and velocities.")
         for name, expression in outputs.items():
             try:
                 bound[name] = self.expression(expression, f"output {name!r}")
@@ -183,6 +188,8 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
 def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Prescribed:
     """Indices of listed names; see `Scene` for the names."""
     c = system.collected
+    if not isinstance(listed, Mapping):
+        raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {listed!r}.')
     q_at = {name: i for i, name in enumerate(c.q_names)}
     v_at = {name: i for i, name in enumerate(c.v_names)}
     decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
@@ -195,19 +202,24 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Prescribe
     drift: dict[str, ca.SX] = {}
     faults = []
 
-    def bind(value: Expr, name: str) -> ca.SX:
+    def bind(value: Expr, name: str, size: int = 1) -> ca.SX:
         bound = system.bind(value, f"{what} {name!r}")
+        if bound.numel() != size:
+            raise DeclarationError(f"{what} {name!r}: expected one number or expression, got {value!r}.")
         if any(not system.bind.is_parameter(s) for s in ca.symvar(bound)):
             raise DeclarationError(f"{what} {name!r}: may depend on parameters only.")
         return bound
 
     for name, value in listed.items():
+        if not isinstance(name, str):
+            faults.append(f"{what}: the name of a coordinate is a text, got {name!r}.")
+            continue
         body, _, part = name.rpartition(".")
         try:
             if body in spatial and part == "rotation":
                 if not isinstance(value, Rotation):
                     raise DeclarationError(f"{what} {name!r}: expected rotation(axis=..., angle=...), got {value!r}.")
-                e = bind(value.quaternion, name)
+                e = bind(value.quaternion, name, 4)
                 q.update({q_at[f"{body}.e{k}"]: e[k] for k in range(4)})
                 displacements.update(v_at[f"{body}.omega_{c}"] for c in "xyz")
             elif body in spatial and part == "omega":

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._names import name_fault
 from symmb._types import Array
 from symmb.mechanics import (
     RESTITUTION,
@@ -34,8 +35,9 @@ def name_faults(elements: Sequence[object]) -> list[str]:
                 f"System: {e!r} is neither a body, a constraint nor a force. Name parameters as parameters=p."
             )
             continue
-        if not isinstance(e.name, str) or not e.name or any(c in e.name for c in ".[] "):
-            faults.append(f"{type(e).__name__} {e.name!r}: a name is a text without dots, brackets and spaces.")
+        fault = name_fault(e.name, without=".[] ")
+        if fault:
+            faults.append(f"{type(e).__name__} {e.name!r}: {fault}")
         elif e.name in names:
             faults.append(f"{type(e).__name__} {e.name!r}: the name is used twice. Choose another.")
         names.add(e.name)

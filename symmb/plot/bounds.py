@@ -21,6 +21,7 @@ from symmb.plot.layout import (
     n_rows,
     new_figure,
     new_panels,
+    plain,
     save,
     shared_legend,
 )
@@ -86,7 +87,7 @@ def draw_bounds(
         axes.set_ylim(*_window(reference, curves, i))
     shared_legend(figure, panels)
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if len(shown) < len(names) else ""
-    figure.suptitle(": ".join(filter(None, [title, part])), fontsize=10)
+    figure.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
 
 
 def _window(reference: Band, curves: Sequence[Curve], i: int) -> tuple[float, float]:

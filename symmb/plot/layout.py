@@ -60,7 +60,7 @@ def new_panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Ax
     for axes in grid[len(names) :]:
         axes.set_visible(False)
     for i, (axes, name) in enumerate(zip(grid, names, strict=False)):
-        axes.set_title(name, fontsize=9, loc="left", fontweight="bold", pad=3)
+        axes.set_title(plain(name), fontsize=9, loc="left", fontweight="bold", pad=3)
         axes.set_xlim(*abscissa(t)[[0, -1]])
         if len(t) == 1:
             axes.set_xticks(t)
@@ -71,6 +71,11 @@ def new_panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Ax
             axes.set_xlabel("time [s]", fontsize=8)
             axes.tick_params(labelbottom=True)
     return list(grid[: len(names)])
+
+
+def plain(text: str) -> str:
+    """A text whose dollar signs are not mathematics."""
+    return text.replace("$", r"\$")
 
 
 def abscissa(t: Array) -> Array:
@@ -104,7 +109,7 @@ def cyclic(styles: Sequence[Any], k: int) -> Any:
 def shared_legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
     """One legend of all panels, which is that of the first."""
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.legend(handles, [*map(plain, labels)], loc="outside lower center", ncols=3, fontsize=8, frameon=False)
 
 
 def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:

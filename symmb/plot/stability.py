@@ -16,6 +16,7 @@ from symmb.plot.layout import (
     MARKERS,
     cyclic,
     new_figure,
+    plain,
     save,
     style_axes,
 )
@@ -61,5 +62,5 @@ def plot_stability(
         style_axes(axes)
         axes.grid(alpha=0.25)
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(plain(title), fontsize=10)
     return save(figure, path)

@@ -5,7 +5,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from symmb._types import Array
-from symmb.plot.layout import COLOURS, HEAD_HEIGHT, ROW_HEIGHT, abscissa, along, n_rows, new_figure, new_panels, save
+from symmb.plot.layout import (
+    COLOURS,
+    HEAD_HEIGHT,
+    ROW_HEIGHT,
+    abscissa,
+    along,
+    n_rows,
+    new_figure,
+    new_panels,
+    plain,
+    save,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,5 +29,5 @@ def plot_trajectory(
     figure = new_figure(HEAD_HEIGHT + ROW_HEIGHT * n_rows(len(names)))
     for i, axes in enumerate(new_panels(figure, t, names)):
         axes.plot(abscissa(t), along(t, values[:, i]), color=COLOURS[0], linewidth=1.2)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(plain(title), fontsize=10)
     return save(figure, path)

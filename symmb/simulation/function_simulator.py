@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._names import name_faults
+from symmb._options import is_finite_number
 from symmb._types import Array, Executor
 from symmb.simulation.simulator import Ensemble, Progress, Reduction, stream
 
@@ -20,7 +22,7 @@ class FunctionSimulator:
     Parameters
     ----------
     f : called as ``f(**parameters)``, returns (n_t, n_y), or (n_t,) where there is one output. A sample
-        whose call raises or returns a value that is not finite is a failed sample, not an error. Picklable
+        whose call raises, or returns something else or a value that is not finite, is a failed sample. Picklable
         (a function of a module) if the executor runs in other processes.
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
@@ -29,9 +31,7 @@ class FunctionSimulator:
     Raises
     ------
     DeclarationError
-        If times do not increase, names repeat, or there are no outputs.
-    SimulationError
-        From ``run`` and ``stream``, if f returns another shape.
+        If times do not increase, names repeat or are not allowed, there are no outputs, or a value is no number.
 
     Examples
     --------
@@ -48,15 +48,24 @@ class FunctionSimulator:
     outputs: tuple[str, ...]
 
     def __init__(self, f: Callable[..., Any], parameters: Mapping[str, float], times: Array, outputs: Sequence[str]):
-        times = np.array(times, dtype=float)
+        try:
+            times = np.array(times, dtype=float)
+        except (TypeError, ValueError):
+            raise DeclarationError(f"FunctionSimulator: times must be numbers, got {times!r}.") from None
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
             raise DeclarationError("FunctionSimulator: times must be finite and increase, shape (n_t,), n_t >= 1.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-        if not names or len(set(names)) < len(names):
-            raise DeclarationError(f"FunctionSimulator: outputs must be one or more different names, got {names}.")
+        if not callable(f):
+            raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {f!r}.")
+        if not isinstance(parameters, Mapping):
+            raise DeclarationError(f"FunctionSimulator: parameters must be nominal values by name, got {parameters!r}.")
+        faults = name_faults(names) + name_faults([*parameters])
+        if not names or faults:
+            reasons = " ".join(faults)
+            raise DeclarationError(f"FunctionSimulator: outputs must be one or more different names. {reasons}".strip())
         times.flags.writeable = False
         object.__setattr__(self, "f", f)
-        object.__setattr__(self, "parameters", {name: float(value) for name, value in parameters.items()})
+        object.__setattr__(self, "parameters", _numbers(parameters))
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "outputs", names)
 
@@ -69,12 +78,11 @@ class FunctionSimulator:
         for i, row in enumerate(P):
             values = dict(zip(self.parameters, row.tolist(), strict=True))
             try:
-                result = self.f(**values)
+                Y[i] = self._shaped(self.f(**values))
             except Exception as error:  # the function is the user's: any exception is a failed run
                 t_failed[i] = self.times[0]
-                messages.append(f"{type(error).__name__}: {error} ({_text(values)})")
+                messages.append(f"{_fault(error)} ({_text(values)})")
                 continue
-            Y[i] = self._shaped(result)
             bad = ~np.isfinite(Y[i]).all(axis=1)
             if bad.any():
                 first = int(bad.argmax())
@@ -90,16 +98,41 @@ class FunctionSimulator:
         return stream(self, P, reduction, executor, progress, block=1 + len(P) // 64)
 
     def _shaped(self, result: Any) -> Array:
-        values = np.asarray(result, dtype=float)
         shape = (len(self.times), len(self.outputs))
+        expected = f"expected numbers of the shape {shape} (n_t, n_y)"
+        try:
+            values = np.asarray(result)
+            values = values.astype(float) if values.dtype.kind in "biuf" else np.array(None)
+        except (TypeError, ValueError):  # lists of different lengths
+            values = np.array(None)
+        if values.dtype.kind == "O":
+            raise SimulationError(f"the function returned {_short(result)}, {expected}")
         if values.shape == shape[:1] and shape[1] == 1:
             values = values[:, None]
         if values.shape != shape:
-            raise SimulationError(f"{self!r}: the function returned shape {values.shape}, expected {shape} (n_t, n_y).")
+            raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
         return values
 
     def __repr__(self) -> str:
         return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"
+
+
+def _numbers(parameters: Mapping[str, float]) -> dict[str, float]:
+    for name, value in parameters.items():
+        if not is_finite_number(value):
+            raise DeclarationError(f"FunctionSimulator: parameter {name!r}: {value!r} is not a finite number.")
+    return {name: float(value) for name, value in parameters.items()}
+
+
+def _fault(error: Exception) -> str:
+    """The fault of a call in one line."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, SimulationError) else f"{type(error).__name__}: {text}"
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def _text(values: Mapping[str, float]) -> str:

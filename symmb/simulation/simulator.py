@@ -5,15 +5,15 @@ block into a small state, and the states are merged in block order. So the resul
 bit whether the blocks are run one after another, in threads, in processes or on other machines.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, Protocol, TypeVar, cast, runtime_checkable
 
 import casadi as ca
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.simulation.attained import note_attained
 
@@ -193,7 +193,7 @@ def stream(
             f"one column for each of {', '.join(simulator.parameters)}; got {P.shape}."
         )
     parts = blocks(len(P), block)
-    run = map if executor is None else executor.map
+    run = map if executor is None else _map_of(executor)
     state = reduction.init()
     done = 0
     for indices, part in zip(
@@ -206,6 +206,16 @@ def stream(
         if progress is not None:
             progress(done, len(P))
     return state
+
+
+def _map_of(executor: Executor) -> Callable[..., Iterable[Any]]:
+    ordered_map = getattr(executor, "map", None)
+    if not callable(ordered_map) or hasattr(executor, "apply_async"):  # pools of multiprocessing: one iterable only
+        raise DeclarationError(
+            f"executor: {executor!r} is not supported. It needs an ordered map(f, *iterables), as ThreadPoolExecutor "
+            "and ProcessPoolExecutor of concurrent.futures and a Dask client's executor have."
+        )
+    return cast(Callable[..., Iterable[Any]], ordered_map)
 
 
 def run_blocks(

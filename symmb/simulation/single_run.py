@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from symmb._errors import DeclarationError, SimulationError
 from symmb._names import did_you_mean
+from symmb._options import is_finite_number
 from symmb._types import Array, Expr
 from symmb.events import kinks
 from symmb.integrate import Solver
@@ -60,7 +59,7 @@ def simulate(
         scene = scene.with_times(times)
     if outputs is not None:
         scene = scene.with_outputs(outputs)
-    runs = PilotRuns(scene, _parameter_values(scene, parameters or {}), solver)
+    runs = PilotRuns(scene, _parameter_values(scene, {} if parameters is None else parameters), solver)
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
         raise SimulationError(f"{scene.name} does not start at {begin} ({runs.text}): {runs.start_fault}.")
@@ -82,10 +81,12 @@ def simulate(
 def _parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
     """Nominal values, of which some are replaced."""
     nominal = scene.system.parameters
+    if not isinstance(changes, Mapping):
+        raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {changes!r}.')
     for name, value in changes.items():
         if name not in nominal:
             raise DeclarationError(f"No parameter {name!r}.{did_you_mean(name, nominal)}")
-        if not np.isfinite(value):
+        if not is_finite_number(value):
             raise DeclarationError(f"Parameter {name!r}: {value!r} is not a finite number.")
     return {name: float(changes.get(name, value)) for name, value in nominal.items()}
 

@@ -16,7 +16,7 @@ from symmb._table import aligned
 from symmb._types import Array
 from symmb.integrate import CVODES, IDAS, NSTIFFSI2, SOLVERS, Rosenbrock, Solver, StabilizedIndex2, stiffness
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator
+from symmb.simulation import DAESimulator, require_scene
 from symmb.study.advice import advice
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
@@ -171,6 +171,7 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     SimulationError            if there is nothing to integrate, there are impacts, or no solver finishes
     KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
+    require_scene(scene)
     begin = time.monotonic()
     times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
     if scene.system.collected.impacts:

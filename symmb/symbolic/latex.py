@@ -11,6 +11,7 @@ _GREEK = frozenset(
     "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi"
     " chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
 )
+_ESCAPES = str.maketrans({c: rf"\{c}" for c in "_%&#${}"} | {"\\": r"\backslash{}", "^": r"\^{}", "~": r"\~{}"})
 _LOCAL = re.compile(r"(?P<letters>[A-Za-z]+)_?(?P<rest>\w*)(?:\[(?P<index>\d+)\])?")
 
 
@@ -78,4 +79,4 @@ def _subscript(text: str) -> str:
 
 
 def _upright(text: str) -> str:
-    return rf"\mathrm{{{text}}}".replace("_", r"\_")
+    return rf"\mathrm{{{text.translate(_ESCAPES)}}}"

@@ -28,8 +28,8 @@ FAULTS = {
         "Torque 'rod1': the name is used twice. Choose another.",
     ),
     "two gravities": (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
-    "a dot in a name": (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name is a text without dots"),
-    "no name": (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name is a text"),
+    "a dot in a name": (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name is a text without \. \[ \] ␣"),
+    "no name": (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name has 1 to 100 printable characters"),
     "a body left out": (
         lambda: [mb.Revolute("elbow", ROD1.point(0, 0), ROD2.point(0, 0))],
         r"Revolute 'elbow': body 'rod2' is not part of the System\. Add it",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symmb import DeclarationError, FunctionSimulator, SimulationError
+from symmb import DeclarationError, FunctionSimulator
 
 TIMES = np.array([0.0, 1.0, 2.0])
 
@@ -17,8 +17,21 @@ def test_one_output_may_come_without_its_axis():
 
 
 def test_wrong_shape_names_both():
-    with pytest.raises(SimulationError, match=r"returned shape \(2,\), expected \(3, 1\)"):
-        _simulator(lambda a: np.zeros(2)).run(np.array([[1.0]]))
+    ensemble = _simulator(lambda a: np.zeros(2)).run(np.array([[1.0]]))
+    assert not ensemble.ok.any()
+    assert "returned the shape (2,), expected numbers of the shape (3, 1)" in ensemble.messages[0]
+
+
+@pytest.mark.parametrize(
+    "result", ["text", None, [[1.0], [1.0, 2.0], [3.0]], {"x": 1.0}, [1j, 0, 0], ["1", "2", "3"], object()]
+)
+def test_what_is_no_array_of_numbers_is_a_failed_sample(result):
+    ensemble = _simulator(lambda a: TIMES if a > 0 else result).run(np.array([[1.0], [-1.0]]))
+    assert ensemble.ok.tolist() == [True, False]
+    assert (
+        "the function returned" in ensemble.messages[0]
+        and "expected numbers of the shape (3, 1)" in ensemble.messages[0]
+    )
 
 
 def test_exception_is_a_failed_sample():
