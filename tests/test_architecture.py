@@ -21,6 +21,7 @@ FLOORS = {
     "_table": 0,
     "_cleanup": 0,
     "_interrupts": 0,
+    "_limits": 0,
     "files": 1,
     "plot": 1,
     "structures": 1,

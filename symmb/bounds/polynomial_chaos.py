@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._limits import require_memory
 from symmb._options import constructor_text, is_finite_number, require_kind, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
@@ -106,6 +107,9 @@ class PolynomialChaos(Method):
         if self.order is None:
             return adaptive_bounds(repr(self), self.tolerance, self.budget, simulator, box, executor, progress)
         fit = Fit.of(self.nodes, self.basis, len(box), self.order)
+        values = len(fit.alpha) + (2 * len(fit.nodes) if fit.line is not None and not self.lockstep else 0)
+        outputs = len(simulator.times) * len(simulator.outputs)
+        require_memory(self, "the values at nodes and the coefficients", values * outputs)
         P = parameter_samples(simulator, box, fit.nodes)
         if self.lockstep:
             coefficients, inner, failed = self._marched(fit, P, simulator, box, progress)

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from symmb._errors import PropagationError
+from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_kind, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.method import Method, parameter_samples
@@ -16,8 +16,6 @@ from symmb.nodes import Random, Sampler, grid
 from symmb.simulation import Progress, Simulator
 
 _RANDOM = Random()
-_MOST_POINTS = 10**8
-"""Most points of a grid: their coordinates are kept, and in ten parameters they fill 8 GB."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +51,8 @@ class MonteCarlo(Method):
         require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        require_runs(self, self.samples, "Use fewer samples.")
+        require_memory(self, "the samples", self.samples * (2 * len(box) + len(simulator.parameters)))
         points = self.sampler.points(self.samples, len(box), self.seed)
         return _sampled(self, points, simulator, box, executor, progress)
 
@@ -82,8 +82,7 @@ class Scanning(Method):
         require_whole("Scanning", "points", self.points, 2)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        points = _grid(self, np.linspace(-1.0, 1.0, self.points), len(box))
-        return _sampled(self, points, simulator, box, executor, progress)
+        return _scanned(self, np.linspace(-1.0, 1.0, self.points), simulator, box, executor, progress)
 
     def __repr__(self) -> str:
         return constructor_text(self, str(self.points))
@@ -102,16 +101,16 @@ class Vertex(Method):
     kind: ClassVar[Kind] = "sampled"
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _sampled(self, _grid(self, np.array([-1.0, 1.0]), len(box)), simulator, box, executor, progress)
+        return _scanned(self, np.array([-1.0, 1.0]), simulator, box, executor, progress)
 
 
-def _grid(method: Method, line: Array, d: int) -> Array:
-    if len(line) ** d > _MOST_POINTS:
-        raise PropagationError(
-            f"{method!r}: a grid of {len(line)}^{d} points takes {float(len(line)) ** d:.1e} runs. "
-            "Use PolynomialChaos() or MonteCarlo(...)."
-        )
-    return grid(line, d)
+def _scanned(
+    method: Method, line: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+) -> Bounds:
+    d, runs = len(box), len(line) ** len(box)
+    require_runs(method, runs, "Use PolynomialChaos() or MonteCarlo(...).")
+    require_memory(method, "the points", runs * (2 * d + len(simulator.parameters)))
+    return _sampled(method, grid(line, d), simulator, box, executor, progress)
 
 
 def _sampled(

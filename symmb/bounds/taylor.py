@@ -6,6 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from symmb._errors import PropagationError
+from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.derivatives import unit_jets
@@ -15,6 +17,9 @@ from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials import MultiIndices, homogeneous
 from symmb.simulation import Kinked, Progress, Simulator
+
+_MOST_DIRECTIONS = 2000
+"""Directions of derivatives: their system of equations takes ten seconds to solve."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,15 @@ class Taylor(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         d = len(box)
+        directions, parts = math.comb(d + self.order - 1, self.order), self.subintervals**d
+        if directions > _MOST_DIRECTIONS:
+            raise PropagationError(
+                f"{self!r} takes derivatives along {directions} directions in {d} parameters, more than the "
+                f"{_MOST_DIRECTIONS} allowed. Use a lower order."
+            )
+        require_runs(self, parts * math.comb(d + self.order, d), "Use fewer subintervals.")
+        outputs = len(simulator.times) * len(simulator.outputs)
+        require_memory(self, "the derivatives", 3 * (self.order + 1) * directions * outputs)
         unit = np.array(homogeneous(d, self.order)) / self.order
         radius = 1.0 / self.subintervals
         middles = radius * np.arange(1.0 - self.subintervals, self.subintervals, 2.0)

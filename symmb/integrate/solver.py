@@ -89,7 +89,7 @@ class Solver(ABC):
         faults = []
         for f in fields(self):  # pyright: ignore[reportArgumentType]
             value = getattr(self, f.name)
-            low, high = self.limits.get(f.name, (0.0, np.inf))
+            low, high = self.limits.get(f.name, (0.0, 1.0 if f.name == "rtol" else np.inf))
             if f.name == "stabilization":
                 if isinstance(value, AugmentedLagrangian) and AugmentedLagrangian not in self.stabilizations:
                     faults.append(
@@ -103,7 +103,8 @@ class Solver(ABC):
             elif not isinstance(value, int | float | np.number) or not (
                 low < value < high or value in self.limits.get(f.name, ())
             ):
-                within = f"from {low:g} to {high:g}" if f.name in self.limits else "above 0"
+                below = " and below 1" if f.name == "rtol" else ""
+                within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above 0{below}"
                 faults.append(f"{f.name}={value!r} must be a number {within}")
         if faults:
             raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))

@@ -7,14 +7,18 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from symmb._errors import PropagationError
+from symmb._limits import require_memory, require_runs
 from symmb._types import Array, Mask
-from symmb.nodes.quadrature import Nodes, Rule
+from symmb.nodes.quadrature import MOST_ORDER, Nodes, Rule
 from symmb.nodes.tensor_transform import transform_axes
 from symmb.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
 """Least eigenvalue of the normalised Gram matrix, which is 1 for an exact quadrature. Below it the successful nodes
 determine some polynomial ten times less accurately than the others, and the fit is refused. tests/nodes/test_fit.py"""
+
+MOST_PRODUCTS = 10**6
+"""Most products of a basis: their multi-indices take a second to find."""
 
 LARGEST_INVERSE = 1e8
 """Largest entry of V^-1. Above it rounding leaves fewer than eight digits of the coefficients."""
@@ -54,10 +58,21 @@ class Fit:
         Raises
         ------
         PropagationError
-            If the nodes do not determine the polynomials of the basis.
+            If the nodes do not determine the polynomials of the basis, or there are too many of either.
         """
+        wanted = f"{basis!r} of order {order} in {d} parameters"
+        if order > MOST_ORDER:
+            raise PropagationError(f"{wanted}: the highest order is {MOST_ORDER}.")
+        sizes = [getattr(part, "size", None) for part in (rule, basis)]
+        n_nodes, n_basis = (size(d, order) if size else 1 for size in sizes)
+        if n_basis > MOST_PRODUCTS:
+            raise PropagationError(f"{wanted} has {n_basis:.3g} products, more than the {MOST_PRODUCTS:.0e} allowed.")
+        require_runs(rule, n_nodes, f"They are asked for by {wanted}. Use a lower order, or SparseGrid(Leja()).")
+        tensor = isinstance(rule, Rule) and isinstance(basis, TensorDegree)
+        matrix = 0 if tensor else 3 * n_nodes * n_basis
+        require_memory(rule, f"nodes and coefficients of {wanted}", 4 * d * (n_nodes + n_basis) + matrix)
         line = None
-        if isinstance(rule, Rule) and isinstance(basis, TensorDegree):
+        if tensor:
             nodes = rule.points(1, order)[0][:, 0]
             line = np.asarray(np.linalg.inv(legendre.legvander(nodes, order)), dtype=float)
         fit = cls(basis.indices(d, order), *rule.points(d, order), rule.projects, line)

@@ -7,10 +7,14 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from symmb._errors import PropagationError
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array
 from symmb.nodes.leja import symmetric_leja
 from symmb.polynomials import homogeneous
+
+MOST_ORDER = 1000
+"""Highest degree of a rule: the nodes of a higher one take longer than a second to find."""
 
 
 class Nodes(Protocol):
@@ -33,6 +37,10 @@ class Rule(ABC):
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes ((order + 1)^d, d) and weights."""
         return tensor([self.line(order)] * d)
+
+    def size(self, d: int, order: int) -> int:
+        """Number of nodes."""
+        return (order + 1) ** d
 
     @abstractmethod
     def line(self, degree: int) -> tuple[Array, Array]:
@@ -187,7 +195,10 @@ class SparseGrid:
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes (N, d) and weights (N,)."""
-        level = order if self.level is None else self.level
+        level = self._level(order)
+        if self.rule.degree(level) > MOST_ORDER:
+            degree = self.rule.degree(level)
+            raise PropagationError(f"{self!r}: level {level} has degree {degree}; the highest one is {MOST_ORDER}.")
         lines = [self.rule.line(self.rule.degree(i)) for i in range(level + 1)]
         grids = []
         for total in range(max(0, level - d + 1), level + 1):
@@ -196,6 +207,18 @@ class SparseGrid:
                 nodes, weights = tensor([lines[i] for i in levels])
                 grids.append((nodes, sign * weights))
         return _merged(np.concatenate([x for x, _ in grids]), np.concatenate([w for _, w in grids]))
+
+    def size(self, d: int, order: int) -> int:
+        """Number of nodes, equal ones counted as often as they occur."""
+        level = self._level(order)
+        line = [self.rule.degree(i) + 1 for i in range(level + 1)]
+        totals = [1] + [0] * level  # grids of each total level, of one parameter after the other
+        for _ in range(d):
+            totals = [sum(line[i] * totals[total - i] for i in range(total + 1)) for total in range(level + 1)]
+        return sum(totals[max(0, level - d + 1) :])
+
+    def _level(self, order: int) -> int:
+        return order if self.level is None else self.level
 
     def __repr__(self) -> str:
         return constructor_text(self)

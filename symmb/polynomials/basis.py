@@ -1,5 +1,6 @@
 """The Legendre products of an expansion of given order."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -31,6 +32,10 @@ class TotalDegree:
         """(n_b, d), the constant first."""
         return total_degree(d, order)
 
+    def size(self, d: int, order: int) -> int:
+        """Number of products."""
+        return math.comb(d + order, d)
+
 
 @dataclass(frozen=True)
 class TensorDegree:
@@ -45,6 +50,10 @@ class TensorDegree:
     def indices(self, d: int, order: int) -> MultiIndices:
         """(n_b, d), the constant first."""
         return tensor_degree(d, order)
+
+    def size(self, d: int, order: int) -> int:
+        """Number of products."""
+        return (order + 1) ** d
 
 
 @dataclass(frozen=True)
@@ -82,3 +91,7 @@ class HyperbolicCross:
         alpha = total_degree(d, order)
         rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
         return alpha[np.sum((alpha / order) ** self.q, axis=1) <= 1 + rounding]
+
+    def size(self, d: int, order: int) -> int:
+        """Number of products of the total degree, from which these are taken."""
+        return math.comb(d + order, d)

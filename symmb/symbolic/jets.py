@@ -1,9 +1,17 @@
 """Univariate Taylor coefficients of SX expressions along a curve."""
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
+
+from symmb._errors import PropagationError
+
+_MOST_OPERATIONS = 4e6
+"""Operations of a coefficient: a double pendulum's of order 8 have as many, and compile in a minute."""
+_SETTLED = 3
+"""Order from which on operations grow by a nearly constant factor."""
 
 
 def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
@@ -20,13 +28,25 @@ def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
     Returns
     -------
     list of k + 1 SX of the shape of f
+
+    Raises
+    ------
+    PropagationError         if they have too many operations; each order has about three times as many as the last
     """
     order = len(curve[0]) - 1
-    coefficients = [expression]
+    coefficients, sizes = [expression], [0.0]
     for j in range(1, order + 1):
         at = ca.vertcat(*[x for c in curve for x in c[:j]])
         towards = ca.vertcat(*[(i + 1) * c[i + 1] for c in curve for i in range(j)])
         coefficients.append(ca.jtimes(coefficients[-1], at, towards) / j)
+        sizes.append(float(ca.n_nodes(coefficients[-1])))
+        growth = sizes[-1] / sizes[-2] if j >= _SETTLED and sizes[-2] else 1.0
+        expected = math.log10(max(sizes[-1], 1.0)) + (order - j) * math.log10(max(growth, 1.0))
+        if expected > math.log10(_MOST_OPERATIONS):
+            raise PropagationError(
+                f"Derivatives of order {order} take about 1e{expected:.0f} operations, more than the "
+                f"{_MOST_OPERATIONS:.0e} that compile within minutes. Use a lower order."
+            )
     return coefficients
 
 

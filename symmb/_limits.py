@@ -1,0 +1,41 @@
+"""What a request costs, before the work: memory and numbers of runs."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+from symmb._errors import PropagationError
+
+_SHARE = 0.5
+"""Share of the machine's memory that one request may fill: results are copied once while they are made."""
+_UNKNOWN = 4 * 2**30
+"""Memory of a machine that does not tell it [bytes]."""
+MOST_RUNS = 10**8
+"""Most runs of a request: at 10 microseconds each they take a quarter of an hour."""
+
+
+def require_memory(owner: object, what: str, numbers: int) -> None:
+    """PropagationError, which names owner and size, if so many numbers do not fit into memory."""
+    if 8 * numbers > _SHARE * memory():
+        raise PropagationError(
+            f"{owner!r}: {what} take {8e-9 * numbers:.3g} GB, more than half of the {1e-9 * memory():.3g} GB of memory."
+        )
+
+
+def require_runs(owner: object, runs: int, instead: str) -> None:
+    """PropagationError, which names owner and number, if there are too many runs."""
+    if runs > MOST_RUNS:
+        number = f"{runs:.1e}" if runs < 10**300 else "more than 1e300"
+        raise PropagationError(f"{owner!r} takes {number} runs, more than the {MOST_RUNS:.0e} allowed. {instead}")
+
+
+@cache
+def memory() -> int:
+    """Memory of this machine, or of this container [bytes]."""
+    found = [_UNKNOWN]
+    try:
+        found = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+        found.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    except (OSError, ValueError, AttributeError):  # not told, or without a limit
+        pass
+    return min(found)
