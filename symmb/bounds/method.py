@@ -63,6 +63,10 @@ class Method(ABC):
                 raise
         return replace(result, seconds=time.perf_counter() - start)
 
+    def planned_runs(self, d: int) -> int | None:
+        """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""
+        return None
+
     def _result(self, simulator: Simulator, lower: Array, upper: Array, evaluations: int, **details: Any) -> Bounds:
         """Bounds of this method; `details` are the attributes of Bounds that it knows beyond lower and upper."""
         return Bounds(simulator.times, simulator.outputs, lower, upper, self.kind, repr(self), evaluations, **details)

@@ -103,6 +103,9 @@ class PolynomialChaos(Method):
         """The paper's method: Gauss nodes or a SparseGrid, total degree, projection, Legendre inclusion."""
         return cls(order, nodes, TotalDegree(), LegendreInclusion(), lockstep=lockstep)
 
+    def planned_runs(self, d: int) -> int | None:
+        return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
+
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None:
             return adaptive_bounds(repr(self), self.tolerance, self.budget, simulator, box, executor, progress)

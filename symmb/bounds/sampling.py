@@ -50,6 +50,9 @@ class MonteCarlo(Method):
         require_whole("MonteCarlo", "seed", self.seed, 0)
         require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
+    def planned_runs(self, d: int) -> int:
+        return self.samples
+
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         require_runs(self, self.samples, "Use fewer samples.")
         require_memory(self, "the samples", self.samples * (2 * len(box) + len(simulator.parameters)))
@@ -81,6 +84,9 @@ class Scanning(Method):
     def __post_init__(self) -> None:
         require_whole("Scanning", "points", self.points, 2)
 
+    def planned_runs(self, d: int) -> int:
+        return self.points**d
+
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         return _scanned(self, np.linspace(-1.0, 1.0, self.points), simulator, box, executor, progress)
 
@@ -99,6 +105,9 @@ class Vertex(Method):
     """
 
     kind: ClassVar[Kind] = "sampled"
+
+    def planned_runs(self, d: int) -> int:
+        return 2**d
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         return _scanned(self, np.array([-1.0, 1.0]), simulator, box, executor, progress)

@@ -66,15 +66,18 @@ class Taylor(Method):
         require_whole("Taylor", "order", self.order, 1)
         require_whole("Taylor", "subintervals", self.subintervals, 1)
 
+    def planned_runs(self, d: int) -> int:
+        return self.subintervals**d * math.comb(d + self.order, d)
+
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         d = len(box)
-        directions, parts = math.comb(d + self.order - 1, self.order), self.subintervals**d
+        directions = math.comb(d + self.order - 1, self.order)
         if directions > _MOST_DIRECTIONS:
             raise PropagationError(
                 f"{self!r} takes derivatives along {directions} directions in {d} parameters, more than the "
                 f"{_MOST_DIRECTIONS} allowed. Use a lower order."
             )
-        require_runs(self, parts * math.comb(d + self.order, d), "Use fewer subintervals.")
+        require_runs(self, self.planned_runs(d), "Use fewer subintervals.")
         outputs = len(simulator.times) * len(simulator.outputs)
         require_memory(self, "the derivatives", 3 * (self.order + 1) * directions * outputs)
         unit = np.array(homogeneous(d, self.order)) / self.order
@@ -93,8 +96,7 @@ class Taylor(Method):
             kinks += [kink] if kink else []
             if progress is not None:
                 progress(done, len(centers))
-        evaluations = len(centers) * math.comb(d + self.order, d)
-        return self._result(simulator, lower, upper, evaluations, caution=_caution(kinks))
+        return self._result(simulator, lower, upper, self.planned_runs(d), caution=_caution(kinks))
 
     def _part(self, jets: Array, unit: Array) -> tuple[Array, Array]:
         """Bounds (n_t, n_y) of one expansion from its jets along the directions ``unit`` (m, d)."""

@@ -2,10 +2,12 @@
 
 import argparse
 import io
+import logging
 import math
 import os
 import shutil
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -41,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
     options = _parser().parse_args(arguments)
+    _tell_on_stderr(options.command)
     try:
         options.run(options)
         sys.stdout.flush()
@@ -56,6 +59,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _keep_partial(options, partial_of(interrupt))
         return INTERRUPTED
     return 0
+
+
+def _tell_on_stderr(command: str) -> None:
+    """Print what the library announces, and its warnings, as sentences."""
+    log = logging.getLogger("symmb")
+    log.handlers = [logging.StreamHandler(sys.stderr)]
+    log.setLevel(logging.INFO)
+    warnings.showwarning = lambda message, *_: print(f"symmb {command}: {message}", file=sys.stderr)
 
 
 def _keep_partial(options: argparse.Namespace, partial: Any) -> None:

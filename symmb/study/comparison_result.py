@@ -11,7 +11,7 @@ from symmb._types import Array
 from symmb.model import Box
 from symmb.study import report
 from symmb.study.reference import Reference
-from symmb.study.row import NotRun, Row
+from symmb.study.row import LONG, NotRun, Row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -210,4 +210,5 @@ class Comparison:
         if self.repeats is None or self.threads is None:
             return "evaluations and bounding, warm, median"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        return f"evaluations and bounding, warm, median of at least {self.repeats}, {threads}"
+        once = f", of 1 above {LONG:g} s" if any(row.run_seconds > LONG for row in self.rows) else ""
+        return f"evaluations and bounding, warm, median of at least {self.repeats}{once}, {threads}"

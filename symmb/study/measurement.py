@@ -1,5 +1,6 @@
 """Bounds by several methods, and their errors, run times and coverage."""
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -15,13 +16,17 @@ from symmb.model import Box
 from symmb.simulation import Simulator
 from symmb.study.comparison_result import Comparison
 from symmb.study.metrics import Yardstick
-from symmb.study.reference import Reference, find_reference
-from symmb.study.row import NotRun, Row
+from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
+from symmb.study.row import LONG, NotRun, Row
 
 _REPEATS, _ENOUGH = 3, 0.1
 """Least number of runs whose median is the run time. Short runs are repeated until they take this long together [s]."""
+_LANES = 8
+"""Runs in a vector of the engine."""
 _WARM_UP = 0.5
 """Time below which the first run does not count [s]. A longer one counts: the median leaves it out."""
+
+_LOG = logging.getLogger("symmb")
 
 Progress = Callable[[str, int, int], None]
 """Called with the label of the work, the runs that are done and all its runs."""
@@ -63,12 +68,14 @@ def compare_simulator(
     PropagationError    if no method can run, or the reference cannot
     KeyboardInterrupt   if it is interrupted: `partial` then holds the Comparison of the methods so far
     """
-    about = {"scene": "simulator", "solver": "", "threads": 1, **about}
+    about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": _REPEATS, **about}
     if methods is None:
         methods = default_methods(simulator, box)
     exact = simulator if tighter is None else tighter
+    runs = affordable_runs(_seconds_a_run(exact)) if reference is None else RUNS
+    _LOG.info(_announcement(methods, box, reference, runs))
     reference_bounds = find_reference(
-        exact, box, reference, executor=executor, progress=_labelled(progress, "reference")
+        exact, box, reference, runs=runs, executor=executor, progress=_labelled(progress, "reference")
     )
     scored: list[tuple[Bounds, float]] = []
     not_run: list[NotRun] = []
@@ -111,7 +118,6 @@ def _comparison(
         reference=reference,
         rows=tuple(_row(bounds, reference.yardstick, setup_seconds, seconds) for bounds, seconds in scored),
         not_run=tuple(not_run),
-        repeats=_REPEATS,
         **about,
     )
 
@@ -134,9 +140,40 @@ def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_
     )
 
 
+def _seconds_a_run(simulator: Simulator) -> float:
+    """Time of a run at the nominal parameters, as one of many in lanes and on threads [s]."""
+    P = np.array([[*simulator.parameters.values()]])
+    if hasattr(simulator, "prepare"):
+        simulator.prepare()  # pyright: ignore[reportAttributeAccessIssue]
+    begin = time.perf_counter()
+    _ = simulator.run(P).Y
+    seconds = time.perf_counter() - begin
+    return seconds / (_LANES * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _announcement(methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int) -> str:
+    """How many runs a comparison makes, and whether there are fewer because they are slow."""
+    d = len(box)
+    known = [method.planned_runs(d) for method in methods]
+    open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
+    parts = [f"{sum(filter(None, known))} for the methods"]
+    if open_ended:
+        parts.append(f"as many as they choose for {', '.join(open_ended)}")
+    fewer = ""
+    if reference is None:
+        parts.insert(0, f"{planned_runs(d, runs)} runs for the reference")
+        fewer = f" The reference would take {planned_runs(d)} if they were faster." if runs < RUNS else ""
+    elif isinstance(reference, Method):
+        parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
+    repeats = f"Each method runs {_REPEATS} times or more for its run time, and once if it takes {LONG:g} s."
+    return f"This comparison makes {', '.join(parts)}.{fewer} {repeats}"
+
+
 def _timed(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
-    """The bounds, and the median duration of warm runs [s]."""
+    """The bounds, and the median duration of warm runs [s]; of the only run if it takes long."""
     bounds, seconds = _once(run)
+    if seconds > LONG:
+        return bounds, seconds
     durations = [] if seconds < _WARM_UP else [seconds]
     while len(durations) < _REPEATS or sum(durations) < _ENOUGH:
         durations.append(_once(run)[1])

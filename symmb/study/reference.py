@@ -1,5 +1,6 @@
 """The reference of a comparison: the best available bounds, their uncertainty and their cost."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,10 +16,14 @@ from symmb.nodes import Sobol
 from symmb.simulation import Simulator
 from symmb.study.metrics import Yardstick
 
-_RUNS = 2000
-"""Approximate number of runs of the finer resolution."""
+RUNS = 2000
+"""Approximate number of runs of the finer resolution, where they are not slow."""
+_LEAST_RUNS = 9
+"""The same where they are slow: a grid of three points for each of two parameters."""
+_SECONDS = 120.0
+"""Time for the reference above which it has fewer runs [s]."""
 _GRID_DIMENSIONS = 5
-"""Most parameters that are scanned on a grid. With more, `_RUNS` points would leave two or three for each parameter."""
+"""Most parameters that are scanned on a grid. With more, `RUNS` points would leave two or three for each parameter."""
 _SAMPLES = 512, 2048
 """Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
 
@@ -80,6 +85,7 @@ def find_reference(
     box: Box,
     reference: Method | Bounds | None = None,
     *,
+    runs: int = RUNS,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Reference:
@@ -105,7 +111,7 @@ def find_reference(
         return _of_bounds(bounds, seconds=time.perf_counter() - start)
     coarse, fine, *shared = [
         propagate(simulator, method, box, executor=executor, progress=progress)
-        for method in _resolutions(len(box.names))
+        for method in _resolutions(len(box.names), runs)
     ]
     lower, upper = _hull([coarse, fine, *shared])
     coarse_lower, coarse_upper = _hull([coarse, *shared])
@@ -121,13 +127,24 @@ def find_reference(
     )
 
 
-def _resolutions(n_p: int) -> list[Method]:
+def affordable_runs(seconds: float) -> int:
+    """Runs of the finer resolution if one takes so long [s]."""
+    return max(_LEAST_RUNS, min(RUNS, int(_SECONDS / max(seconds, 1e-9))))
+
+
+def planned_runs(n_p: int, runs: int = RUNS) -> int:
+    """Runs of the default reference for so many parameters."""
+    return sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
+
+
+def _resolutions(n_p: int, runs: int) -> list[Method]:
     """The method at the coarser and at the finer resolution, and a method that joins both."""
-    if n_p <= _GRID_DIMENSIONS:
-        m = max(round((_RUNS ** (1 / n_p) - 1) / 2), 1)
+    if n_p <= _GRID_DIMENSIONS and 3**n_p <= max(runs, _LEAST_RUNS):
+        m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]
-    samples: list[Method] = [MonteCarlo(n, sampler=Sobol()) for n in _SAMPLES]
-    return [*samples, Vertex()] if 2**n_p <= _RUNS else samples
+    fewer = 2 ** max(0, round(math.log2(RUNS / runs)))
+    samples: list[Method] = [MonteCarlo(max(2, n // fewer), sampler=Sobol()) for n in _SAMPLES]
+    return [*samples, Vertex()] if 2**n_p <= runs else samples
 
 
 def _hull(parts: list[Bounds]) -> tuple[Array, Array]:

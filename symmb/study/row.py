@@ -8,6 +8,9 @@ from symmb.bounds import kind_of
 from symmb.files import Record
 from symmb.study.metrics import Score, Yardstick
 
+LONG = 10.0
+"""Time above which a method runs once [s]: its run time is known well enough."""
+
 
 @dataclass(frozen=True)
 class Row:

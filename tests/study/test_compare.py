@@ -1,5 +1,6 @@
 """What is run on which simulator, how it is timed, and what happens to methods that cannot run."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -180,3 +181,25 @@ def test_the_first_run_that_fails_is_told():
     told = " ".join(str(found).split())
     assert found.rows[0].failed == 1
     assert "The first of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told
+
+
+def test_a_comparison_announces_its_runs(caplog):
+    caplog.set_level("INFO", logger="symmb")
+    compare_simulator(simulator(lambda k: k * T), [Vertex(), PolynomialChaos(order=3), PolynomialChaos()], BOX)
+    (told,) = caplog.messages
+    assert "3002 runs for the reference, 6 for the methods, as many as they choose for PolynomialChaos()." in told
+    assert "Each method runs 3 times or more for its run time, and once if it takes 10 s." in told
+
+
+def test_the_reference_of_slow_runs_is_smaller(caplog):
+    caplog.set_level("INFO", logger="symmb")
+
+    def slow(k):
+        time.sleep(0.2 if k == 1.0 else 0.0)
+        return k * T
+
+    result = compare_simulator(simulator(slow), [Vertex()], BOX)
+    (told,) = caplog.messages
+    assert result.reference.evaluations < 1000
+    assert f"{result.reference.evaluations} runs for the reference" in told
+    assert "The reference would take 3002 if they were faster." in told
