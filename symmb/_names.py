@@ -9,7 +9,7 @@ LONGEST = 100
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
-    known = list(known)
+    known = [*map(str, known)]
     close = get_close_matches(name, known, n=1) if isinstance(name, str) else ()
     if close:
         return f" Did you mean {close[0]!r}?"

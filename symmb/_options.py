@@ -1,5 +1,6 @@
 """Options of frozen objects such as methods, rules and solvers: how they print, and checks of their values."""
 
+import math
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -23,7 +24,19 @@ def constructor_text(instance: Any, *leading: str, name: str | None = None) -> s
 
 def is_finite_number(value: object) -> bool:
     """Whether a value is a real number, neither nan nor infinite. Texts and truth values are not."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond floats
+        return False
+
+
+def require_instance(owner: str, value: object, kind: type, example: str) -> None:
+    """DeclarationError unless a value is of a class."""
+    if not isinstance(value, kind):
+        got = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
+        raise DeclarationError(f"{owner}: expected {example}, got {' '.join(got.split())[:200]}.")
 
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._options import constructor_text, require_whole
+from symmb._options import constructor_text, is_finite_number, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.derivatives import unit_jets
 from symmb.bounds.method import Method, parameter_samples
@@ -71,7 +71,7 @@ class Optimization(Method):
 
     def __post_init__(self) -> None:
         require_whole("Optimization", "budget", self.budget, 1)
-        if not 0 < self.tolerance < 1:
+        if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
             raise DeclarationError(f"Optimization: tolerance must be between 0 and 1, got {self.tolerance!r}.")
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:

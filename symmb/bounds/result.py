@@ -88,7 +88,7 @@ class Bounds:
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """(lower, upper) of one output, each (n_t,)."""
-        if name not in self.names:
+        if not isinstance(name, str) or name not in self.names:
             raise DeclarationError(f"Bounds: no output '{name}'.{did_you_mean(name, self.names)}")
         column = self.names.index(name)
         return self.lower[:, column], self.upper[:, column]

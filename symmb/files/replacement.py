@@ -59,6 +59,8 @@ def require_suffix(path: str | os.PathLike[str], *allowed: str) -> str:
     ------
     DeclarationError    if it is not one of those allowed
     """
+    if not isinstance(path, str | Path | os.PathLike) or "\0" in str(path):
+        raise DeclarationError(f"The name of a file must be a text or a Path, got {path!r}.")
     suffix = Path(path).suffix.lower()
     if suffix not in allowed:
         raise DeclarationError(f"The name of a file must end in {' or '.join(allowed)} here, got {str(path)!r}.")

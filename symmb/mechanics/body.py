@@ -239,11 +239,11 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
     )
 
 
-def as_matrix(value: Expr, what: str, bind: Callable[[Expr, str], ca.SX]) -> ca.SX:
+def as_matrix(value: Expr, what: str, bind: Callable[..., ca.SX]) -> ca.SX:
     """A law, or nested sequences of laws as one vector or matrix, bound entry by entry."""
     if isinstance(value, list | tuple | np.ndarray):
         rows = [row if isinstance(row, list | tuple | np.ndarray) else [row] for row in value]
         if len({len(row) for row in rows}) > 1:
             raise DeclarationError(f"{what}: its rows have {' and '.join(str(len(row)) for row in rows)} entries.")
         return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
-    return bind(value, what)
+    return bind(value, what, any_size=True)

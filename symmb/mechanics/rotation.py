@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.symbolic import product, unit, vector
+from symmb.symbolic import product, scalar, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,5 +28,5 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
     >>> np.array(ca.DM((turn @ turn).quaternion)).ravel().round(3)
     array([0.5  , 0.   , 0.   , 0.866])
     """
-    half = ca.SX(angle) / 2
+    half = scalar(angle, "rotation angle") / 2
     return Rotation(ca.densify(ca.vertcat(ca.cos(half), ca.sin(half) * unit(vector(axis, "rotation axis")))))

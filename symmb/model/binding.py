@@ -29,8 +29,8 @@ class Binding:
         """All known symbols by their dotted names."""
         return {name: symbol for name, _, symbol in self._known.values()}
 
-    def __call__(self, law: Expr, what: str, also: Collection[int] = ()) -> ca.SX:
-        """The law as SX.
+    def __call__(self, law: Expr, what: str, also: Collection[int] = (), any_size: bool = False) -> ca.SX:
+        """The law as SX, which has one component unless any size will do.
 
         Raises
         ------
@@ -44,8 +44,10 @@ class Binding:
                 raise DeclarationError(f"{what}: {error}") from None
         try:
             expression = ca.SX(law)
-        except (NotImplementedError, TypeError):
+        except (NotImplementedError, TypeError, RuntimeError):
             raise DeclarationError(f"{what}: {law!r} is no number and no CasADi SX or SymPy expression.") from None
+        if expression.numel() != 1 and not any_size:
+            raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)
         return ca.sparsify(expression) if expression.numel() != 1 else ca.densify(expression)
 

@@ -85,7 +85,10 @@ class Box:
         except (TypeError, ValueError):
             raise DeclarationError(f"Box.around: the nominal values must be numbers, got {parameters!r}.") from None
         intervals = {}
-        for name in nominal if names is None else names:
+        names = nominal if names is None else names
+        if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
+            raise DeclarationError(f"Box.around: names must be a list of parameters, got {names!r}.")
+        for name in names:
             if name not in nominal:
                 raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
             if nominal[name] == 0.0:

@@ -55,6 +55,8 @@ def save_c(
         raise DeclarationError(f"name='{name}' is not a C identifier: use letters, digits and underscores.")
     if not functions:
         raise DeclarationError("There is no Function to write.")
+    if not isinstance(folder, str | os.PathLike):
+        raise DeclarationError(f"The name of a folder must be a text or a Path, got {folder!r}.")
     folder = Path(folder).resolve()
     folder.mkdir(parents=True, exist_ok=True)
     renamed = [_renamed(f, f"{name}_{key}") for key, f in functions.items()]

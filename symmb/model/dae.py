@@ -7,6 +7,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from symmb._errors import DeclarationError
+from symmb._options import require_instance
 from symmb._types import Array
 from symmb.mechanics import Spatial
 from symmb.model.c_export import example_c, save_c
@@ -174,7 +176,11 @@ class DAE:
             functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.project)}
             return save_c(functions, folder)
         begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
-        begin.update(start or {})
+        require_instance("save_c: start", {} if start is None else start, Mapping, 'values such as {"q": [...]}')
+        try:
+            begin.update({name: np.asarray(values, dtype=float).ravel() for name, values in (start or {}).items()})
+        except (TypeError, ValueError):
+            raise DeclarationError(f"save_c: start must have numbers, got {start!r}.") from None
         times = np.asarray(begin.pop("times", (0.0, 1.0)))
         main = example_c(
             self.rhs,
@@ -210,6 +216,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
     DM([0.5, -9.81])
     """
+    require_instance("compile_dae", system, System, "a System")
     independent = system if rows is None else system.keeping(rows)
     c, (positive_names, positive) = independent.collected, independent.positive
     displacement = ca.SX.sym("delta", independent.v.numel())

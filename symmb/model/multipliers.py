@@ -12,7 +12,7 @@ class Multipliers(ca.SX):
     rows: dict[str, slice]
 
     def __call__(self, name: str) -> ca.SX:
-        if name not in self.rows:
+        if not isinstance(name, str) or name not in self.rows:
             raise DeclarationError(f"No constraint {name!r} with multipliers.{did_you_mean(name, self.rows)}")
         return ca.SX(self)[self.rows[name]]
 

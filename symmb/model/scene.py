@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, name_fault, name_faults
+from symmb._options import require_instance
 from symmb._types import Array, Expr
 from symmb.mechanics import Rotation, Spatial
 from symmb.model.box import Box
@@ -62,6 +63,7 @@ class Scene:
     equilibrium: bool = False
 
     def __post_init__(self) -> None:
+        require_instance("Scene", self.system, System, "a System")
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
         faults += [f"name {self.name!r}: {fault}" for fault in [name_fault(self.name)] if fault]
@@ -142,7 +144,7 @@ class Scene:
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
         """Any expression of the scene as SX of q, v, v', s, lam, p and t. Decoupled coordinates move uniformly."""
-        bound = self.system.bind(expression, what, also=self.system.solved_hashes)
+        bound = self.system.bind(expression, what, also=self.system.solved_hashes, any_size=True)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.decoupled:
             v0 = self.prescribed.drift.get(v_name, ca.SX(0))
@@ -160,7 +162,7 @@ class Scene:
 
     def with_times(self, times: Sequence[float] | Array) -> "Scene":
         """A copy with other times."""
-        return replace(self, times=np.asarray(times))
+        return replace(self, times=times)
 
     def with_outputs(self, outputs: Mapping[str, Expr]) -> "Scene":
         """A copy with other outputs."""
@@ -203,7 +205,7 @@ def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Prescribe
     faults = []
 
     def bind(value: Expr, name: str, size: int = 1) -> ca.SX:
-        bound = system.bind(value, f"{what} {name!r}")
+        bound = system.bind(value, f"{what} {name!r}", any_size=True)
         if bound.numel() != size:
             raise DeclarationError(f"{what} {name!r}: expected one number or expression, got {value!r}.")
         if any(not system.bind.is_parameter(s) for s in ca.symvar(bound)):

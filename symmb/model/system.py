@@ -20,6 +20,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import require_instance
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Joint, Parameters, Spatial
 from symmb.model.assembly import Collected, collect
@@ -55,6 +56,7 @@ class System:
 
     def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
         self.parameters = Parameters() if parameters is None else parameters
+        require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
         self.collected: Collected = collect(self.elements, self.parameters)
 
@@ -148,7 +150,7 @@ class System:
             zip((v.element_hash() for v in ca.vertsplit(self.v)), ca.vertsplit(self.vdot), strict=True)
         )
         accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.decoupled}  # untouched: it moves uniformly
-        return rate(self.bind(expression, "ddt"), accelerations)
+        return rate(self.bind(expression, "ddt", any_size=True), accelerations)
 
     @property
     def M(self) -> ca.SX:
@@ -249,8 +251,10 @@ class System:
         DeclarationError       if there is no such joint between two bodies
         """
         joints = {e.name: e for e in self.elements if isinstance(e, Joint)}
-        if name not in joints:
+        if not isinstance(name, str) or name not in joints:
             known = did_you_mean(name, joints)
+            if not isinstance(name, str):
+                raise DeclarationError(f"The name of a joint is a text, got {name!r}.{known}")
             hint = f" Its multipliers are system.lam({name!r})." if name in self.lam.rows else known
             raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
         joint = joints[name]

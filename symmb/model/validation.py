@@ -40,7 +40,8 @@ def name_faults(elements: Sequence[object]) -> list[str]:
             faults.append(f"{type(e).__name__} {e.name!r}: {fault}")
         elif e.name in names:
             faults.append(f"{type(e).__name__} {e.name!r}: the name is used twice. Choose another.")
-        names.add(e.name)
+        else:
+            names.add(e.name)
     return faults
 
 
@@ -65,10 +66,6 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
     """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
     faults = []
     mass = bind(body.mass, f"Body {body.name!r}: mass")
-    if mass.numel() != 1:
-        raise DeclarationError(
-            f"Body {body.name!r}: mass has {mass.numel()} components; expected one number or expression."
-        )
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
     for what, value in (("mass", mass), ("inertia", ca.diag(J))):
         nominal = _nominal(value, parameters)

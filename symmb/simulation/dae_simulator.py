@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._types import Array, Executor
+from symmb._options import require_instance
+from symmb._types import Array, Executor, Mask
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
 from symmb.integrate import (
@@ -24,10 +25,10 @@ from symmb.integrate import (
     impacts_text,
 )
 from symmb.model import DAE, Scene, compile_dae, unit_of
-from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_runs
+from symmb.simulation.ensembles import IRREGULAR_OUTPUT, CompiledEnsemble, ensemble_of_runs, failure_texts
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
-from symmb.simulation.simulator import BLOCK, Progress, Reduction, Samples, stream
+from symmb.simulation.simulator import BLOCK, Ensemble, Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies
 from symmb.start import Start, prepare_start
 from symmb.symbolic import batch
@@ -39,6 +40,10 @@ NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 COMPILED_BLOCK = 1024
 """Samples of a block for the engine: enough for its lanes on many cores. Small models without trajectories take up to 8
 times as many, so that a block takes much longer than the start of threads. tests/benchmarks/ensemble.py"""
+
+
+STATELESS_VALUES = 10**6
+"""Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
 
 
 class DAESimulator:
@@ -62,6 +67,7 @@ class DAESimulator:
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
+        require_instance("DAESimulator", scene, Scene, "a Scene")
         begin = time.perf_counter()
         self.name = scene.name
         self.parameters = dict(scene.system.parameters)
@@ -120,7 +126,7 @@ class DAESimulator:
     @property
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes. A scene without states is not integrated."""
-        return self.solver.runs_in_lanes(self.dae) and self.y.numel_in(0) > 0
+        return self.solver.runs_in_lanes(self.dae) and not self._stateless
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
@@ -212,6 +218,8 @@ class DAESimulator:
             lanes = self._lanes()
             if lanes is not None:
                 return CompiledEnsemble(self.dae, self.start, lanes, P, float(self.times[0]), self.threads)
+            if self._stateless:
+                return self._expressions(P)
             x0, reasons = self.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
@@ -222,9 +230,27 @@ class DAESimulator:
     ) -> S:
         """Run samples block by block, and reduce each block."""
         block = BLOCK
-        if self.compiled:
+        if self._stateless:
+            block = max(BLOCK, STATELESS_VALUES // (len(self.times) * len(self.outputs)))
+        elif self.compiled:
             block = COMPILED_BLOCK * (1 if reduction.trajectories else max(1, min(8, 100 // self.y.numel_in(0))))
         return stream(self, P, reduction, executor, progress, block)
+
+    @property
+    def _stateless(self) -> bool:
+        return self.y.numel_in(0) == 0
+
+    def _expressions(self, P: Array) -> Ensemble:
+        """The outputs of a scene without states, all samples in one call."""
+        N, n_t = len(P), len(self.times)
+        arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(self.times, N)[:, None])
+        Y = batch(self.y, *arguments, threads=self.threads)[0].reshape(N, n_t, -1)
+        finite = np.asarray(np.isfinite(Y).all(axis=2), dtype=bool)
+        ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
+        t_failed = np.where(ok, np.nan, self.times[finite.argmin(axis=1)])
+        no_states = np.zeros((0, 0)), self.times[:0]
+        texts = failure_texts(self.dae, P, t_failed, [IRREGULAR_OUTPUT] * N, lambda k: no_states)
+        return Ensemble(Y, ok, t_failed, texts)
 
     def _evaluate(self, f: ca.Function, runs: list[Run], P: Array) -> Array:
         """A Function of (x, p, t) along N runs, (N, n_t, n)."""

@@ -54,6 +54,8 @@ class FunctionSimulator:
             raise DeclarationError(f"FunctionSimulator: times must be numbers, got {times!r}.") from None
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
             raise DeclarationError("FunctionSimulator: times must be finite and increase, shape (n_t,), n_t >= 1.")
+        if not isinstance(outputs, str | list | tuple):
+            raise DeclarationError(f"FunctionSimulator: outputs must be a list of names, got {outputs!r}.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         if not callable(f):
             raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {f!r}.")

@@ -186,6 +186,8 @@ def stream(
     SimulationError
         If P does not have one column for each parameter.
     """
+    if progress is not None and not callable(progress):
+        raise DeclarationError(f"progress: expected a function of the finished runs and all, got {progress!r}.")
     P = np.asarray(P, dtype=float)
     if P.ndim != 2 or P.shape[1] != len(simulator.parameters):
         raise SimulationError(

@@ -15,6 +15,7 @@ from symmb import files
 from symmb import plot as figures
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import require_instance
 from symmb._types import Array, Expr
 from symmb.events import Event, longest_step
 from symmb.model import Scene
@@ -146,6 +147,7 @@ class Trajectory:
         return values[:, 0] if bound.numel() == 1 else values
 
     def __getitem__(self, name: str) -> Array:
+        require_instance("Trajectory", name, str, "the name of an output, a state or a multiplier")
         if name in self.names:
             return self.values[:, self.names.index(name)]
         states = tuple(chain.from_iterable(self.state_names))
@@ -313,6 +315,7 @@ class Trajectory:
         vars(run).update(derived)  # in place of the values that cached properties would compute
         if scene is None:
             return run
+        require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
         scene = scene.with_times(run.t)
         simulator = DAESimulator(scene)
         dae = simulator.start.dae

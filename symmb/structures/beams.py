@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
+from symmb._options import require_instance
 from symmb._types import Array, Indices
 from symmb.structures.beam_element import GAUSS, XI, Line, elements, properties
 from symmb.structures.mass_samples import Samples, Sparse, joined
@@ -48,6 +49,10 @@ class Beam:
             raise DeclarationError("Beam: points must be two or more, and neighbours must not coincide.")
         if isinstance(self.elements, bool) or not isinstance(self.elements, int) or self.elements < 1:
             raise DeclarationError(f"Beam: elements must be a whole number from 1 on, got {self.elements!r}.")
+        require_instance("Beam: material", self.material, Material, "a Material")
+        given = [self.section] if isinstance(self.section, Section) else self.section
+        for section in given if isinstance(given, list | tuple) else [given]:
+            require_instance("Beam: section", section, Section, "a Section, or one for each point")
         sections = self.sections
         if len(sections) != len(points):
             raise DeclarationError(
@@ -68,7 +73,7 @@ class Beam:
     @property
     def sections(self) -> list[Section]:
         """The p sections at the corners."""
-        return [self.section] * len(self.corners) if isinstance(self.section, Section) else list(self.section)
+        return [self.section] * len(self.corners) if isinstance(self.section, Section) else [*self.section]
 
     def nodes(self) -> Array:
         """(spans * elements + 1, 3) nodes in their order along the beam [m]."""

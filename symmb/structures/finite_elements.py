@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
+from symmb._options import require_instance
 from symmb._types import Array, Indices
 from symmb.structures.beams import AxialForces, Beam, mesh
 from symmb.structures.foreshortening import foreshortening
@@ -65,6 +66,8 @@ class FiniteElements:
         """
         if not beams:
             raise DeclarationError("FiniteElements.beams: give one Beam at least.")
+        for beam in beams:
+            require_instance("FiniteElements.beams", beam, Beam, "a Beam")
         meshed = mesh(beams)
         return cls(meshed.positions, meshed.stiffness, meshed.samples.mass_matrix(), meshed.samples, meshed.axial)
 

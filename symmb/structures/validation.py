@@ -36,11 +36,17 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
     return array
 
 
+LARGEST = 1e60
+"""Largest length, modulus or mass [SI]: its fifth power is a number as well."""
+
+
 def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
-    """A finite number above zero."""
+    """A number above zero, small enough for its powers."""
     number = float(numbers(value, owner, name))
     if number <= 0:
         raise DeclarationError(f"{owner}: {name} must be above 0, got {number:g}.")
+    if number > LARGEST:
+        raise DeclarationError(f"{owner}: {name} must be at most {LARGEST:g}, got {number:g}.")
     return number
 
 

@@ -1,6 +1,7 @@
 """Comparison of a scene or a simulator in one call."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
 
 from symmb._types import Array, Executor, Expr
 from symmb.bounds import Bounds, Method, require_method
@@ -56,20 +57,17 @@ def compare(
     >>> [row.evaluations for row in comparison.rows]
     [2, 3]
     """
-    if methods is not None:
-        methods = (methods,) if isinstance(methods, Method | type | str) else tuple(methods)
-        for method in methods:
-            require_method("compare", method)
+    chosen = None if methods is None else _methods(methods)
     if reference is not None and not isinstance(reference, Bounds):
         require_method("compare: reference", reference)
     simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
     if not isinstance(simulator, DAESimulator):
         return compare_simulator(
-            simulator, methods, box, reference, executor=executor, progress=progress, scene=repr(simulator)
+            simulator, chosen, box, reference, executor=executor, progress=progress, scene=repr(simulator)
         )
     return compare_simulator(
         simulator,
-        methods,
+        chosen,
         box,
         reference,
         tighter=simulator.tighter(),
@@ -82,3 +80,13 @@ def compare(
         executor=executor,
         progress=progress,
     )
+
+
+def _methods(given: Any) -> tuple[Method, ...]:
+    try:
+        methods = (given,) if isinstance(given, Method | type | str) else tuple(given)
+    except TypeError:
+        methods = (given,)
+    for method in methods:
+        require_method("compare", method)
+    return cast(tuple[Method, ...], methods)

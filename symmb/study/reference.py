@@ -137,7 +137,7 @@ def planned_runs(n_p: int, runs: int = RUNS) -> int:
     return sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
 
 
-def _resolutions(n_p: int, runs: int) -> list[Method]:
+def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
     """The method at the coarser and at the finer resolution, and a method that joins both."""
     if n_p <= _GRID_DIMENSIONS and 3**n_p <= max(runs, _LEAST_RUNS):
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)

@@ -12,6 +12,7 @@ from symmb.symbolic.geometry import (
     rotation_by,
     rotation_matrix,
     rotation_z,
+    scalar,
     triad,
     turn,
     unit,

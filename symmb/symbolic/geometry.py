@@ -1,5 +1,7 @@
 """Vectors, frames and rotations in three dimensions as CasADi SX; zeros and ones stay structural."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -16,9 +18,23 @@ def vector(values: object, what: str = "vector") -> ca.SX:
     if len(entries) not in (2, 3):
         raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
     try:
-        return ca.densify(ca.vertcat(*[ca.SX(e) for e in entries], *[0] * (3 - len(entries))))
-    except NotImplementedError:
+        components = [ca.SX(e) for e in entries]
+    except (NotImplementedError, TypeError, RuntimeError):
         raise DeclarationError(f"{what}: {values!r} has components that are neither numbers nor CasADi SX.") from None
+    if any(component.numel() != 1 for component in components):
+        raise DeclarationError(f"{what}: {values!r} has components that are no single numbers.")
+    return ca.densify(ca.vertcat(*components, *[0] * (3 - len(entries))))
+
+
+def scalar(value: Any, what: str) -> ca.SX:
+    """A number or an SX scalar as SX."""
+    try:
+        expression = ca.SX(value)
+    except (NotImplementedError, TypeError, RuntimeError):
+        expression = ca.SX(0, 1)
+    if expression.numel() != 1:
+        raise DeclarationError(f"{what}: expected one number or CasADi SX, got {value!r}.")
+    return expression
 
 
 def is_zero(expression: ca.SX) -> bool:

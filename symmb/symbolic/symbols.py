@@ -141,7 +141,10 @@ def ddt(expression: ca.SX) -> ca.SX:
 
 def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
     """What `ddt` gives, also of velocities whose rates are known by their hashes."""
-    expression = ca.SX(expression)
+    try:
+        expression = ca.SX(expression)
+    except (NotImplementedError, TypeError, RuntimeError):
+        raise DeclarationError(f"ddt takes a number or CasADi SX, got {expression!r}.") from None
     moving, rates = [t], [ca.SX(1)]
     for symbol in symbols_in(expression):
         record = lookup(symbol)

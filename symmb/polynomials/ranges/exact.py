@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import require_whole
+from symmb._options import is_finite_number, require_whole
 from symmb._types import Array
 from symmb.codegen import with_compiler
 from symmb.polynomials.chebyshev import LowerSet
@@ -83,7 +83,7 @@ class Exact:
     budget: int = 3000
 
     def __post_init__(self) -> None:
-        if not 1e-12 <= self.tolerance < 1:
+        if not is_finite_number(self.tolerance) or not 1e-12 <= self.tolerance < 1:
             raise DeclarationError(f"Exact: tolerance must be between 1e-12 and 1, got {self.tolerance!r}.")
         require_whole("Exact", "budget", self.budget, 1)
 

@@ -1,0 +1,325 @@
+"""Malformed calls of the API and of the command line: python tests/benchmarks/malformed.py [CALLS] [SEED] makes them.
+
+Each call takes good arguments and replaces one or two by nonsense. It must succeed, or raise one of symmb's errors,
+which the command line tells in one sentence with exit status 2 (1 if a run breaks down). No call may take 10 s.
+"""
+
+# ruff: noqa: E501  (tables of arguments)
+
+import contextlib
+import io
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+import symmb as mb
+from symmb.cli.main import main
+
+MOST = 10.0
+"""Time for a call [s]."""
+T = np.linspace(0.0, 0.2, 5)
+
+
+class Odd:
+    """An object without any use."""
+
+    def __repr__(self) -> str:
+        return "Odd()"
+
+
+NONSENSE: list[Any] = [
+    None, True, "1", "", "5%", "x" * 500, "\n", b"1", 0, -1, 1, 3, 1e308, 1e-320, -0.5, 1.5, 10**30, float("nan"),
+    float("inf"), 1j, [], [1], [1, 2, 3], [[1, 2], [3]], (), (0.9, 1.1), ("a", "b"), (1.1, 0.9), {}, {"l": 1}, {1: 2}, {"a": None}, set(), object(),
+    Odd(), Odd, len, lambda: 1, lambda *a, **k: "text", np.array(1.0), np.zeros(0), np.zeros((2, 2)),
+    np.array(["a"]), np.array([np.nan]), ca.SX.sym("z"), ca.SX.sym("z", 3), ca.MX.sym("z"), ca.DM(3), range(3), iter([1]),
+    mb.Vertex, mb.Vertex(), mb.CVODES, mb.CVODES(), mb.Box(l=(0.9, 1.1)), mb.Box(k=(0, 1)), mb.Gauss(), mb.Sobol(), mb.Planar,
+    mb.Parameters(q=1.0), Path("/nonexistent/file"), "/nonexistent/file.npz", "/", ".", "out.qqq",
+]  # fmt: skip
+
+
+def rod_scene() -> mb.Scene:
+    """A pendulum with a spring."""
+    p = mb.Parameters(l=1.0, k=5.0)
+    rod = mb.Body("rod", 1.0, p.l**2 / 12, mb.Planar())
+    ground = mb.Ground()
+    system = mb.System(
+        rod,
+        mb.Revolute("hinge", ground.point(0, 0), rod.point(-p.l / 2, 0)),
+        mb.Spring("spring", ground.point(1, 1), rod.point(p.l / 2, 0), p.k, 0.5),
+        mb.Gravity(0, -9.81),
+        parameters=p,
+    )
+    return mb.Scene(system, times=T, outputs={"x": rod.x}, box=mb.Box(l=(0.95, 1.05)))
+
+
+SCENE = rod_scene()
+DECAY = mb.FunctionSimulator(lambda **p: np.exp(-p["l"] * T), {"l": 1.0}, T, ["x"])
+BOX = mb.Box(l=(0.95, 1.05))
+ROD, GROUND = SCENE.system.bodies[0], mb.Ground()
+A, B = GROUND.point(0, 0), ROD.point(0.5, 0)
+BOUNDS = mb.propagate(DECAY, mb.PolynomialChaos(order=2), BOX)
+RUN = mb.simulate(SCENE)
+DAE = mb.compile_dae(SCENE.system)
+COMPARISON = mb.compare(DECAY, [mb.Vertex()], BOX, mb.Scanning(3))
+
+BEAM = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), mb.Material(2e11, 7800.0, nu=0.3), elements=2)
+
+
+def in_a_scene(kind: type) -> Callable[..., mb.DAESimulator]:
+    """A function that declares an element, and derives the equations of a scene with it."""
+
+    def derived(*args: Any, **options: Any) -> mb.DAESimulator:
+        system = mb.System(ROD, kind(*args, **options), parameters=SCENE.system.parameters)
+        return mb.DAESimulator(mb.Scene(system, times=T, guess={"rod.x": 0.5}))
+
+    derived.__qualname__ = kind.__name__
+    return derived
+
+
+def body_in_a_scene(*args: Any, **options: Any) -> mb.DAESimulator:
+    """A body under gravity."""
+    return mb.DAESimulator(mb.Scene(mb.System(mb.Body(*args, **options), mb.Gravity(0, -9.81)), times=T))
+
+
+CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
+    (mb.simulate, (SCENE,), {"solver": mb.CVODES(), "parameters": {"l": 1.0}, "times": T, "outputs": {"x": ROD.x}}),
+    (mb.propagate, (DECAY, mb.Vertex()), {"box": BOX, "solver": None, "executor": None, "progress": None}),
+    (mb.propagate, (SCENE, mb.PolynomialChaos(order=2)), {"box": BOX, "solver": mb.DormandPrince()}),
+    (mb.compare, (DECAY, [mb.Vertex()]), {"box": BOX, "reference": mb.Scanning(3), "executor": None}),
+    (mb.compare, (SCENE, [mb.Vertex()]), {"box": BOX, "reference": mb.Scanning(3), "times": T, "outputs": {"x": ROD.x}}),
+    (mb.stability, (), {"scene": "no scene"}),
+    (mb.Scene, (SCENE.system,), {"start": {"rod.theta": 0.1}, "times": T, "outputs": {"x": ROD.x}, "box": BOX, "guess": {"rod.x": 0.5}, "name": "scene"}),
+    (mb.System, (ROD, mb.Gravity(0, -9.81)), {"parameters": SCENE.system.parameters}),
+    (mb.Parameters, (), {"l": 1.0, "k": 2.0}),
+    (mb.Box, (), {"l": (0.9, 1.1)}),
+    (mb.Box.around, ({"l": 1.0}, 0.05), {"names": ["l"]}),
+    (body_in_a_scene, ("rod", 1.0, 0.1), {"pose": mb.Planar(), "com": (0, 0)}),
+    (in_a_scene(mb.Revolute), ("hinge", A, B), {"axis": (0, 0, 1)}),
+    (in_a_scene(mb.Prismatic), ("slide", A, B), {"axis": (1, 0, 0)}),
+    (in_a_scene(mb.Distance), ("bar", A, B, 1.0), {}),
+    (in_a_scene(mb.Gear), ("gear", A, B), {"ratio": 2.0}),
+    (in_a_scene(mb.VelocityConstraint), ("rolls", (ROD.vx,)), {}),
+    (in_a_scene(mb.Motion), ("drive", ROD.theta, mb.t), {}),
+    (in_a_scene(mb.Impact), ("floor", ROD.y, 0.5), {}),
+    (in_a_scene(mb.Spring), ("spring", A, B, 5.0, 0.5), {}),
+    (in_a_scene(mb.Damper), ("damper", A, B, 5.0), {}),
+    (in_a_scene(mb.SpringDamper), ("strut", A, B, 5.0, 1.0, 0.5), {}),
+    (in_a_scene(mb.TorsionSpring), ("coil", GROUND, ROD, 5.0), {"damping": 0.1, "angle": 0.2}),
+    (in_a_scene(mb.Bushing), ("bush", A, B, 5.0), {"damping": 1.0}),
+    (in_a_scene(mb.NonlinearSpring), ("gas", A, B, mb.GasSpring(1e5, 1e-3, 1e-3, 0.1)), {}),
+    (in_a_scene(mb.Contact), ("contact", B, A, (0, 1, 0), mb.HuntCrossley(1e5, 0.5, 0.1)), {"radius": 0.0}),
+    (in_a_scene(mb.BushContact), ("bush", A, B, (0, 0, 1), 1e-3, mb.HuntCrossley(1e5, 0.5, 0.1)), {}),
+    (in_a_scene(mb.Friction), ("friction", A, B, (1, 0, 0), 10.0, mb.Coulomb(0.3, 1e-3)), {}),
+    (in_a_scene(mb.Soil), ("soil", A, B, (0, 1, 0), mb.KelvinVoigt(1e5, 10.0)), {}),
+    (in_a_scene(mb.Force), ("force", B, (1.0, 0.0)), {}),
+    (in_a_scene(mb.Torque), ("torque", ROD, 1.0), {}),
+    (in_a_scene(mb.Gravity), (0.0, -9.81), {}),
+    (mb.HuntCrossley, (1e5, 0.5, 0.1), {"exponent": 1.5}),
+    (mb.KelvinVoigt, (1e5, 10.0), {}),
+    (mb.Coulomb, (0.3, 1e-3), {"static": 0.4}),
+    (mb.Bristle, (0.3, 1e5), {}),
+    (mb.Optimization, (), {"budget": 100, "tolerance": 1e-3}),
+    (mb.Swarm, (), {"particles": 10, "steps": 5, "seed": 0}),
+    (mb.Bernstein, (), {"boxes": 2}),
+    (mb.Rosenbrock, (), {"step": 1e-3}),
+    (mb.HHT, (), {"step": 1e-3}),
+    (mb.GeneralizedAlpha, (), {"step": 1e-3, "rho": 0.8}),
+    (mb.Newmark, (), {"step": 1e-3}),
+    (mb.Baumgarte, (), {"alpha": 5.0, "beta": 5.0}),
+    (mb.AugmentedLagrangian, (), {"penalty": 1e6, "iterations": 2}),
+    (mb.FiniteElements.beams, (BEAM,), {}),
+    (mb.FiniteElements.beams(BEAM).modes, (), {"count": 2, "clamped": 0, "damping": 0.01}),
+    (mb.FiniteElements.matrices, (np.eye(3), np.eye(9), np.eye(9)), {}),
+    (ROD.point, (0.1, 0.2), {}),
+    (mb.ddt, (ROD.x,), {}),
+    (mb.Expansion, (np.array([[0], [1]]), np.zeros((2, 1, 1)), ("l",)), {}),
+    (mb.FunctionSimulator, (lambda **p: np.exp(-p["l"] * T), {"l": 1.0}, T, ["x"]), {}),
+    (mb.MonteCarlo, (10,), {"seed": 0, "sampler": mb.Sobol()}),
+    (mb.Scanning, (3,), {}),
+    (mb.Taylor, (), {"order": 2, "subintervals": 1}),
+    (mb.PolynomialChaos, (), {"order": 2, "nodes": mb.Gauss(), "basis": mb.TotalDegree(), "range": mb.Exact(), "lockstep": False}),
+    (mb.PolynomialChaos, (), {"tolerance": 1e-2, "budget": 100}),
+    (mb.PolynomialChaos.paper, (2,), {"nodes": mb.Gauss()}),
+    (mb.SparseGrid, (), {"rule": mb.Leja(), "level": 2}),
+    (mb.HyperbolicCross, (), {"q": 0.5}),
+    (mb.Exact, (), {"tolerance": 1e-3, "budget": 100}),
+    (mb.CVODES, (), {"rtol": 1e-8, "atol": 1e-10, "stiff": False, "stabilization": None}),
+    (mb.DormandPrince, (), {"rtol": 1e-8, "atol": 1e-10, "stabilization": None}),
+    (mb.RungeKutta, (), {"steps": 100}),
+    (mb.NSTIFFSI2, (), {"step": 1e-3}),
+    (mb.Collocation, (), {"degree": 4, "steps": 10}),
+    (mb.Table, ([0, 1], [0, 1]), {}),
+    (mb.Section.circle, (0.02,), {}),
+    (mb.Material, (2e11, 7800.0), {"nu": 0.3}),
+    (mb.Beam, ([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), mb.Material(2e11, 7800.0, nu=0.3)), {"elements": 3}),
+    (mb.rotation, (), {"axis": (1, 0, 0), "angle": 0.3}),
+    (BOUNDS.__getitem__, ("x",), {}),
+    (BOUNDS.doubtful, (0.1,), {}),
+    (BOUNDS.save, ("b.npz",), {}),
+    (BOUNDS.plot, ("b.png",), {}),
+    (mb.Bounds.load, ("saved.npz",), {}),
+    (mb.Comparison.load, ("saved.json",), {}),
+    (mb.Trajectory.load, ("run.npz",), {"scene": SCENE}),
+    (mb.Modes.load, ("modes.npz",), {}),
+    (RUN.__getitem__, ("x",), {}),
+    (RUN, (ROD.x,), {}),
+    (RUN.reaction, ("hinge",), {}),
+    (RUN.save, ("r.csv",), {}),
+    (RUN.plot, ("r.png",), {}),
+    (COMPARISON.save, ("c.json",), {}),
+    (COMPARISON.plot, ("c.svg",), {}),
+    (SCENE.with_times, (T,), {}),
+    (SCENE.with_outputs, ({"x": ROD.x},), {}),
+    (SCENE.with_box, (BOX,), {}),
+    (SCENE.with_name, ("name",), {}),
+    (SCENE.system.reaction, ("hinge",), {}),
+    (SCENE.system.lam, ("hinge",), {}),
+    (DAE.save_c, ("c",), {"start": None}),
+    (mb.DAESimulator, (SCENE,), {"solver": mb.CVODES()}),
+    (mb.compile_dae, (SCENE.system,), {}),
+]  # fmt: skip
+
+WORDS = [
+    "", "-", "--", "1", "nan", "-1", "1e999", "l=1", "l=", "=1", "l=a", "l==1", "k=1e-300", "pce", "pce:2", "pce:-1", "pce:2:paper", "pce:x", "taylor:99",
+    "mc:0", "mc:1e3", "mc:999999999999", "scan:1", "vertex", "vertex:1", "cvodes", "cvodes:2", "cvodes:-1e-8", "idas:nan", "rk:0", "rk:1e-3",
+    "dopri:1", "foo", "foo:1", "5%", "0%", "500%", "%", "five", "/nonexistent/x.json", "/", ".", "..", "x.txt", "x.npz", "x.png", "x.json", "x.csv",
+    "scene.py", "broken.py", "empty.py", "double_pendulum", "no_such_scene", "--methods", "--solver", "--set", "--spread", "--json", "--csv", "--plot",
+    "--latex", "-o", "--help", "\x00", "a\nb", "é", "*/",
+]  # fmt: skip
+COMMANDS = ["simulate", "compare", "equations", "codegen", "cache", "stability", "fly"]
+FILES = {
+    "scene.py": Path(__file__).read_text(encoding="utf-8").split("def rod_scene")[1].split("\n\n\nSCENE")[0],
+    "broken.py": "def scene(:\n",
+    "empty.py": "",
+    "exits.py": "def scene():\n    raise SystemExit(3)\n",
+    "bare.py": "class E(BaseException): pass\ndef scene():\n    raise E('stop')\n",
+    "path.py": "import sys\nsys.path.clear()\ndef scene():\n    return None\n",
+    "number.py": "def scene():\n    return 3\n",
+    "list.py": "scene = []\n",
+    "name.py": "def scene():\n    import symmb as mb\n    p = mb.Parameters(a=1.0)\n    return mb.Scene(mb.System(parameters=p), outputs={3: p.a})\n",
+}  # fmt: skip
+
+
+class TooLong(BaseException):
+    """A call took longer than it may."""
+
+
+@contextlib.contextmanager
+def limited() -> Iterator[None]:
+    """A context that ends after `MOST` seconds."""
+
+    def end(number: int, frame: Any) -> None:
+        raise TooLong
+
+    previous = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, MOST)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, previous)
+
+
+def api_fault(choice: random.Random) -> str:
+    """A malformed call of the API: what is wrong with its outcome; empty if nothing."""
+    f, args, options = choice.choice(CALLS)
+    args, options = list(args), dict(options)
+    for _ in range(choice.choice((1, 1, 2))):
+        places = [*range(len(args)), *options]
+        place = choice.choice(places)
+        value = choice.choice(NONSENSE)
+        if isinstance(place, int):
+            args[place] = value
+        else:
+            options[place] = value
+    text = f"{getattr(f, '__qualname__', f)}({', '.join([*map(short, args), *(f'{k}={short(v)}' for k, v in options.items())])})"
+    try:
+        with limited():
+            f(*args, **options)
+    except (mb.SymmbError, OSError) as error:
+        return "" if len(str(error)) < 2000 else f"{text}: message of {len(str(error))} characters"
+    except TooLong:
+        return f"{text}: longer than {MOST:g} s"
+    except BaseException as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{text}: {type(error).__name__}: {str(error)[:100]} ({Path(where.filename).name}:{where.lineno})"
+    return ""
+
+
+def command_fault(choice: random.Random) -> str:
+    """A malformed command: what is wrong with its outcome; empty if nothing."""
+    command = choice.choice(COMMANDS)
+    words = [choice.choice([*FILES, *WORDS]) for _ in range(choice.randrange(5))]
+    if choice.random() < 0.7:
+        words.insert(0, choice.choice(list(FILES)))
+    if command == "stability":
+        words = ["number.py", *words[1:]]
+    output, error = io.StringIO(), io.StringIO()
+    text = f"symmb {command} {' '.join(map(repr, words))}"
+    try:
+        with limited(), contextlib.redirect_stdout(output), contextlib.redirect_stderr(error):
+            status = main([command, *words])
+    except SystemExit as end:
+        status = end.code
+    except TooLong:
+        return f"{text}: longer than {MOST:g} s"
+    except BaseException as fault:
+        where = traceback.extract_tb(fault.__traceback__)[-1]
+        return f"{text}: {type(fault).__name__}: {str(fault)[:100]} ({Path(where.filename).name}:{where.lineno})"
+    told = [line for line in error.getvalue().splitlines() if not line.startswith("This comparison")]
+    if status not in (0, 1, 2):
+        return f"{text}: exit status {status}"
+    if status and not told:
+        return f"{text}: no word"
+    if any("Traceback" in line for line in told):
+        return f"{text}: traceback"
+    return ""
+
+
+def short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) < 60 else f"{text[:57]}..."
+
+
+def study(calls: int, seed: int = 0) -> list[str]:
+    """The faults of so many malformed calls, in an empty folder."""
+    choice, faults, before = random.Random(seed), [], os.getcwd()
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        os.chdir(folder)
+        try:
+            for name, text in FILES.items():
+                Path(name).write_text(text if name != "scene.py" else _scene_file(text), encoding="utf-8")
+            BOUNDS.save("saved.npz"), COMPARISON.save("saved.json"), RUN.save("run.npz")
+            for k in range(calls):
+                fault = command_fault(choice) if k % 3 == 0 else api_fault(choice)
+                if fault:
+                    faults.append(fault)
+        finally:
+            os.chdir(before)
+    return faults
+
+
+def _scene_file(body: str) -> str:
+    return f"import numpy as np\nimport symmb as mb\n\nT = np.linspace(0.0, 0.2, 5)\n\n\ndef scene{body}\n"
+
+
+if __name__ == "__main__":
+    CALLS_TO_MAKE = int(sys.argv[1]) if len(sys.argv) > 1 else 1500
+    begin = time.perf_counter()
+    found = study(CALLS_TO_MAKE, int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    print(f"{CALLS_TO_MAKE} calls in {time.perf_counter() - begin:.0f} s, {len(found)} faults")
+    for line in found:
+        print("   ", line)
