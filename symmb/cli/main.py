@@ -74,11 +74,17 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
     if partial is None:
         return
     print(partial)
-    for name in filter(None, (getattr(options, "json", None), getattr(options, "csv", None))):
-        path = Path(name).with_suffix(f".partial{Path(name).suffix}")
-        partial.save(path)
-        print(f"symmb {options.command}: interrupted. What was found so far is in {path}.", file=sys.stderr)
     sys.stdout.flush()
+    for name in filter(None, (getattr(options, "json", None), getattr(options, "csv", None))):
+        if not Path(name).suffix:  # a device
+            continue
+        path = Path(name).with_suffix(f".partial{Path(name).suffix}")
+        try:
+            partial.save(path)
+        except (SymmbError, OSError) as error:
+            print(f"symmb {options.command}: {error}", file=sys.stderr)
+        else:
+            print(f"symmb {options.command}: interrupted. What was found so far is in {path}.", file=sys.stderr)
 
 
 def _compare(options: argparse.Namespace) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import symmb as mb
 from symmb.cli.main import main
 from symmb.cli.scene_file import shipped_names
 
@@ -382,3 +383,23 @@ def test_a_scene_with_impacts(capsys, tmp_path):
     main(["codegen", "bouncing_ball", "-o", str(tmp_path / "c")])
     assert sorted(path.name for path in (tmp_path / "c").iterdir()) == ["model.c", "model.h"]
     assert "impulses" in (tmp_path / "c" / "model.h").read_text()
+
+
+def test_what_was_found_before_an_interrupt_is_printed_and_written(scene, tmp_path, capsys, monkeypatch):
+    def interrupted(*arguments, **options):
+        interrupt = KeyboardInterrupt()
+        interrupt.partial = mb.propagate(
+            mb.FunctionSimulator(lambda k: [k], {"k": 1.0}, [0.0], ["x"]), mb.Vertex(), box
+        )
+        raise interrupt
+
+    box = mb.Box(k=(0.0, 1.0))
+    monkeypatch.setattr(mb, "compare", interrupted)
+    file = tmp_path / "out.json"
+    assert main(["compare", scene(CUBIC), "--json", str(file)]) == 130
+    told = capsys.readouterr()
+    assert "Bounds by Vertex()" in told.out
+    assert f"interrupted. What was found so far is in {tmp_path / 'out.partial.json'}." in told.err
+    assert mb.Bounds.load(tmp_path / "out.partial.json").evaluations == 2 and not file.exists()
+    assert main(["compare", scene(CUBIC), "--json", "/dev/stdout"]) == 130
+    assert capsys.readouterr().err == ""
