@@ -224,18 +224,19 @@ def run_blocks(
     simulator: Simulator, P: Array, executor: Executor | None = None, progress: Progress | None = None
 ) -> Ensemble:
     """All trajectories of samples P (N, d), run block by block."""
-    parts = simulator.stream(P, _GATHER, executor, progress)
+    parts = list(simulator.stream(P, _GATHER, executor, progress))
     if len(parts) == 1:
         return parts[0]
-    shape = (0, len(simulator.times), len(simulator.outputs))
+    ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
+    t_failed = np.concatenate([np.empty(0), *(part.t_failed for part in parts)])
+    messages = tuple(message for part in parts for message in part.messages)
     events = [part.events for part in parts if part.events is not None]
-    return Ensemble(
-        Y=np.concatenate([np.empty(shape), *(part.Y for part in parts)]),
-        ok=np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)]),
-        t_failed=np.concatenate([np.empty(0), *(part.t_failed for part in parts)]),
-        messages=tuple(message for part in parts for message in part.messages),
-        events=np.concatenate(events) if events else None,
-    )
+    Y, filled = np.empty((len(ok), len(simulator.times), len(simulator.outputs))), 0
+    while parts:  # each part is freed as soon as it is copied
+        values = parts.pop(0).Y
+        Y[filled : filled + len(values)] = values
+        filled += len(values)
+    return Ensemble(Y, ok, t_failed, messages, np.concatenate(events) if events else None)
 
 
 def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indices: Indices) -> S:

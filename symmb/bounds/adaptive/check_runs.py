@@ -54,6 +54,6 @@ def quasi_random_points(number: int, d: int) -> Array:
     return np.asarray(np.sign(u) * np.sqrt(0.25 + 0.7 * np.abs(u)))
 
 
-def inflated_error(errors: Array) -> Array:
-    """Errors (n_t, n_y) to expect elsewhere from errors (C, n_t, n_y) at check runs: SAFETY times the largest."""
-    return SAFETY * np.sqrt(average_over_window(np.square(errors).max(axis=0)))
+def inflated_error(squares: Array) -> Array:
+    """Errors (n_t, n_y) to expect elsewhere from the largest squares of errors at check runs, by a factor SAFETY."""
+    return SAFETY * np.sqrt(average_over_window(squares))

@@ -192,7 +192,7 @@ class Piece:
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
-            missed = inflated_error(np.maximum(excess, 0.0)[None])
+            missed = inflated_error(np.square(np.maximum(excess, 0.0)))
             for piece in pieces:
                 share = INHERITED_SHARE ** (1 / len(self.half))
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))

@@ -80,7 +80,7 @@ def _expected(runs: Runs, grid: Grid, expansion: Expansion) -> tuple[dict[Index,
     probes, values = runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES]
     observed = np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0)
     if relative_rms(observed, widths) > SURPRISE * relative_rms(estimate, widths):
-        estimate = np.maximum(estimate, inflated_error(observed[None]))
+        estimate = np.maximum(estimate, inflated_error(np.square(observed)))
         least = relative_rms(observed, widths) / len(sizes) ** 0.5
         sizes = {index: max(size, least) for index, size in sizes.items()}
     return sizes, estimate
@@ -151,8 +151,8 @@ def _correct(
         points, Y = runs.check(select_dispersed(corrected.places, weights, min(n_round, runs.left)))
         if not len(points):
             continue
-        errors = Y - corrected.expansion.values(points)
-        largest = inflated_error(errors / remaining_share(points, before)[:, None, None])
+        errors = (Y - corrected.expansion.values(points)) / remaining_share(points, before)[:, None, None]
+        largest = inflated_error(np.square(errors).max(axis=0))
         base_errors = (runs.checks - base.values(runs.points)).reshape(len(runs.points), -1)
         change, further = continuation.through(base.alpha, runs.points, base_errors)
         coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])

@@ -75,11 +75,15 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
     rows = [k for k in range(len(runs.points)) if k < TENSOR_PROBES or k >= n_known]
     if not rows:
         return estimate, worst
-    points, Y = runs.points[rows], runs.checks[rows]
-    pieces = [union.piece_at(x) for x in points]
-    errors = np.stack([piece.observed_error(x, y) for x, y, piece in zip(points, Y, pieces, strict=True)])
-    expected = np.stack([piece.expected_error(x) for x, piece in zip(points, pieces, strict=True)])
-    ratios = np.divide(estimate, expected, out=np.ones_like(errors), where=expected > estimate / FARTHEST_SCALING)
-    ratios = np.where(np.abs(errors) > FARTHEST_SCALING * expected, np.maximum(ratios, 1.0), ratios)
-    largest = pieces[int(np.argmax([relative_rms(error, widths) for error in errors]))]
-    return np.maximum(inflated_error(errors * ratios), union.trust * estimate), largest
+    squares, largest = np.zeros_like(estimate), -1.0
+    for row in rows:  # one by one: several errors at once would take more memory than the runs
+        x = runs.points[row]
+        piece = union.piece_at(x)
+        error, expected = piece.observed_error(x, runs.checks[row]), piece.expected_error(x)
+        ratio = np.divide(estimate, expected, out=np.ones_like(error), where=expected > estimate / FARTHEST_SCALING)
+        ratio = np.where(np.abs(error) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)
+        squares = np.maximum(squares, np.square(error * ratio))
+        observed = relative_rms(error, widths)
+        if observed > largest:
+            largest, worst = observed, piece
+    return np.maximum(inflated_error(squares), union.trust * estimate), worst
