@@ -31,7 +31,7 @@ while True:
     except OSError:
         sys.exit(7)
 """
-LARGEST = 300_000
+LARGEST = 100_000
 """Size below which files may not grow [bytes]: all are larger."""
 
 
