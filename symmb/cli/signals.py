@@ -24,11 +24,13 @@ _GRACE = 1.4
 
 def end_at_signals() -> None:
     """End this process at SIGINT and SIGTERM, at once at the second signal."""
+    for number in SIGNALS:
+        signal.signal(number, _interrupt)
+    if os.name != "posix":  # elsewhere nothing is compiled, and no pipe tells of signals
+        return
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    for number in SIGNALS:
-        signal.signal(number, _interrupt)
     Thread(target=_watch, args=(reader,), daemon=True).start()
 
 
@@ -37,7 +39,8 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _watch(reader: int) -> None:
-    os.read(reader, 1)  # C writes a byte when a signal arrives
+    while os.read(reader, 1)[0] not in SIGNALS:  # C writes the number of each signal that has a handler
+        pass
     select.select([reader], [], [], _GRACE)
     end_now()
 
