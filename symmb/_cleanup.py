@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from symmb._interrupts import deferred_interrupts
+
 PREFIX = "symmb-"
 """Beginning of the names of temporary folders. The number of their process follows."""
 
@@ -61,17 +63,19 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
     subprocess.TimeoutExpired       if it takes longer
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        env=environment,
-        start_new_session=not _LEADS,
-    ) as process:
+    with deferred_interrupts():  # one that arrives before the process is known would leave it behind
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            env=environment,
+            start_new_session=not _LEADS,
+        )
         _GROUPS.add(process.pid)
+    with process:
         try:
             text, _ = process.communicate(timeout=seconds)
         finally:

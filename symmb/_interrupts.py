@@ -2,7 +2,8 @@
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -65,3 +66,23 @@ class Interrupts:
     def _notice(self, number: int, frame: FrameType | None) -> None:
         self.noticed = True
         self._previous[number](number, frame)  # what it raises may end the call at once
+
+
+@contextmanager
+def deferred_interrupts() -> Iterator[None]:
+    """A context for short work that must not be interrupted: an interrupt that arrives is raised at its end."""
+    arrived: list[tuple[int, FrameType | None]] = []
+    previous: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            handler = signal.getsignal(number)
+            if callable(handler):
+                previous[number] = handler
+                signal.signal(number, lambda *arguments: arrived.append(arguments))
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+        for number, frame in arrived:
+            previous[number](number, frame)

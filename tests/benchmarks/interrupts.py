@@ -94,6 +94,8 @@ def interrupted(name: str, number: signal.Signals, moment: float) -> tuple[float
         faults += [f"{path.name} is not whole" for path in outputs if not is_whole(path)]
         faults += [f"left {path.name}" for path in temporary.iterdir()]
         faults += [f"left {path.name}" for path in place.iterdir() if path.name.startswith(".")]
+        if processes_in(folder):
+            time.sleep(0.3)  # a process that was killed takes a moment to go
         faults += [f"left a process: {line}" for line in processes_in(folder)]
         return seconds, faults
 
