@@ -32,10 +32,10 @@ def require_runs(owner: object, runs: int, instead: str) -> None:
 @cache
 def memory() -> int:
     """Memory of this machine, or of this container [bytes]."""
-    found = [_UNKNOWN]
+    limits = [_UNKNOWN]
     try:
-        found = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
-        found.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
+        limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+        limits.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
     except (OSError, ValueError, AttributeError):  # not told, or without a limit
         pass
-    return min(found)
+    return min(limits)

@@ -60,17 +60,17 @@ class Fit:
         PropagationError
             If the nodes do not determine the polynomials of the basis, or there are too many of either.
         """
-        wanted = f"{basis!r} of order {order} in {d} parameters"
+        request = f"{basis!r} of order {order} in {d} parameters"
         if order > MOST_ORDER:
-            raise PropagationError(f"{wanted}: the highest order is {MOST_ORDER}.")
+            raise PropagationError(f"{request}: the highest order is {MOST_ORDER}.")
         sizes = [getattr(part, "size", None) for part in (rule, basis)]
         n_nodes, n_basis = (size(d, order) if size else 1 for size in sizes)
         if n_basis > MOST_PRODUCTS:
-            raise PropagationError(f"{wanted} has {n_basis:.3g} products, more than the {MOST_PRODUCTS:.0e} allowed.")
-        require_runs(rule, n_nodes, f"They are asked for by {wanted}. Use a lower order, or SparseGrid(Leja()).")
+            raise PropagationError(f"{request} has {n_basis:.3g} products, more than the {MOST_PRODUCTS:.0e} allowed.")
+        require_runs(rule, n_nodes, f"They are asked for by {request}. Use a lower order, or SparseGrid(Leja()).")
         tensor = isinstance(rule, Rule) and isinstance(basis, TensorDegree)
         matrix = 0 if tensor else 3 * n_nodes * n_basis
-        require_memory(rule, f"nodes and coefficients of {wanted}", 4 * d * (n_nodes + n_basis) + matrix)
+        require_memory(rule, f"nodes and coefficients of {request}", 4 * d * (n_nodes + n_basis) + matrix)
         line = None
         if tensor:
             nodes = rule.points(1, order)[0][:, 0]

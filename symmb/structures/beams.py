@@ -50,8 +50,8 @@ class Beam:
         if isinstance(self.elements, bool) or not isinstance(self.elements, int) or self.elements < 1:
             raise DeclarationError(f"Beam: elements must be a whole number from 1 on, got {self.elements!r}.")
         require_instance("Beam: material", self.material, Material, "a Material")
-        given = [self.section] if isinstance(self.section, Section) else self.section
-        for section in given if isinstance(given, list | tuple) else [given]:
+        sections = [self.section] if isinstance(self.section, Section) else self.section
+        for section in sections if isinstance(sections, list | tuple) else [sections]:
             require_instance("Beam: section", section, Section, "a Section, or one for each point")
         sections = self.sections
         if len(sections) != len(points):
