@@ -8,7 +8,7 @@ import numpy as np
 
 import symmb as mb
 from symmb import compile_dae
-from symmb.mechanics.constraint import Joint
+from symmb.mechanics.joint import Joint
 from symmb.model.dae import DAE
 
 ORIENTED = {"Planar", "Spatial", "Ground"}

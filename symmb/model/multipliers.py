@@ -4,6 +4,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb.mechanics import Ground, Joint
 
 
 class Multipliers(ca.SX):
@@ -24,3 +25,21 @@ class Reaction:
         self.force, self.torque = force, torque
         self.fx, self.fy, self.fz = ca.vertsplit(force)
         self.tx, self.ty, self.tz = ca.vertsplit(torque)
+
+
+def joint_reaction(joint: Joint, rows: ca.SX, lam: ca.SX) -> Reaction:
+    """Reaction of a joint with position rows (n,) and multipliers (n,), by the virtual power of the rows."""
+    onto_b = not isinstance(joint.point_b.body, Ground)
+    point = joint.point_b if onto_b else joint.point_a
+    frame = point.body.frame
+    # The wrench on the body about its centre of mass is -(d rows'/d twist)' lam.
+    twist = ca.SX.sym("twist", 6)
+    q_rate = ca.substitute(frame.rate, frame.v, ca.densify(frame.rigid @ twist))
+    rate = ca.jtimes(rows, frame.q, q_rate)
+    wrench = -ca.jacobian(rate, twist).T @ lam
+    force, torque = wrench[:3], frame.R @ wrench[3:]
+    torque = torque - ca.cross(frame.R @ point.s, force)
+    if onto_b:
+        return Reaction(ca.densify(force), ca.densify(torque))
+    torque = torque + ca.cross(point.r - joint.point_b.r, force)
+    return Reaction(ca.densify(-force), ca.densify(-torque))

@@ -26,7 +26,7 @@ from symmb.mechanics import Body, Element, Ground, Joint, Parameters, Spatial
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
-from symmb.model.multipliers import Multipliers, Reaction
+from symmb.model.multipliers import Multipliers, Reaction, joint_reaction
 from symmb.model.summary import system_text
 from symmb.symbolic import Symbol, is_zero, latex, rate, saddle_solver, t, to_sympy
 
@@ -257,22 +257,7 @@ class System:
                 raise DeclarationError(f"The name of a joint is a text, got {name!r}.{known}")
             hint = f" Its multipliers are system.lam({name!r})." if name in self.lam.rows else known
             raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
-        joint = joints[name]
-        onto_b = not isinstance(joint.point_b.body, Ground)
-        point = joint.point_b if onto_b else joint.point_a
-        frame = point.body.frame
-        rows = self.collected.rows[name]
-        # Virtual power of the rows: the wrench on the body about its centre of mass is -(d rows'/d twist)' lam.
-        twist = ca.SX.sym("twist", 6)
-        q_rate = ca.substitute(frame.rate, frame.v, ca.densify(frame.rigid @ twist))
-        rate = ca.jtimes(self.Phi[rows], frame.q, q_rate)
-        wrench = -ca.jacobian(rate, twist).T @ self.lam(name)
-        force, torque = wrench[:3], frame.R @ wrench[3:]
-        torque = torque - ca.cross(frame.R @ point.s, force)
-        if onto_b:
-            return Reaction(ca.densify(force), ca.densify(torque))
-        torque = torque + ca.cross(point.r - joint.point_b.r, force)
-        return Reaction(ca.densify(-force), ca.densify(-torque))
+        return joint_reaction(joints[name], self.Phi[self.collected.rows[name]], self.lam(name))
 
     @cached_property
     def positive(self) -> tuple[tuple[str, ...], ca.Function]:

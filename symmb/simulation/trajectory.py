@@ -1,7 +1,6 @@
 """The trajectory of one run."""
 
 import math
-from collections import Counter
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import chain
@@ -17,11 +16,12 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import require_instance
 from symmb._types import Array, Expr
-from symmb.events import Event, longest_step
+from symmb.events import Event
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.outputs import output_function
 from symmb.simulation.trajectory_file import Drift, Energy, of_record, of_table
+from symmb.simulation.trajectory_text import trajectory_text, unexplained
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
 
@@ -179,7 +179,7 @@ class Trajectory:
         simulator = self._model[1]
         dae, X, times = simulator.dae, self.x, self.t
         near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
-        if near or dae.G is None or not (failed or self._drifts(_USUAL)):
+        if near or dae.G is None or not (failed or unexplained(self.energy_drift, self._rtol)):
             return near
         number = int(np.clip(_WORK / dae.n_v**3, 2, _TIMES))
         for _ in range(_CLOSER if failed else 1):
@@ -196,10 +196,6 @@ class Trajectory:
     @property
     def _rtol(self) -> float | None:
         return getattr(self._model[1].solver, "rtol", None)
-
-    def _drifts(self, usual: float) -> bool:
-        """Whether energy drifts by more than the tolerance explains."""
-        return self._rtol is not None and self.energy_drift > max(_LEAST, usual * self._rtol)
 
     @cached_property
     def energy(self) -> Energy:
@@ -232,58 +228,7 @@ class Trajectory:
 
     @cached_property
     def _text(self) -> str:
-        start = self.statistics["start"]
-        return "\n".join(
-            [
-                f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
-                *([f"  solver      chosen: {self.reason}"] if self.reason else []),
-                f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
-                f"  start       {'; '.join(f'{what} {_listed(start[key])}' for key, what in _START.items())}",
-                *([f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []),
-                *self._pulse_line(),
-                *self._event_lines(),
-                *self._drift_line(),
-                *([f"  singular    {self.singularity}"] if self.singularity else []),
-                *self._doubt_line(),
-                f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
-            ]
-        )
-
-    def _pulse_line(self) -> list[str]:
-        longest = longest_step(self._model[1].dae, self.t)
-        if not math.isfinite(longest):
-            return []
-        passes = "at most {:.2g} s, so that none passes over one"
-        if self._rtol is None:  # the user chose the fixed step
-            passes = "more than {:.2g} s may pass over one"
-        return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
-
-    def _event_lines(self) -> list[str]:
-        if not self.events:
-            return []
-        counts = Counter(event.name for event in self.events if event.what == "impact")
-        parts = [f"{n} of {name!r}" for name, n in counts.items()]
-        parts += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in self.events if e.what != "impact"]
-        lost = sum(event.work for event in self.events)
-        return [f"  impacts     {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {lost:.4g} J"]
-
-    def _drift_line(self) -> list[str]:
-        if not self.x.shape[1]:
-            return []
-        drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}"
-        return [f"  drift       {drifts}, energy {self.energy_drift:.1e}"]
-
-    def _doubt_line(self) -> list[str]:
-        """A line on drift above the tolerance. Energy drifts also at singular positions, where branches meet."""
-        length = self._model[1].dae.scales.length
-        if self._rtol is not None and self.position_drift > max(_LEAST, _USUAL * self._rtol) * length:
-            return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
-        if not self._drifts(_NEAR if self.singularity else _USUAL):
-            return []
-        doubt = f"energy drifts by more than rtol = {self._rtol:g} explains"
-        if self.singularity:
-            return [f"  doubtful    {doubt}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
-        return [f"  doubtful    {doubt}: try a smaller one"]
+        return trajectory_text(self, self._model[1], self._rtol)
 
     def to_json(self) -> dict[str, Any]:
         """The run as lists, texts and numbers. Numbers that are not finite are None."""
@@ -361,15 +306,6 @@ class Trajectory:
         figures.plot_trajectory(self.t, self.values, figures.labels(self.names, self.units), path, title=self.name)
 
 
-_LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
-"""Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
-Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
-tests/test_problems.py"""
 _TIMES, _WORK, _CLOSER = 2000, 2e9, 2
 """A run that drifts is examined at so many times, but times (number of velocities)^3 stays below `_WORK`, which takes
 seconds. A run that fails is examined so often, each time closer to its failure."""
-_START = {"held": "held", "solved": "solved for", "free": "left free"}
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) or "nothing"
