@@ -1,6 +1,7 @@
-"""What a request costs, before the work: memory and numbers of runs."""
+"""What a request costs, before the work: memory and numbers of runs; and large work in windows."""
 
 import os
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +13,14 @@ _UNKNOWN = 4 * 2**30
 """Memory of a machine that does not tell it [bytes]."""
 MOST_RUNS = 10**8
 """Most runs of a request: at 10 microseconds each they take a quarter of an hour."""
+_WINDOW = 2**20
+"""Numbers that work on large arrays takes at once: a few arrays of 8 MB."""
+
+
+def windows(n: int, each: int = 1) -> Iterator[slice]:
+    """Slices of n rows of `each` numbers. Work in these windows needs little memory beside its results."""
+    size = max(_WINDOW // each, 1)
+    return (slice(start, min(start + size, n)) for start in range(0, n, size))
 
 
 def require_memory(owner: object, what: str, numbers: int) -> None:

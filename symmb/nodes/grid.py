@@ -12,6 +12,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from symmb._limits import windows
 from symmb._types import Array, Indices
 from symmb.nodes.tensor_transform import transform_axes
 from symmb.polynomials import MultiIndices
@@ -70,11 +71,15 @@ class Grid:
         """Legendre coefficients (N, m) of the interpolant from values (n, m), of which rows (N,) are at the nodes."""
         if rows is None:
             rows = np.arange(len(Y))
-        if len(rows) > _FEW:
-            return self._interpolants(Y[rows])
-        if len(rows) == len(Y):  # values are large, and are not copied for sorting
-            return self._fit[:, np.argsort(rows)] @ Y
-        return self._fit @ Y[rows]
+        coefficients = np.empty((len(rows), Y.shape[1]))
+        for window in windows(Y.shape[1], len(rows)):
+            if len(rows) > _FEW:
+                coefficients[:, window] = self._interpolants(Y[rows, window])
+            elif len(rows) == len(Y):  # without a copy
+                coefficients[:, window] = self._fit[:, np.argsort(rows)] @ Y[:, window]
+            else:
+                coefficients[:, window] = self._fit @ Y[rows, window]
+        return coefficients
 
     @cached_property
     def _fit(self) -> Array:

@@ -16,12 +16,12 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import require_instance
 from symmb._types import Array, Expr
-from symmb.events import Event
+from symmb.events import Event, longest_step
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.outputs import output_function
 from symmb.simulation.trajectory_file import Drift, Energy, of_record, of_table
-from symmb.simulation.trajectory_text import trajectory_text, unexplained
+from symmb.simulation.trajectory_text import doubt_lines, event_lines, pulse_lines, start_lines, unexplained
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
 
@@ -228,7 +228,25 @@ class Trajectory:
 
     @cached_property
     def _text(self) -> str:
-        return trajectory_text(self, self._model[1], self._rtol)
+        dae = self._model[1].dae
+        drifts = (
+            f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, energy {self.energy_drift:.1e}"
+        )
+        position = self.position_drift / dae.scales.length
+        return "\n".join(
+            [
+                f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
+                *([f"  solver      chosen: {self.reason}"] if self.reason else []),
+                f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
+                *start_lines(self.statistics["start"]),
+                *pulse_lines(longest_step(dae, self.t), self._rtol),
+                *event_lines(self.events),
+                *([f"  drift       {drifts}"] if self.x.shape[1] else []),
+                *([f"  singular    {self.singularity}"] if self.singularity else []),
+                *doubt_lines(position, self.energy_drift, self.singularity is not None, self._rtol),
+                f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
+            ]
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The run as lists, texts and numbers. Numbers that are not finite are None."""

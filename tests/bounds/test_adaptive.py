@@ -1,6 +1,7 @@
 """Growing grids, their estimated errors, and bounds that choose their own runs."""
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -294,3 +295,21 @@ def test_ten_parameters_take_fewer_than_a_thousand_runs():
     short = np.maximum(np.maximum(bounds.lower - attained.lower, attained.upper - bounds.upper), 0.0)
     assert (np.sqrt(np.mean(short**2, axis=0)) < 5e-3 * width).all()
     assert (short <= bounds.estimate + 1e-6 * width).mean() > 0.98
+
+
+@pytest.mark.parametrize("d", [2, 4])
+def test_long_studies_take_little_memory_beside_their_runs_and_result(d):
+    times, rates = np.linspace(0.0, 10.0, 100_000)[:, None], np.array([1.0, 2.0])
+    names = "abcde"[:d]
+
+    def response(a, b, **others):
+        return np.sin(a * rates * times + b) * (1 + 0.1 * sum(others.values()))
+
+    simulator = mb.FunctionSimulator(response, dict.fromkeys(names, 1.0), times[:, 0], ["x", "y"])
+    box = mb.Box(**dict.fromkeys(names, (0.9, 1.1)))
+    tracemalloc.start()
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=0.05), box)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    array = bounds.lower.nbytes
+    assert peak < bounds.expansion.coefficients.nbytes + (bounds.evaluations + 40) * array + 100e6

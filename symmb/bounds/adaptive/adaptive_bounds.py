@@ -35,7 +35,9 @@ def adaptive_bounds(
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress)
     estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
-    lowest, highest = runs.extremes
+    lowest, highest = inner = runs.extremes
+    evaluations, failed = len(runs), runs.failed
+    del runs
     unresolved = estimated.estimate > highest - lowest
     return Bounds(
         t=simulator.times,
@@ -44,9 +46,9 @@ def adaptive_bounds(
         upper=np.where(unresolved, highest, np.maximum(estimated.upper, highest)),
         kind="estimate",
         method=text,
-        evaluations=len(runs),
+        evaluations=evaluations,
         estimate=estimated.estimate,
-        inner=runs.extremes,
-        failed=runs.failed,
-        expansion=estimated.expansion,
+        inner=inner,
+        failed=failed,
+        expansion=estimated.expansion and estimated.expansion(),
     )

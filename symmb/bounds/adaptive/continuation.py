@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._limits import windows
 from symmb._types import Array
 from symmb.nodes import Grid, Index, below
 from symmb.polynomials import MultiIndices, basis_values
@@ -56,12 +57,16 @@ class Continuation:
 
     def expected_error(self, known: MultiIndices, places: Array, points: Array) -> Array:
         """Root mean square (...) of the error that runs at points (C, d) leave at places (..., d), rounded to 0.1."""
-        different, which = np.unique(places.reshape(-1, places.shape[-1]).round(1), axis=0, return_inverse=True)
-        there, free = self._free(known, different), self._free(known, points)
-        covariance = free @ there.T
-        explained = (covariance * np.linalg.solve(self._products(free), covariance)).sum(axis=0)
-        remaining = np.sqrt(np.maximum(np.square(there).sum(axis=1) - explained, 0.0))
-        return np.asarray(remaining[which.ravel()].reshape(places.shape[:-1]))
+        free, places = self._free(known, points), places.round(1)
+        flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
+        for window in windows(len(flat), places.shape[-1]):
+            different, which = np.unique(flat[window], axis=0, return_inverse=True)
+            there = self._free(known, different)
+            covariance = free @ there.T
+            explained = (covariance * np.linalg.solve(self._products(free), covariance)).sum(axis=0)
+            remaining = np.sqrt(np.maximum(np.square(there).sum(axis=1) - explained, 0.0))
+            errors.reshape(-1)[window] = remaining[which.ravel()]
+        return errors
 
     def _free(self, known: MultiIndices, points: Array) -> Array:
         """(C, n_b) values of the further polynomials at points, less their interpolants, times the expected sizes."""

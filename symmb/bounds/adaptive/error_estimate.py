@@ -6,8 +6,9 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from symmb._types import Array, Indices
-from symmb.bounds.adaptive.constants import DECAY_POWER, FAST_DECAY, NODE_SHARE, SHELLS, WINDOW
+from symmb._limits import windows
+from symmb._types import Array, Indices, Mask
+from symmb.bounds.adaptive.constants import DECAY_POWER, FAST_DECAY, NODE_SHARE, SHELLS, SMOOTH_DECAY, WINDOW
 from symmb.polynomials import MultiIndices
 
 
@@ -29,13 +30,13 @@ class TruncationError:
     Attributes
     ----------
     directions : (d, n_t, n_y)      largest error from each direction, e_i
-    decay : (d, n_t, n_y)           r of each direction, at most 1
+    slow : (d, n_t, n_y)            whether r of each direction exceeds SMOOTH_DECAY
     mixed : (n_t, n_y)              error from products that are missing
     degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
     """
 
     directions: Array
-    decay: Array
+    slow: Mask
     mixed: Array
     degrees: Indices | None
 
@@ -44,18 +45,19 @@ class TruncationError:
         """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y)."""
         degrees = alpha.max(axis=0)
         tensor = len(alpha) == int(np.prod(degrees + 1))
-        directions, decay = np.zeros((2, alpha.shape[1], *coefficients.shape[1:]))
+        directions = np.zeros((alpha.shape[1], *coefficients.shape[1:]))
+        slow = np.zeros(directions.shape, dtype=bool)
         mixed = np.zeros(coefficients.shape[1:])
         for i, groups in enumerate(_groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)):
             sizes = _sizes(coefficients, *groups.shells)
             ratios = _ratio(sizes[:-1], sizes[1:])
-            decay[i] = np.max(ratios, axis=0) if tensor else ratios[0]
-            power = np.maximum(1 - decay[i] / FAST_DECAY, DECAY_POWER) if tensor else DECAY_POWER
-            directions[i] = sizes[0] * decay[i] ** power
+            decay = np.max(ratios, axis=0) if tensor else ratios[0]
+            power = np.maximum(1 - decay / FAST_DECAY, DECAY_POWER) if tensor else DECAY_POWER
+            directions[i], slow[i] = sizes[0] * decay**power, decay > SMOOTH_DECAY
             if groups.unmixed.size:
                 product, factor, unmixed = _sizes(coefficients, *groups.products, groups.unmixed)
                 mixed += np.square(unmixed * _ratio(product, factor))
-        return cls(directions, decay, np.sqrt(mixed), degrees if tensor else None)
+        return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
         """Expected error (n_t, n_y) at points x (n_t, n_y, d), or (d,) for all times and outputs."""
@@ -88,9 +90,11 @@ def average_over_window(squares: Array) -> Array:
     if not half:
         return squares
     ends = [(0, 0)] * (squares.ndim - 2) + [(half + 1, half), (0, 0)]
-    sums = np.cumsum(np.pad(squares, ends, mode="edge"), axis=-2)
-    means = (sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]) / (2 * half + 1)
-    return np.maximum(means, 0.0)
+    sums = np.pad(squares, ends, mode="edge")
+    np.cumsum(sums, axis=-2, out=sums)
+    means = sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]
+    means /= 2 * half + 1
+    return np.maximum(means, 0.0, out=means)
 
 
 def _ratio(a: Array, b: Array) -> Array:
@@ -100,8 +104,14 @@ def _ratio(a: Array, b: Array) -> Array:
 
 def _sizes(coefficients: Array, *groups: Indices) -> Array:
     """Root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y)."""
-    parts = (coefficients[rows] for rows in groups)
-    return np.sqrt(average_over_window(np.stack([np.einsum("iab,iab->ab", part, part) for part in parts])))
+    _, n_t, n_y = coefficients.shape
+    sizes = np.empty((len(groups), n_t, n_y))
+    for size, rows in zip(sizes, groups, strict=True):
+        for window in windows(n_t, n_y * len(rows)):
+            part = coefficients[rows, window]
+            size[window] = np.einsum("iab,iab->ab", part, part)
+        size[:] = np.sqrt(average_over_window(size))
+    return sizes
 
 
 class _Groups(NamedTuple):

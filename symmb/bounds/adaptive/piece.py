@@ -5,6 +5,7 @@ from functools import cache, cached_property, partial
 
 import numpy as np
 
+from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
 from symmb.bounds.adaptive.check_runs import inflated_error
 from symmb.bounds.adaptive.constants import (
@@ -96,8 +97,12 @@ class Piece:
         """Expected errors (d, n_t, n_y) where events happen between nodes, nan elsewhere; None without events."""
         if self.runs.events is None:
             return None
-        degrees = self.expansion.alpha.max(axis=0)
-        return event_errors(self.nodes, degrees, self.Y, self.runs.events[self.rows])
+        degrees, (n_t, n_y) = self.expansion.alpha.max(axis=0), self.runs.shape
+        errors = np.empty((len(degrees), n_t, n_y))
+        for window in windows(n_t, n_y * len(self.rows)):
+            Y, events = self.runs.nodes[self.rows, window], self.runs.events[self.rows, window]
+            errors[:, window] = event_errors(self.nodes, degrees, Y, events)
+        return errors
 
     @cached_property
     def rough_direction(self) -> int | None:
@@ -118,7 +123,7 @@ class Piece:
         if self.rough_direction is None or self.inherited is None or has_event is not None:
             return has_event
         large = self.truncation.directions >= REFINED_SHARE * self.truncation.directions.max(axis=0)
-        rough = ((self.truncation.decay > SMOOTH_DECAY) & large).any(axis=0)
+        rough = (self.truncation.slow & large).any(axis=0)
         return rough | (self.half.min() < SMALL_HALF_WIDTH)
 
     @cached_property

@@ -18,12 +18,15 @@ from symmb.simulation import Progress, Simulator, note_attained, run_blocks
 
 
 class EstimatedRange(NamedTuple):
-    """Range of an interpolant, its estimated error, each (n_t, n_y), and an expansion over the box if it is whole."""
+    """Range of an interpolant, its estimated error, each (n_t, n_y), and its expansion over the box if it is whole.
+
+    The expansion is made on call: it is as large as the runs, which are not needed any more then.
+    """
 
     lower: Array
     upper: Array
     estimate: Array
-    expansion: Expansion | None
+    expansion: Callable[[], Expansion] | None
 
 
 @dataclass

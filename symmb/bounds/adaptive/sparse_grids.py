@@ -1,9 +1,11 @@
 """Bounds over many parameters: a sparse grid that grows where the response varies, and check runs that correct it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._limits import windows
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
@@ -23,7 +25,7 @@ from symmb.bounds.adaptive.error_estimate import TruncationError
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, rms
 from symmb.nodes import Grid, Index
 from symmb.nodes import grid as corners
-from symmb.polynomials import Expansion
+from symmb.polynomials import Expansion, MultiIndices, basis_values
 from symmb.polynomials.ranges import Exact
 
 
@@ -49,11 +51,10 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
         is_last = not step or is_stalled
         if not is_last and relative_rms(estimate, widths) > tolerance / TRUST:  # check runs may show that much less
             continue
-        corrected, estimate = _correct(
+        corrected, (lower, upper), estimate = _correct(
             runs, grid, expansion, sizes, SPARSE_RANGE * tolerance, estimate, widths, n_checks
         )
         if is_last or relative_rms(estimate, widths) <= tolerance:
-            lower, upper = corrected.lower, corrected.upper
             estimate = estimate + SPARSE_RANGE * tolerance * (upper - lower)
             return EstimatedRange(lower, upper, estimate, corrected.expansion)
 
@@ -98,26 +99,68 @@ def _largest(sizes: dict[Index, float], number: int) -> set[Index]:
 
 
 @dataclass(frozen=True, eq=False)
-class _RangedExpansion:
-    """An expansion and its range (n_t, n_y), with the places (2, n_t, n_y, d) of its minima and maxima.
+class _Corrected:
+    """An expansion that is continued through check runs. Its coefficients are computed for windows of responses.
 
-    The range is that of the best values of the search. A proof would take longer than the runs, and the response may
-    exceed the range of the expansion anyway.
+    Attributes
+    ----------
+    base : expansion on the grid
+    continuation : of the base; None without check runs
+    points, checks : (C, d) and (C, n_t, n_y), the check runs
     """
 
-    expansion: Expansion
-    lower: Array
-    upper: Array
-    places: Array
+    base: Expansion
+    continuation: Continuation | None
+    points: Array
+    checks: Array
 
-    @classmethod
-    def of(cls, expansion: Expansion, tolerance: float) -> "_RangedExpansion":
-        alpha, shape = expansion.alpha, expansion.coefficients.shape[1:]
+    @property
+    def alpha(self) -> MultiIndices:
+        """(n_b, d)."""
+        further = [] if self.continuation is None else [self.continuation.alpha]
+        return np.concatenate([self.base.alpha, *further])
+
+    def parts(self) -> Iterator[tuple[slice, Array]]:
+        """Windows of the n_t n_y responses, and their coefficients (n_b, m)."""
+        base = self.base.coefficients.reshape(len(self.base.alpha), -1)
+        checks = self.checks.reshape(-1, base.shape[1])
+        for window in windows(base.shape[1], len(self.alpha)):
+            yield window, self._continued(base[:, window], checks[:, window])
+
+    def _continued(self, base: Array, checks: Array) -> Array:
+        if self.continuation is None:
+            return base
+        errors = checks - basis_values(self.base.alpha, self.points) @ base
+        change, further = self.continuation.through(self.base.alpha, self.points, errors)
+        return np.concatenate([base + change, further])
+
+    def expansion(self) -> Expansion:
+        """With all coefficients."""
+        if self.continuation is None:
+            return self.base
+        coefficients = np.empty((len(self.alpha), *self.base.coefficients.shape[1:]))
+        for window, part in self.parts():
+            coefficients.reshape(len(self.alpha), -1)[:, window] = part
+        return Expansion(self.alpha, coefficients, self.base.parameters)
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d)."""
+        basis, shape = basis_values(self.alpha, points), self.base.coefficients.shape[1:]
+        return np.concatenate([basis @ part for _, part in self.parts()], axis=1).reshape(-1, *shape)
+
+    def range(self, tolerance: float) -> tuple[Array, Array, Array]:
+        """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d).
+
+        The range is that of the best values of the search. A proof would take longer than the runs, and the response
+        may exceed the range of the expansion anyway.
+        """
+        alpha, shape = self.alpha, self.base.coefficients.shape[1:]
         search = Exact(tolerance, max(FEWEST_BOXES, RANGE_WORK // len(alpha))).search
-        extremes = search(alpha, expansion.coefficients.reshape(len(alpha), -1))
-        lower, upper = extremes.lower + extremes.below, extremes.upper - extremes.above
-        places = np.stack([extremes.at_lower, extremes.at_upper]).reshape(2, *shape, alpha.shape[1])
-        return cls(expansion, lower.reshape(shape), upper.reshape(shape), places)
+        found = [search(alpha, part) for _, part in self.parts()]
+        lower = np.concatenate([extremes.lower + extremes.below for extremes in found])
+        upper = np.concatenate([extremes.upper - extremes.above for extremes in found])
+        places = np.stack([np.concatenate([f.at_lower for f in found]), np.concatenate([f.at_upper for f in found])])
+        return lower.reshape(shape), upper.reshape(shape), places.reshape(2, *shape, -1)
 
 
 def _correct(
@@ -129,15 +172,16 @@ def _correct(
     estimate: Array,
     widths: Array,
     number: int,
-) -> tuple[_RangedExpansion, Array]:
-    """The expansion continued through check runs at some of its extremes, in two rounds, and its estimated error.
+) -> tuple[_Corrected, tuple[Array, Array], Array]:
+    """The expansion continued through check runs at some of its extremes, in two rounds, its range, and its error.
 
     The runs of the second round show the error of the expansion that the first round has corrected. An error at a place
     where the continuation leaves the share s(x) of the typical error suggests the error e / s(x) elsewhere.
     """
-    corrected, largest = _RangedExpansion.of(base, tolerance), estimate
+    corrected, largest = _Corrected(base, None, runs.points[:0], runs.checks[:0]), estimate
+    lower, upper, extremes = corrected.range(tolerance)
     continuation = Continuation.of(grid, sizes)
-    typical = rms(continuation.expected_error(base.alpha, corrected.places, runs.points).ravel())
+    typical = rms(continuation.expected_error(base.alpha, extremes, runs.points).ravel())
 
     def remaining_share(places: Array, points: Array) -> Array:
         """Share of the error typical of extremes that runs at points (C, d) leave at places (..., d)."""
@@ -147,17 +191,13 @@ def _correct(
 
     for n_round in (number // 2, number - number // 2):
         before = runs.points
-        weights = remaining_share(corrected.places, before) * estimate / widths
-        points, Y = runs.check(select_dispersed(corrected.places, weights, min(n_round, runs.left)))
+        weights = remaining_share(extremes, before) * estimate / widths
+        points, Y = runs.check(select_dispersed(extremes, weights, min(n_round, runs.left)))
         if not len(points):
             continue
-        errors = (Y - corrected.expansion.values(points)) / remaining_share(points, before)[:, None, None]
+        errors = (Y - corrected.values(points)) / remaining_share(points, before)[:, None, None]
         largest = inflated_error(np.square(errors).max(axis=0))
-        base_errors = (runs.checks - base.values(runs.points)).reshape(len(runs.points), -1)
-        change, further = continuation.through(base.alpha, runs.points, base_errors)
-        coefficients = np.concatenate([base.coefficients.reshape(len(change), -1) + change, further])
-        alpha = np.concatenate([base.alpha, continuation.alpha])
-        expansion = Expansion(alpha, coefficients.reshape(len(alpha), *runs.shape), base.parameters)
-        corrected = _RangedExpansion.of(expansion, tolerance)
-    share = remaining_share(corrected.places, runs.points).max(axis=0)
-    return corrected, share * np.maximum(largest, TRUST * estimate)
+        corrected = _Corrected(base, continuation, runs.points, runs.checks)
+        lower, upper, extremes = corrected.range(tolerance)
+    share = remaining_share(extremes, runs.points).max(axis=0)
+    return corrected, (lower, upper), share * np.maximum(largest, TRUST * estimate)

@@ -20,36 +20,42 @@ def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
     d = len(runs.box)
     pieces = [Piece.of(runs, (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2)))]
     while True:
-        pieces = _refined_whole(pieces, runs, tolerance)
-        widths, union = runs.rms_widths(), Union.of(pieces)
-        worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
-        parts = worst.refined_parts()
-        estimate = union.errors.max(axis=0)
-        if not _affordable(parts, runs) or relative_rms(union.trust * estimate, widths) <= tolerance:
-            expected = relative_rms(estimate, widths)
-            estimate, worst = _check(runs, union, worst, widths, max(2 * d, 4))
-            widths = runs.rms_widths()
-            error = relative_rms(estimate, widths)
-            parts = worst.refined_parts(all_directions=error > FARTHEST_SCALING * expected)
-            if error <= tolerance or not _affordable(parts, runs):
-                expansion = pieces[0].expansion if len(pieces) == 1 else None
-                estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
-                return EstimatedRange(union.lower, union.upper, estimate, expansion)
-        pieces = [piece for piece in pieces if piece is not worst] + worst.replaced(parts, runs)
+        found = _range_or_refinement(pieces, runs, tolerance)
+        if isinstance(found, EstimatedRange):
+            return found
+        old, parts = found
+        pieces = [piece for piece in pieces if piece is not old] + old.replaced(parts, runs)
+        del found, old  # pieces are large
 
 
-def _refined_whole(pieces: list[Piece], runs: Runs, tolerance: float) -> list[Piece]:
-    """The whole box refined until its least error, wherever the extremes are, allows for the tolerance.
+def _range_or_refinement(
+    pieces: list[Piece], runs: Runs, tolerance: float
+) -> EstimatedRange | tuple[Piece, list[Part]]:
+    """The range, if its error is small enough or cannot be reduced, or else a piece and the parts that replace it.
 
+    The whole box is refined without a range until its least error, wherever the extremes are, allows for the tolerance.
     Check runs may show that the error is smaller than the estimate, by TRUST at most.
     """
-    while len(pieces) == 1:
-        (whole,) = pieces
-        widths, parts = runs.rms_widths(), whole.refined_parts()
-        if not _affordable(parts, runs) or relative_rms(whole.truncation.least, widths) <= tolerance / TRUST:
-            break
-        pieces = whole.replaced(parts, runs)
-    return pieces
+    widths, parts = runs.rms_widths(), pieces[0].refined_parts()
+    if len(pieces) == 1 and _affordable(parts, runs):
+        if relative_rms(pieces[0].truncation.least, widths) > tolerance / TRUST:
+            return pieces[0], parts
+    union = Union.of(pieces)
+    worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
+    parts = worst.refined_parts()
+    estimate = union.errors.max(axis=0)
+    if _affordable(parts, runs) and relative_rms(union.trust * estimate, widths) > tolerance:
+        return worst, parts
+    expected = relative_rms(estimate, widths)
+    estimate, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
+    widths = runs.rms_widths()
+    error = relative_rms(estimate, widths)
+    parts = worst.refined_parts(all_directions=error > FARTHEST_SCALING * expected)
+    if error > tolerance and _affordable(parts, runs):
+        return worst, parts
+    whole = pieces[0].expansion
+    estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
+    return EstimatedRange(union.lower, union.upper, estimate, (lambda: whole) if len(pieces) == 1 else None)
 
 
 def _affordable(parts: list[Part], runs: Runs) -> bool:

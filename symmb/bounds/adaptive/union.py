@@ -1,5 +1,6 @@
 """All pieces of the box together: their range, and the errors of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,12 +33,12 @@ class Union:
 
     @classmethod
     def of(cls, pieces: list[Piece]) -> "Union":
-        lows, highs, places = (np.stack(each) for each in zip(*(piece.range for piece in pieces), strict=True))
+        lows, highs, places = (_stacked(each) for each in zip(*(piece.range for piece in pieces), strict=True))
         lower, upper = lows.min(axis=0), highs.max(axis=0)
         extreme = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
-        below, above = (np.stack([piece.errors[side] for piece in pieces]) for side in (0, 1))
+        below, above = (_stacked([piece.errors[side] for piece in pieces]) for side in (0, 1))
         beyond = np.maximum(np.maximum(lower - (lows - below), highs + above - upper), 0.0)
-        checkable = np.stack([piece.checkable_error for piece in pieces])
+        checkable = _stacked([piece.checkable_error for piece in pieces])
         no_event = np.zeros(beyond.shape[1:])
         has_event = [no_event if p.event_errors is None else np.isfinite(p.event_errors[0]) for p in pieces]
         trust = np.where(_select(np.array(has_event, dtype=bool), beyond.argmax(axis=0)), 1.0, TRUST)
@@ -48,6 +49,11 @@ class Union:
     def piece_at(self, point: Array) -> Piece:
         """A piece that holds the point."""
         return min(self.pieces, key=lambda piece: float((np.abs(point - piece.centre) / piece.half).max()))
+
+
+def _stacked(arrays: Sequence[Array]) -> Array:
+    """The arrays as one; a single one is not copied."""
+    return np.stack(arrays) if len(arrays) > 1 else arrays[0][None]
 
 
 def _select(alternatives: np.ndarray, numbers: Indices) -> np.ndarray:

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from symmb._limits import windows
 from symmb._types import Array
 from symmb.codegen import c_number, c_source, load
 from symmb.polynomials.legendre import MultiIndices
@@ -49,7 +50,6 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     degrees = alpha.max(axis=0)
     order = np.argsort(degrees, kind="stable")
     rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
-    C = np.ascontiguousarray(coefficients, dtype=float)
     wavy = degrees.max() > _WAVY
     per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if wavy else _SAMPLES]
     tables = [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
@@ -58,8 +58,18 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     for k, (x, values) in enumerate(tables):
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
-    extremes, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
+    extremes, places = np.empty((2, m)), np.empty((2, m, d))
+    for window in windows(m, len(alpha)):
+        extremes[:, window], points = _searched(grid, coefficients[:, window])
+        places[:, window, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
+    return extremes[0], extremes[1], places[0], places[1]
+
+
+def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
+    """Minima and maxima (2, m), and their points (2, MOST_PARAMETERS, m) in the order of the tables."""
+    C, m = np.ascontiguousarray(coefficients, dtype=float), coefficients.shape[1]
+    extremes, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, extremes, points)]
     library = load(_SOURCE)
 
@@ -68,9 +78,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
             raise MemoryError("not enough memory to search ranges")
 
     on_threads(work, m)
-    at = np.empty((2, m, d))
-    at[:, :, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
-    return extremes[0], extremes[1], at[0], at[1]
+    return extremes, points
 
 
 @cache

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._limits import windows
 from symmb._options import is_finite_number, require_whole
 from symmb._types import Array
 from symmb.codegen import with_compiler
@@ -94,6 +95,8 @@ class Exact:
 
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
         """Bounds with points that nearly attain them."""
-        terms = terms_of(LowerSet.of(alpha))
-        arguments = terms, coefficients, self.tolerance, self.budget
-        return Extremes(*with_compiler(partial(compiled_ranges, *arguments), partial(array_ranges, *arguments)))
+        terms, found = terms_of(LowerSet.of(alpha)), []
+        for window in windows(max(coefficients.shape[1], 1), len(alpha)):
+            arguments = terms, coefficients[:, window], self.tolerance, self.budget
+            found.append(with_compiler(partial(compiled_ranges, *arguments), partial(array_ranges, *arguments)))
+        return Extremes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
