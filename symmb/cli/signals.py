@@ -8,18 +8,27 @@ import os
 import select
 import signal
 import sys
+import time
 from contextlib import suppress
-from threading import Thread
+from functools import partial
+from threading import Thread, main_thread
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from symmb._cleanup import clean_up
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
 
 INTERRUPTED = 130
 """The exit status of a program that was interrupted, as shells have it for SIGINT."""
 SIGNALS = signal.SIGINT, signal.SIGTERM
 _GRACE = 1.4
 """Time for the main thread to end [s]. The program ends within 2 s."""
+_LOST = 0
+"""The byte by which the main thread tells that an interrupt was lost: Python drops exceptions of some callbacks."""
+_LATER = 0.005
+"""Time until a lost interrupt is repeated [s]: by then the callback has returned."""
 
 
 def end_at_signals() -> None:
@@ -31,6 +40,7 @@ def end_at_signals() -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    sys.unraisablehook = partial(_report_unraisable, writer)
     Thread(target=_watch, args=(reader,), daemon=True).start()
 
 
@@ -38,10 +48,26 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
+def _report_unraisable(writer: int, unraisable: "UnraisableHookArgs") -> None:
+    if unraisable.exc_type is KeyboardInterrupt:
+        os.write(writer, bytes([_LOST]))
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
 def _watch(reader: int) -> None:
     while os.read(reader, 1)[0] not in SIGNALS:  # C writes the number of each signal that has a handler
         pass
-    select.select([reader], [], [], _GRACE)
+    deadline, repeated = time.monotonic() + _GRACE, 0
+    while select.select([reader], [], [], max(deadline - time.monotonic(), 0.0))[0]:
+        if os.read(reader, 1)[0] == _LOST:
+            repeated += 1
+            time.sleep(_LATER)
+            signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
+        elif repeated:
+            repeated -= 1
+        else:  # a second signal
+            break
     end_now()
 
 

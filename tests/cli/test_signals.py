@@ -125,3 +125,29 @@ def test_folders_of_killed_builds_are_found(tmp_path, monkeypatch):
     for folder in (left, own, tmp_path / "symmb-other", tmp_path / "another"):
         folder.mkdir()
     assert _cleanup.left_folders() == [left]
+
+
+IN_A_CALLBACK = """
+import os, signal, time
+from symmb.cli.signals import end_at_signals
+
+class Slow:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        for _ in range(1000):
+            pass
+
+end_at_signals()
+try:
+    slow = Slow()
+    del slow
+    time.sleep(1.0)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_an_interrupt_that_python_drops_is_repeated():
+    """Exceptions of callbacks, such as those of garbage collection, do not reach the program."""
+    end = subprocess.run([sys.executable, "-c", IN_A_CALLBACK], capture_output=True, text=True)
+    assert (end.stdout, end.stderr) == ("interrupted\n", "")
