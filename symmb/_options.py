@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import MISSING, fields
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,17 @@ def require_instance(owner: str, value: object, kind: type, example: str) -> Non
     if not isinstance(value, kind):
         got = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
         raise DeclarationError(f"{owner}: expected {example}, got {' '.join(got.split())[:200]}.")
+
+
+def require_callable(owner: str, value: object, *arguments: str) -> None:
+    """DeclarationError unless a value is None or can be called with these arguments."""
+    try:
+        if value is not None:
+            signature(value).bind(*arguments)  # pyright: ignore[reportArgumentType]
+    except TypeError:
+        raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {value!r}.") from None
+    except ValueError:  # a function of C may not tell
+        pass
 
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:

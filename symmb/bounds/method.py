@@ -10,6 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._interrupts import carry
 from symmb._names import did_you_mean
+from symmb._options import require_callable
 from symmb._types import Array, Executor
 from symmb.bounds.result import Bounds, Kind
 from symmb.model import Box
@@ -54,6 +55,7 @@ class Method(ABC):
                 raise DeclarationError(
                     f"Box: {simulator!r} has no parameter '{name}'.{did_you_mean(name, simulator.parameters)}"
                 )
+        require_callable("propagate: progress", progress, "done", "all")
         start = time.perf_counter()
         with attained_by_runs(len(simulator.times), len(simulator.outputs)) as attained:
             try:

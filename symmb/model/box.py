@@ -89,7 +89,7 @@ class Box:
         if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
             raise DeclarationError(f"Box.around: names must be a list of parameters, got {names!r}.")
         for name in names:
-            if name not in nominal:
+            if not isinstance(name, str) or name not in nominal:
                 raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
             if nominal[name] == 0.0:
                 raise DeclarationError(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
+from symmb._options import require_callable
 from symmb._types import Array, Executor, Expr
 from symmb.bounds import Bounds, Method, require_method
 from symmb.integrate import Solver
@@ -58,6 +59,7 @@ def compare(
     [2, 3]
     """
     chosen = None if methods is None else _methods(methods)
+    require_callable("compare: progress", progress, "label", "done", "all")
     if reference is not None and not isinstance(reference, Bounds):
         require_method("compare: reference", reference)
     simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)

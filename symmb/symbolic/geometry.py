@@ -12,9 +12,10 @@ X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in ran
 
 def vector(values: object, what: str = "vector") -> ca.SX:
     """A 3-vector from two or three numbers or SX scalars; the third is 0 if left out."""
-    entries = (
-        ca.vertsplit(values) if isinstance(values, ca.SX) else list(np.atleast_1d(np.asarray(values, dtype=object)))
-    )
+    if isinstance(values, ca.SX):
+        entries = ca.vertsplit(values)
+    else:
+        entries = values if isinstance(values, list | tuple) else [*np.atleast_1d(np.asarray(values, dtype=object))]
     if len(entries) not in (2, 3):
         raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
     try:
