@@ -6,7 +6,7 @@ The fixed parts of the C are in the folder c; `fallback` does the same work with
 from symmb.codegen import cache
 from symmb.codegen.build import SLOW, NoCompilerError, has_compiler, load, with_compiler
 from symmb.codegen.c_source import c_number, c_source
-from symmb.codegen.engine import Engine, FailedSamples, FixedStep, Tolerances
+from symmb.codegen.engine import Engine, FailedSamples, FixedStep, StepEnds, Tolerances
 from symmb.codegen.fallback import ArrayEngine
 from symmb.codegen.model_source import REASONS, FailureCode, Scheme, model_function, scheme_function
 from symmb.codegen.threads import cores, side_by_side

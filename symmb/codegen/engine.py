@@ -1,6 +1,7 @@
 """Ensembles in compiled lanes: steps of W samples in parallel, in blocks on several threads."""
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -30,6 +31,20 @@ class FixedStep:
     longest: float
 
 
+@dataclass(frozen=True, eq=False)
+class StepEnds:
+    """Where steps end besides: at switches of the state, and at switches of time.
+
+    Attributes
+    ----------
+    hysteresis : m numbers         by which each switch of the state must be passed, above its rounding
+    stops : p (N, n_p) -> (N, k)   switches of time of N samples in order, infinite behind the last one [s], or None
+    """
+
+    hysteresis: tuple[float, ...] = ()
+    stops: Callable[[Array], Array] | None = None
+
+
 class _Study(ctypes.Structure):
     """Study of c/block.h."""
 
@@ -44,6 +59,8 @@ class _Study(ctypes.Structure):
         ("most_steps", ctypes.c_long),
         ("next_block", ctypes.c_long),
         *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "x_failed", "Y")),
+        ("stops", ctypes.c_void_p),
+        ("n_stops", ctypes.c_long),
         *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
     ]
 
@@ -84,10 +101,16 @@ class Engine:
     control : Tolerances or FixedStep
     scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
                                         and of the classical Runge-Kutta method with a fixed step
+    ends : StepEnds, optional           switches, for the pair of Dormand and Prince
     """
 
     def __init__(
-        self, f: ca.Function, times: Array, control: Tolerances | FixedStep, scheme: Scheme | None = None
+        self,
+        f: ca.Function,
+        times: Array,
+        control: Tolerances | FixedStep,
+        scheme: Scheme | None = None,
+        ends: StepEnds | None = None,
     ) -> None:
         self.starts = "start" in f.name_out()
         self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
@@ -96,7 +119,8 @@ class Engine:
         self.counts = Counts(0, 0, 0)
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
-        self.source = source_of(f, fixed, scheme)
+        self._stops = ends.stops if ends else None
+        self.source = source_of(f, fixed, scheme, ends.hysteresis if ends else ())
         self._open()
 
     def _open(self) -> None:
@@ -136,6 +160,7 @@ class Engine:
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
+        stops = None if self._stops is None else np.ascontiguousarray(self._stops(p))
         control = self.control
         tolerances = (0.0, 0.0) if isinstance(control, FixedStep) else (control.rtol, control.atol)
         study = _Study(
@@ -153,6 +178,8 @@ class Engine:
             failed_samples.failure.ctypes.data,
             failed_samples.x_failed.ctypes.data,
             None if Y is None else Y.ctypes.data,
+            None if stops is None else stops.ctypes.data,
+            0 if stops is None else stops.shape[1],
             0,
             0,
             0,

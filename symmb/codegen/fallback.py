@@ -7,14 +7,12 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.arrays import programs
-from symmb.codegen.c_source import c_number
-from symmb.codegen.engine import Counts, FailedSamples, Tolerances
+from symmb.codegen.block_switches import BEYOND, LATE, WIDTH, BlockSwitches
+from symmb.codegen.engine import Counts, FailedSamples, StepEnds, Tolerances
 from symmb.codegen.graph import graph_of
 from symmb.codegen.model_source import FailureCode
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolated, stages
 
-WIDTH = int(c_number("lanes", "WIDTH"))
-"""Samples that share a step."""
 _TOGETHER = 128
 """Blocks that advance together: enough for long arrays, few enough for the processor's cache."""
 
@@ -29,11 +27,13 @@ class ArrayEngine:
     starts = False
     counts = Counts(0, 0, 0)
 
-    def __init__(self, f: ca.Function, times: Array, control: Tolerances) -> None:
+    def __init__(self, f: ca.Function, times: Array, control: Tolerances, ends: StepEnds | None = None) -> None:
         self.n_y = f.numel_out("outputs")
-        self.times, self.control = times, control
-        self.prepare, (self.rates, self.outputs, *project) = programs(graph_of(f))
-        self.project = project[0] if project else None
+        self.times, self.control, self.ends = times, control, ends
+        self.prepare, functions = programs(graph_of(f))
+        by_name = dict(zip(f.name_out(), functions, strict=True))
+        self.rates, self.outputs = by_name["rates"], by_name["outputs"]
+        self.project, self.switches = by_name.get("project"), by_name.get("switches")
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
         """Outputs of N samples, x0 (N, n_x), p (N, n_p).
@@ -99,7 +99,7 @@ class ArrayEngine:
         irregular = ~np.logical_and.reduce(finite | ~passed, axis=0)
         # The first failure counts. The block runs again, which shows later ones.
         lost &= ~irregular.any(axis=1)[:, None]
-        failed_samples.failure[lanes[run.exhausted]] = FailureCode.MANY
+        failed_samples.failure[lanes] = run.code[:, None]
         failed_samples.failure[lanes[irregular]] = FailureCode.OUTPUT
         failed_samples.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
         failed_samples.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
@@ -117,10 +117,10 @@ class _BlockRuns:
     Attributes
     ----------
     Y : (n_t, n_y, 8 B)                  outputs
-    lost : (B, 8)                        lanes whose errors are too large at the shortest step
+    lost : (B, 8)                        lanes whose errors are too large at the shortest step, or that stick
     t_stopped : (B,)                     when blocks with lost lanes stopped, nan for others [s]
     x_stopped : (n_x, 8 B)               where they did
-    exhausted : (B,)                     blocks that took too many steps
+    code : (B,)                          FailureCode of these
     """
 
     def __init__(self, engine: ArrayEngine, x: Array, p: Array) -> None:
@@ -128,20 +128,37 @@ class _BlockRuns:
         self._engine, self._tolerances = engine, (engine.control.rtol, engine.control.atol)
         self.Y = np.full((len(times), engine.n_y, x.shape[1]), np.nan)
         self.lost, self.t_stopped = np.zeros((B, WIDTH), dtype=bool), np.full(B, np.nan)
-        self.exhausted = np.zeros(B, dtype=bool)
+        self.code = np.full(B, FailureCode.STEPS, dtype=np.int8)
         self.x_stopped = np.full(x.shape, np.nan)
         t = np.full(B, times[0])
-        self._c = engine.prepare(x, np.ascontiguousarray(p), _by_lane(t))
+        self._switches = BlockSwitches(engine.prepare, engine.switches, engine.ends, times, p, B)
+        self._switches.find_stops(t, np.arange(B))
+        self._c = engine.prepare(x, self._switches.parameters, _by_lane(t))
         self._x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, self._c, _by_lane(t))
         self._next = np.ones(B, dtype=int)  # output time to come
         engine.outputs(self._x, self._c, _by_lane(t), self.Y[0])
-        self._slope = engine.rates(self._x, self._c, _by_lane(t))
+        self._slope = np.empty_like(self._x)
         span = float(times[-1] - times[0])
-        h = first_step(self._rates(self._c), self._x, self._slope, _by_lane(t), span, *self._tolerances, WIDTH)
-        self._steps = StepControl(t, h, times[-1], span, engine.control.longest)
+        self._steps = StepControl(t, np.full(B, span), self._switches.end, span, engine.control.longest)
+        self._restart(np.ones(B, dtype=bool), settle=np.ones(B, dtype=bool))
 
-    def _rates(self, c: Array) -> Callable[[Array, Array], Array]:
-        return lambda x, t: self._engine.rates(x, c, t)
+    def _rates(self, c: Array, blocks: Indices) -> Callable[[Array, Array], Array]:
+        low, high = (_by_lane(a[blocks]) for a in (self._switches.after, self._switches.before))
+        return lambda x, t: self._engine.rates(x, c, np.clip(t, low, high))
+
+    def _restart(self, some: Mask, settle: Mask) -> None:
+        """Slopes and first steps of some live blocks, where the motion begins or behind a switch."""
+        steps, lanes, blocks = self._steps, _lanes(some), self._steps.live[some]
+        if settle.any():
+            on = _lanes(settle)
+            t = _by_lane(np.maximum(steps.t[steps.live[settle]], self._switches.after[steps.live[settle]]))
+            self._c[:, on] = self._switches.settle(self._x[:, on], self._c[:, on], t, on)
+        x, t = self._x[:, lanes], steps.t[blocks]
+        rates = self._rates(self._c[:, lanes], blocks)
+        self._slope[:, lanes] = slope = rates(x, _by_lane(t))
+        left = float(self._engine.times[-1]) - t
+        h = first_step(rates, x, slope, _by_lane(t), left, *self._tolerances, WIDTH)
+        steps.restart(t, h, blocks)
 
     def advance(self) -> None:
         """Run all blocks to the end."""
@@ -151,44 +168,75 @@ class _BlockRuns:
         while steps.live.size:
             t_new, h = steps.propose()
             t, wide = _by_lane(steps.t[steps.live]), _by_lane(h)
-            k, x_new = stages(self._rates(self._c), self._x, self._slope, t, wide)
+            k, x_new = stages(self._rates(self._c, steps.live), self._x, self._slope, t, wide)
             norm = error_norm(self._x, x_new, error_estimates(k, wide), *self._tolerances).reshape(-1, WIDTH)
             accepted, stuck, exhausted = steps.judge(norm.max(axis=1), h)
             failed = stuck | exhausted
             if failed.any():
-                self._stop(failed, exhausted, norm)
+                self._stop(failed, ~(norm[failed] <= 1.0) | exhausted[failed, None])
+                self.code[steps.live[exhausted]] = FailureCode.MANY
             if accepted.any():
-                self._accept(accepted, k, x_new, t_new, h)
+                failed |= self._accept(accepted, k, x_new, t_new, h)
             self._select((self._next[steps.live] < len(engine.times)) & ~failed)
 
-    def _stop(self, failed: Mask, exhausted: Mask, norm: Array) -> None:
-        """Blocks that cannot go on: their lanes with too large an error are lost, or all after too many steps."""
+    def _stop(self, failed: Mask, lost: Mask) -> None:
+        """Blocks that cannot go on without their lost lanes."""
         blocks, n_x = self._steps.live[failed], len(self._x)
-        self.lost[blocks] = ~(norm[failed] <= 1.0) | exhausted[failed, None]
-        self.exhausted[blocks], self.t_stopped[blocks] = exhausted[failed], self._steps.t[blocks]
+        self.lost[blocks], self.t_stopped[blocks] = lost, self._steps.t[blocks]
         self.x_stopped.reshape(n_x, -1, WIDTH)[:, blocks] = self._x[:, _lanes(failed)].reshape(n_x, -1, WIDTH)
 
-    def _accept(self, accepted: Mask, k: list[Array], x_new: Array, t_new: Array, h: Array) -> None:
-        engine, steps, lanes, t_end = self._engine, self._steps, _lanes(accepted), _by_lane(t_new[accepted])
-        last = np.empty_like(x_new)
-        last[:, lanes] = engine.rates(x_new[:, lanes], self._c[:, lanes], t_end)
-        due = accepted & (engine.times[np.minimum(self._next[steps.live], len(engine.times) - 1)] <= t_new)
-        if due.any():
-            self._sample_outputs(due, [*k, last], x_new, t_new, h)
+    def _accept(self, accepted: Mask, k: list[Array], x_new: Array, t_new: Array, h: Array) -> Mask:
+        """Outputs and new states of accepted steps, which end at switches. Returns the blocks with lanes that stick."""
+        engine, steps, switches = self._engine, self._steps, self._switches
+        lanes, blocks = _lanes(accepted), steps.live[accepted]
+        t, wide = _by_lane(steps.t[blocks]), _by_lane(h[accepted])
+        x, c, end = self._x[:, lanes], self._c[:, lanes], x_new[:, lanes]
+        rates = self._rates(c, blocks)
+        last = rates(end, _by_lane(t_new[accepted]))
+        t_end, F = t_new[accepted], np.empty(0)
+        passed, which = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1], dtype=np.intp)
+        searched = switches.may_pass(end, c, t_new[accepted], h[accepted], lanes)
+        due = engine.times[np.minimum(self._next[blocks], len(engine.times) - 1)] <= t_end
+        if searched or due.any():
+            F = np.array(interpolant(rates, x, end, [*[slope[:, lanes] for slope in k], last], t, wide))
+        if searched:
+            theta, passed, which = switches.first_pass(x, F, c, t, wide, lanes)
+            early = (theta < LATE) & (theta * h[accepted] > 10 * steps.shortest)
+            if early.any():  # interpolants are as exact as steps near their ends only
+                steps.h[blocks[early]] = theta[early] * h[accepted][early] * BEYOND
+                switches.forget(lanes)
+                return self._accept(_without(accepted, early), k, x_new, t_new, h)
+            t_end = np.where(theta <= 1, steps.t[blocks] + theta * h[accepted], t_end)
+            end = np.where(_by_lane(theta) <= 1, interpolated(x, F, np.minimum(_by_lane(theta), 1.0)), end)
+        if F.size:
+            self._sample_outputs(blocks, x, F, c, t_end, h[accepted])
+        self._x[:, lanes] = end if engine.project is None else engine.project(end, c, _by_lane(t_end))
         # The slope before the projection serves the next step: it is as far off as the error of this one.
-        x, self._slope[:, lanes] = x_new[:, lanes], last[:, lanes]
-        self._x[:, lanes] = x if engine.project is None else engine.project(x, self._c[:, lanes], t_end)
-        steps.t[steps.live[accepted]] = t_new[accepted]
+        self._slope[:, lanes] = last
+        steps.t[blocks] = t_end
+        sticks, restarts, settles = (np.zeros(len(steps.live), dtype=bool) for _ in range(3))
+        restarts[accepted] = passed.reshape(-1, WIDTH).any(axis=1)
+        if restarts.any():
+            self._c[:, lanes], stuck = switches.change_sides(
+                self._x[:, lanes], c, _by_lane(t_end), wide, lanes, passed, which
+            )
+            sticks[accepted] = stuck.any(axis=1)
+            if sticks.any():
+                self._stop(sticks, stuck[sticks[accepted]])
+                self.code[steps.live[sticks]] = FailureCode.STICKS
+        settles[accepted] = (t_end >= switches.stop[blocks]) & (t_end < engine.times[-1])
+        if settles.any():
+            switches.find_stops(steps.t, steps.live[settles])
+        if (restarts | settles).any():
+            self._restart(restarts | settles, settles)
+        return sticks
 
-    def _sample_outputs(self, due: Mask, k: list[Array], x_new: Array, t_new: Array, h: Array) -> None:
+    def _sample_outputs(self, blocks: Indices, x: Array, F: Array, c: Array, t_end: Array, h: Array) -> None:
         """Outputs of blocks that have passed an output time, up to all they have passed."""
-        engine, lanes, blocks = self._engine, _lanes(due), self._steps.live[due]
-        x, c, t, h, t_new = self._x[:, lanes], self._c[:, lanes], self._steps.t[blocks], h[due], t_new[due]
-        slopes = [slope[:, lanes] for slope in k]
-        F = np.array(interpolant(self._rates(c), x, x_new[:, lanes], slopes, _by_lane(t), _by_lane(h)))
+        engine, t = self._engine, self._steps.t[blocks]
         Y = self.Y.reshape(*self.Y.shape[:2], -1, WIDTH)
         times, next = np.append(engine.times, np.inf), self._next[blocks]
-        while (passed := times[next] <= t_new).any():  # a time at once for all blocks
+        while (passed := times[next] <= t_end).any():  # a time at once for all blocks
             lanes, at = _lanes(passed), times[next[passed]]
             share = _by_lane((at - t[passed]) / h[passed])
             y = engine.outputs(interpolated(x[:, lanes], F[:, :, lanes], share), c[:, lanes], _by_lane(at))
@@ -202,7 +250,15 @@ class _BlockRuns:
             return
         lanes = _lanes(going)
         self._x, self._slope, self._c = self._x[:, lanes], self._slope[:, lanes], self._c[:, lanes]
+        self._switches.select(lanes)
         self._steps.live = self._steps.live[going]
+
+
+def _without(accepted: Mask, some: Mask) -> Mask:
+    """The accepted blocks without some of them."""
+    rest = accepted.copy()
+    rest[accepted] = ~some
+    return rest
 
 
 def _by_lane(a: Array) -> Array:

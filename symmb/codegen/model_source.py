@@ -29,6 +29,7 @@ class FailureCode(IntEnum):
     OUTPUT = 1
     NEWTON = 2
     MANY = 3
+    STICKS = 4
 
 
 REASONS = (
@@ -36,6 +37,7 @@ REASONS = (
     "an output is not finite",
     "Newton's method does not converge, however short the step",
     f"{MOST_STEPS} steps are not enough",
+    "the motion sticks to a switch of a force, which turns it back from both sides",
 )
 """The text of each FailureCode."""
 
@@ -67,8 +69,9 @@ def model_function(
     outputs: ca.SX,
     projected: ca.SX | None,
     start: tuple[ca.SX, ca.SX] | None = None,
+    switches: ca.SX | None = None,
 ) -> ca.Function:
-    """(x, p, t) -> rates, outputs and, if given, project, newton and start.
+    """(x, p, t) -> rates, outputs and, if given, project, newton and start, and switches.
 
     Parameters
     ----------
@@ -76,8 +79,11 @@ def model_function(
     rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
     start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
         without it the caller gives the states at the start
+    switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
     """
     parts = {"rates": rates, "outputs": outputs}
+    if switches is not None:
+        parts["switches"] = switches
     if projected is not None:
         parts["project"] = projected
     if start is not None:
@@ -117,7 +123,7 @@ def scheme_function(
     return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
 
 
-def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None) -> str:
+def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None, hysteresis: Sequence[float] = ()) -> str:
     """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
 
     Parameters
@@ -125,14 +131,17 @@ def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None) -> str:
     f : ca.Function            from `model_function` or `scheme_function`
     fixed : bool               whether steps are fixed, of an explicit method
     scheme : Scheme or None    of a `scheme_function`
+    hysteresis : (m,)          by which each switch must be passed: a number above its rounding
     """
 
     def write() -> str:
-        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed)
+        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed, hysteresis)
 
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    key = hashlib.sha256("\0".join([f.serialize(), repr((fixed, scheme)), _generator()]).encode()).hexdigest()[:32]
+    key = hashlib.sha256(
+        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis)), _generator()]).encode()
+    ).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
         return path.read_text(encoding="utf-8")
@@ -148,7 +157,7 @@ def _generator() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def _explicit_source(f: ca.Function, fixed: bool) -> str:
+def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float]) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     order, n_own = _state_order(graph, nodes["rates"])
@@ -158,8 +167,11 @@ def _explicit_source(f: ca.Function, fixed: bool) -> str:
         nodes[name] = [nodes[name][i] for i in order]
     stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
     sizes = {"N_OWN": n_own, "N_K": stages * n_own}
-    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
-    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps)
+    if fixed:
+        steps = [tableau.classical(), c_source("fixed_step")]
+    else:
+        steps = [c_source("switches"), tableau.pair(), c_source("embedded_pair")]
+    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis)
 
 
 def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
@@ -176,7 +188,8 @@ def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
         "ORDER": scheme.order,
         "GROWTH": scheme.growth,
     }
-    return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, [c_source("implicit_step")])
+    steps = [c_source("switches"), c_source("implicit_step")]
+    return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, steps)
 
 
 def _ensemble_source(
@@ -186,6 +199,7 @@ def _ensemble_source(
     n_p: int,
     sizes: Mapping[str, float],
     steps: Sequence[str],
+    hysteresis: Sequence[float] = (),
 ) -> str:
     """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
     emitter = Emitter(graph, place)
@@ -194,6 +208,8 @@ def _ensemble_source(
     model, n_c = emitter.source()
     explicit = "rates" in nodes
     used = emitter.used(nodes["outputs"]) if explicit else []
+    if hysteresis:
+        used = list(range(len(place)))  # steps may end anywhere
     sizes = {
         "N_X": len(place),
         "N_P": n_p,
@@ -202,6 +218,7 @@ def _ensemble_source(
         "N_Y": len(nodes["outputs"]),
         "N_USED": len(used),
         "PROJECTED": int("project" in nodes),
+        "N_S": len(hysteresis),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
@@ -214,6 +231,7 @@ def _ensemble_source(
             f"enum {{ {', '.join(FailureCode.__members__)} }};",
             c_source("lanes"),
             *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
+            f"PRIVATE const double hysteresis[] = {{{', '.join(map(repr, hysteresis or [0.0]))}}};",
             model,
             c_source("block", "projection"),
             *steps,

@@ -8,7 +8,7 @@ section II.14): half the slopes are computed, stored and loaded.
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from symmb.schemes import STEP_CONTROL, dop853, runge_kutta
+from symmb.schemes import ROUNDED_STEP, STEP_CONTROL, dop853, runge_kutta
 
 Weights = Mapping[int, float]
 
@@ -30,6 +30,7 @@ def pair() -> str:
         [
             f"#define END {_place(12)}",
             *(f"#define {name} {value!r}" for name, value in vars(STEP_CONTROL).items()),
+            f"#define ROUNDED_STEP {ROUNDED_STEP!r}",
             *_stages(range(1, 12), A, C, dop853.B),
             "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
             "  const V *k = a->k;",
@@ -80,7 +81,7 @@ def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: 
 
 
 def _stage(s: int, A: Sequence[Weights], C: Sequence[float]) -> list[str]:
-    rates = f"rates(a->x_at, a->c, each(b->t + {C[s]!r} * h), k + {_place(s)} * N_OWN);"
+    rates = f"rates(a->x_at, a->c, each(between_stops(b, b->t + {C[s]!r} * h)), k + {_place(s)} * N_OWN);"
     return _each_part([*_advance("x_at", A[s], C[s], A), rates])
 
 

@@ -8,12 +8,10 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 from symmb.events.impulses import SMALL, ImpactLaws, evaluate_padded
 from symmb.model import Impacts
-from symmb.schemes import interpolated
+from symmb.schemes import interpolated, roots
 
 _PARTS = 6
 """Equal parts of a step, in each of which a gap and its rate may change sign once. tests/events/test_impacts.py"""
-_ITERATIONS = 100
-"""Most iterations of the root search: bisection alone takes 60 to rounding."""
 
 
 class Steps(NamedTuple):
@@ -165,34 +163,3 @@ class _EventTimes:
         is_first = np.asarray(self._when == theta[:, None]) & np.isfinite(theta)[:, None]
         closing = np.where((is_first & ~self._released).any(axis=1), (is_first & ~self._released).argmax(axis=1), -1)
         return Located(np.minimum(theta, 1.0), closing, is_first & self._released)
-
-
-def roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Roots of m functions between ends (m,) where they have different signs, to rounding.
-
-    References
-    ----------
-    Chandrupatla (1997), Advances in Engineering Software 28, 145-149.
-    """
-    # (a, fa) is the newest point, b the end on the other side of the root, c the newest one before.
-    a, b, c, fa, fb, fc = b.copy(), a.copy(), a.copy(), fb.copy(), fa.copy(), fa.copy()
-    share = np.full(len(a), 0.5)
-    with np.errstate(all="ignore"):
-        for _ in range(_ITERATIONS):
-            x = a + share * (b - a)
-            fx = f(x)
-            same = np.sign(fx) == np.sign(fa)
-            c, fc = np.where(same, a, b), np.where(same, fa, fb)
-            b, fb = np.where(same, b, a), np.where(same, fb, fa)
-            a, fa = x, fx
-            best = np.where(np.abs(fa) < np.abs(fb), a, b)
-            least = 2 * np.finfo(float).eps * np.abs(best) / np.abs(b - a)
-            if ((least > 0.5) | (fa == 0)).all():
-                break
-            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-            quadratic = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
-            inverse = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-            share = np.where(quadratic & np.isfinite(inverse), inverse, 0.5)
-            share = np.where(least < 0.5, np.clip(share, least, 1 - least), 0.5)
-            share = np.where(fa == 0, 0.0, share)
-    return np.where(np.abs(fa) <= np.abs(fb), a, b)

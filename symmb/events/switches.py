@@ -7,8 +7,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, laws, switching
+from symmb.symbolic import On, batch, branches, laws, switching
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -59,8 +60,18 @@ def kinks(dae: DAE) -> Kinks | None:
     return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state)
 
 
+def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
+    """The switches of time of the equations of motion; None if they have none."""
+    f, at = _equations(dae)
+    _, p, t = (symbol for symbol, _ in at)
+    found = branches(f, at).times
+    return TimeSwitches(found, p, t, times) if found.numel() else None
+
+
 def longest_step(dae: DAE, times: Array) -> float:
     """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses.
+
+    Pulses with a switch of time in them do not count: steps end there.
 
     Step control does not detect a pulse between the evaluations of a step. A pulse is an interval, shorter than the
     horizon, in which a law is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000 of
@@ -74,14 +85,17 @@ def longest_step(dae: DAE, times: Array) -> float:
     signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
     (values,) = batch(signals, dae.p_nominal, t[:, None])
-    pulses = [_shortest_pulse(t, law) for law in values.T]
-    for row in ca.vertsplit(signals(dae.p_nominal, time)):
-        pulses += np.diff(_jumps(ca.Function("law", [time], [row]), times)).tolist()
+    switches = time_switches(dae, times)
+    stops = np.empty(0) if switches is None else switches(dae.p_nominal[None])[0]
+    pulses = [_shortest_pulse(t, law, stops) for law in values.T]
     return min(pulses, default=np.inf) / 2
 
 
-def _shortest_pulse(t: Array, law: Array) -> float:
-    """Duration of the shortest pulse of a law (m,) at times (m,), at most twice what it is, infinite without pulses."""
+def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
+    """Duration of the shortest pulse of a law (m,) at times (m,), at most twice what it is, infinite without pulses.
+
+    Pulses that contain one of the stops do not count.
+    """
     t, law = t[np.isfinite(law)], law[np.isfinite(law)]
     if not law.size:
         return np.inf
@@ -98,7 +112,7 @@ def _shortest_pulse(t: Array, law: Array) -> float:
         (
             max(t[j] - t[i + 1], (t[j + 1] - t[i]) / 2)  # the second where there is but one sample
             for i, j in pulses
-            if far[i + 1 : j + 1].max() > _HIGH * top
+            if far[i + 1 : j + 1].max() > _HIGH * top and not ((stops >= t[i]) & (stops <= t[j + 1])).any()
         ),
         default=np.inf,
     )
@@ -160,7 +174,8 @@ def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
     """Forces, right sides of constraints and first-order rates of (x, p, t), with symbols for these."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
-    parts = [dae.Q(*at)]
+    M = ca.vertcat(*ca.vertsplit(ca.vec(dae.M(*at).nz[:])))
+    parts = [dae.Q(*at), *(entry for entry in ca.vertsplit(M) if ca.depends_on(entry, t))]
     if dae.gamma is not None:
         parts.append(dae.gamma(*at))
     if dae.n_s:

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from symmb._types import Array
-from symmb.events import longest_step
 from symmb.integrate.fixed_step import collocation, fixed_step_integration
 from symmb.integrate.integration import Integration
 from symmb.integrate.multistep import multistep_integration
@@ -38,10 +37,10 @@ class _Multistep(Solver):
         """CasADi's options beside the tolerances, for an integration over a time of this length."""
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work).jets(order)
+        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
         tolerances = _tolerances(self.rtol, self.absolute_tolerance(dae.scales.size))
         return multistep_integration(
-            problem, self.plugin, lambda length: tolerances | self._method(length), times, longest_step(dae, times)
+            problem.jets(order), dae, self.plugin, lambda length: tolerances | self._method(length), times
         )
 
 
@@ -120,11 +119,7 @@ class StabilizedIndex2(Solver):
         first = FIRST_STEP * self.rtol**0.5
         between = first * float(np.diff(times).min(initial=1.0))
         return multistep_integration(
-            problem,
-            "idas",
-            lambda length: {**options, "step0": min(between, first * length)},
-            times,
-            longest_step(dae, times),
+            problem, dae, "idas", lambda length: {**options, "step0": min(between, first * length)}, times
         )
 
 

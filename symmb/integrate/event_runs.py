@@ -205,7 +205,7 @@ class EventRuns:
     def _finish(self) -> None:
         """Store the last output of runs at the end, and leave these out."""
         control = self._steps
-        done = control.t[control.live] >= control.end
+        done = control.t[control.live] >= control.end[control.live]
         self.Y[control.live[done], -1] = self._y[control.live[done]]
         control.live = control.live[~done]
 

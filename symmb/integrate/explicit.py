@@ -13,6 +13,7 @@ from symmb.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.integrate.integration import Integration
 from symmb.integrate.problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.stabilization import Projection, Stabilization
+from symmb.integrate.step_ends import switched
 from symmb.model import DAE
 from symmb.start import Start
 
@@ -28,14 +29,17 @@ class _Explicit(CompiledSolver):
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
-        outputs = y(problem.x, problem.p, problem.t)
+        outputs, compiled = y(problem.x, problem.p, problem.t), has_compiler()
+        found = switched(problem, dae, times) if self.controls_step and not order else None
+        problem = found.problem if found else problem
+        control = self.limited_control(dae, times)
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # an integral along the motion is a state like the others
+        p = problem.p[: len(dae.p_names)]  # without the sides of switches
 
         def at(expression: ca.SX) -> ca.SX:
             return ca.substitute(expression, problem.x, x[:n_x])
 
-        compiled = has_compiler()
         f = model_function(
             x,
             problem.p,
@@ -43,12 +47,12 @@ class _Explicit(CompiledSolver):
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:]),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:]),
-            start.equations(x, problem.p) if start is not None and compiled and start.compiles else None,
+            start.equations(x, p) if start is not None and compiled and start.compiles else None,
+            at(found.switches) if found and found.switches.numel() else None,
         )
-        control = self.limited_control(dae, times)
         if isinstance(control, Tolerances) and not compiled:
-            return ArrayEngine(f, times, control)
-        return Engine(f, times, control)
+            return ArrayEngine(f, times, control, found.ends if found else None)
+        return Engine(f, times, control, ends=found.ends if found else None)
 
 
 @dataclass(frozen=True, repr=False)

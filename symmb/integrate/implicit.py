@@ -8,7 +8,8 @@ import casadi as ca
 
 from symmb._errors import PropagationError
 from symmb._types import Array
-from symmb.codegen import Engine, FixedStep, Scheme, Tolerances, has_compiler, scheme_function
+from symmb.codegen import Engine, FixedStep, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
+from symmb.events import time_switches
 from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.integration import Integration
@@ -60,7 +61,8 @@ class _SchemeSolver(CompiledSolver):
             start=start.equations(state, step.p) if start is not None and start.compiles else None,
         )
         scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
-        return Engine(f, times, control, scheme)
+        stops = time_switches(dae, times) if isinstance(control, Tolerances) else None
+        return Engine(f, times, control, scheme, StepEnds(stops=stops))
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         def fixed_steps() -> Integration:

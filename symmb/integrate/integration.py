@@ -1,7 +1,7 @@
 """Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, redirect_stderr
 from dataclasses import dataclass
 
@@ -47,6 +47,7 @@ class Integration:
     guess : Function                     (x, p, t) -> z0
     project : Function, optional         (x, p, t) -> x on the constraints
     marching : Marching, optional        the single steps of a scheme with a fixed step
+    stops : p (N, n_p) -> (N, k)         switches of time, where steps end [s]; optional
     """
 
     def __init__(
@@ -59,11 +60,13 @@ class Integration:
         guess: ca.Function,
         project: ca.Function | None = None,
         marching: Marching | None = None,
+        stops: Callable[[Array], Array] | None = None,
     ) -> None:
         self.times = times
         self.n_x, self.n_quad = n_x, n_quad
         self._whole, self._between, self._guess, self._project = whole, between, guess, project
-        self._marching = marching
+        self._marching, self._stops = marching, stops
+        self._counted = False
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
@@ -84,9 +87,11 @@ class Integration:
         if not started.all():
             parts = iter(self._run(x0[started], p[started], threads, interrupts))
             return [next(parts) if ok else self._unstarted() for ok in started]
-        if self._whole is None or not len(x0):
-            return [self._walk(*sample, interrupts) for sample in zip(x0, p, strict=True)]
+        stops = self._stops(p) if self._stops is not None else np.empty((len(p), 0))
+        if self._whole is None or not len(x0) or stops.size:
+            return [self._walk(*sample, interrupts) for sample in zip(x0, p, stops, strict=True)]
         try:
+            self._counted = True
             (z0,) = batch(self._guess, x0, p, self.times[:1])
             with _quiet(), interrupts:
                 xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
@@ -94,17 +99,19 @@ class Integration:
             if len(x0) > 1:
                 samples = zip(x0[:, None], p[:, None], strict=True)
                 return [run for sample in samples for run in self._run(*sample, 1, interrupts)]
-            return [self._walk(x0[0], p[0], interrupts)]
+            return [self._walk(x0[0], p[0], stops[0], interrupts)]
         X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
         done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
-        return [Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k], interrupts) for k in range(len(x0))]
+        return [
+            Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k], stops[k], interrupts) for k in range(len(x0))
+        ]
 
     def _unstarted(self) -> Run:
         n_t = len(self.times)
         message = "the start could not be solved for"
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
-    def _walk(self, x0: Array, p: Array, interrupts: Interrupts) -> Run:
+    def _walk(self, x0: Array, p: Array, stops: Array, interrupts: Interrupts) -> Run:
         X = np.full((len(self.times), self.n_x), np.nan)
         quad = np.zeros((len(self.times), self.n_quad))
         X[0] = x = self.project(x0[None], p[None], 0)[0]
@@ -112,26 +119,26 @@ class Integration:
             if interrupts.noticed:
                 return Run(X, quad, float(self.times[i - 1]), "interrupted")
             try:
-                with interrupts:
-                    x, q = self.advance(i, x[None], p[None])
+                quad[i] = quad[i - 1]
+                for begin, end in pieces_between(self.times[i - 1], self.times[i], stops):
+                    with interrupts:
+                        x, q = self.advance(begin, end, x, p)
+                    quad[i] += q
             except RuntimeError as error:
                 return Run(X, quad, float(self.times[i - 1]), _reason(error))
-            x = x[0]
             if not np.isfinite(x).all():
                 return Run(X, quad, float(self.times[i - 1]), "the state became infinite or NaN")
-            X[i], quad[i] = x, quad[i - 1] + q[0]
+            X[i] = x = self.project(x[None], p[None], i)[0]
         return Run(X, quad)
 
-    def advance(self, i: int, x: Array, p: Array) -> tuple[Array, Array]:
-        """From time i - 1 to time i, N samples side by side: x (N, n_x), p (N, n_p) -> x (N, n_x), quad (N, n_quad)."""
+    def advance(self, begin: float, end: float, x: Array, p: Array) -> tuple[Array, Array]:
+        """From one time to another, of one sample: x (n_x,), p (n_p,) -> x (n_x,), quad (n_quad,)."""
         if self._between is None:
-            return x, np.zeros((len(x), self.n_quad))
-        begin, span = self.times[i - 1], self.times[i] - self.times[i - 1]
-        (z0,) = batch(self._guess, x, p, self.times[i - 1 : i])
-        interval = np.broadcast_to([begin, span], (len(x), 2))
+            return x, np.zeros(self.n_quad)
+        (z0,) = batch(self._guess, x[None], p[None], np.array([begin]))
         with _quiet():
-            xf, _, qf, *_ = batch(self._between, x, z0, np.hstack([p, interval]))
-        return self.project(xf, p, i), qf
+            xf, _, qf, *_ = batch(self._between, x[None], z0, np.hstack([p, begin, end - begin])[None])
+        return xf[0], qf[0]
 
     def project(self, x: Array, p: Array, i: int) -> Array:
         """States (N, n_x) on the constraints of time i, if the solver projects."""
@@ -152,8 +159,19 @@ class Integration:
 
     def statistics(self) -> dict[str, int]:
         """Counts of the integrator in its last call over the whole time grid; empty without counts."""
-        counted = self._whole.buffer()[0].stats() if self._whole is not None else {}
+        counted = self._whole.buffer()[0].stats() if self._whole is not None and self._counted else {}
         return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
+
+
+def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:
+    """An interval cut at stops. Pieces end before a stop, and begin behind it, by its rounding."""
+    for stop in stops[(stops >= begin) & (stops <= end)].tolist():
+        margin = 2 * np.spacing(max(abs(stop), 1e-3 * (end - begin)))
+        if stop - margin > begin:
+            yield begin, stop - margin
+        begin = stop + margin
+    if begin < end:
+        yield begin, end
 
 
 def _quiet() -> AbstractContextManager[object]:

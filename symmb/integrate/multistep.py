@@ -8,8 +8,10 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
+from symmb.events import longest_step, time_switches
 from symmb.integrate.integration import Integration
 from symmb.integrate.problem import Problem
+from symmb.model import DAE
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
 """Most steps of a run, and most steps times states: more take minutes."""
@@ -19,19 +21,20 @@ _SCALED = {"ode", "alg", "quad"}
 
 
 def multistep_integration(
-    problem: Problem, plugin: str, options: Callable[[float], dict[str, Any]], times: Array, longest: float = np.inf
+    problem: Problem, dae: DAE, plugin: str, options: Callable[[float], dict[str, Any]], times: Array
 ) -> Integration:
     """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length.
 
-    Steps are no longer than `longest` [s].
+    Steps end at the switches of time, and are so short that none passes over another pulse of a law of time.
     """
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
     project = problem.projection()
     whole = between = None
+    longest = longest_step(dae, times)
     if problem.x.numel() and len(times) > 1:
-        dae = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
-        dae |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
-        dae = {name: e for name, e in dae.items() if e.numel()}
+        parts = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
+        parts |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
+        parts = {name: e for name, e in parts.items() if e.numel()}
         # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
         most = min(MOST_STEPS, MOST_STATES // problem.x.numel())
         limit = {"max_num_steps": max(most // (len(times) - 1), 1000)}
@@ -43,19 +46,20 @@ def multistep_integration(
 
         def rescaled(begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
             """In terms of tau, t = begin + span tau."""
-            parts = {name: ca.substitute(dae[name], problem.t, begin + span * tau) for name in _SCALED & dae.keys()}
-            return dae | {"t": tau} | {name: e if name == "alg" else span * e for name, e in parts.items()}
+            own = {name: ca.substitute(parts[name], problem.t, begin + span * tau) for name in _SCALED & parts.keys()}
+            return parts | {"t": tau} | {name: e if name == "alg" else span * e for name, e in own.items()}
 
         if project is None:
             unit = _time_unit(times)
-            part = dae if unit == 1 else rescaled(ca.SX(0), ca.SX(unit))
+            part = parts if unit == 1 else rescaled(ca.SX(0), ca.SX(unit))
             length = float(times[-1] - times[0]) / unit
             whole = ca.integrator("whole", plugin, part, times[0] / unit, times / unit, limited(length, unit))
         # With tau in [0, 1] one integrator serves every interval.
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
-        dae = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
-        between = ca.integrator("between", plugin, dae, 0, 1, limited(1.0, float(np.diff(times).max())))
-    return Integration(times, problem.x.numel(), problem.quad.numel(), whole, between, guess, project)
+        part = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
+        between = ca.integrator("between", plugin, part, 0, 1, limited(1.0, float(np.diff(times).max())))
+    n_x, n_quad, stops = problem.x.numel(), problem.quad.numel(), time_switches(dae, times)
+    return Integration(times, n_x, n_quad, whole, between, guess, project, stops=stops)
 
 
 def _time_unit(times: Array) -> float:

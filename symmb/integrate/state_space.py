@@ -10,9 +10,9 @@ from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices
 from symmb.codegen import REASONS, FailureCode
-from symmb.events import longest_step
+from symmb.events import longest_step, time_switches
 from symmb.integrate.casadi_solvers import CVODES
-from symmb.integrate.integration import Integration, Run
+from symmb.integrate.integration import Integration, Run, pieces_between
 from symmb.integrate.solver import Solver
 from symmb.model import DAE
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolated, stages
@@ -59,6 +59,7 @@ class _Partitioned(Integration):
     def __init__(self, dae: DAE, times: Array, rtol: float, atol: float, longest: float, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
         self._dae, self._rtol, self._atol, self._longest = dae, rtol, atol, longest
+        self._switches = time_switches(dae, times)
         self._counts = {"steps": 0, "choices of coordinates": 0}
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -78,12 +79,16 @@ class _Partitioned(Integration):
         Y = np.full((len(times), n_x + self.n_quad), np.nan)
         Y[0] = y = np.concatenate([x0, np.zeros(self.n_quad)])
         t, stored, message = float(times[0]), 1, ""
+        stops = np.empty(0) if self._switches is None else self._switches(p[None])[0]
+        pieces = [*pieces_between(t, float(times[-1]), stops)]
         with np.errstate(all="ignore"):
             while stored < len(times) and not message:
+                begin, end = pieces[0]
+                t = max(t, begin)
                 motion = _Motion(self._dae, p, self._chosen(y[:n_x], p, t), t)
                 self._counts["choices of coordinates"] += 1
                 try:
-                    y, stored = self._advance(motion, y, Y, stored)
+                    y, stored = self._advance(motion, y, Y, stored, end)
                 except np.linalg.LinAlgError:
                     message = "the dependent coordinates are not determined"
                 except _Breakdown as breakdown:
@@ -92,10 +97,15 @@ class _Partitioned(Integration):
                     carry_runs(interrupt, [Run(Y[:, :n_x], Y[:, n_x:], motion.t, "interrupted")])
                     raise
                 t = motion.t
+                if t == end and len(pieces) == 1:
+                    Y[stored:] = y  # an output time that is a switch of time
+                    stored = len(times)
+                elif t == end:
+                    pieces.pop(0)
         return Run(Y[:, :n_x], Y[:, n_x:], t if message else np.nan, message)
 
-    def _advance(self, motion: "_Motion", y: Array, Y: Array, stored: int) -> tuple[Array, int]:
-        """Steps from y until the end or until the coordinates no longer suit: y there, and how many outputs Y holds."""
+    def _advance(self, motion: "_Motion", y: Array, Y: Array, stored: int, end: float) -> tuple[Array, int]:
+        """Steps from y until an end or until the coordinates no longer suit: y there, and how many outputs Y holds."""
         times, tolerances = self.times, (self._rtol, self._atol)
         span = float(times[-1] - times[0])
 
@@ -105,7 +115,7 @@ class _Partitioned(Integration):
         x, at = y[:, None], np.array([motion.t])
         slope = rates(x, at)
         h = first_step(rates, x, slope, at, float(times[-1]) - motion.t, *tolerances)
-        control = StepControl(at, h, float(times[-1]), span, self._longest)
+        control = StepControl(at, h, end, span, self._longest)
         while True:
             t_new, h = control.propose()
             k, x_new = stages(rates, x, slope, control.t, h)
@@ -126,7 +136,7 @@ class _Partitioned(Integration):
             x, control.t = x_new, t_new
             motion.t = float(t_new[0])
             y = motion.completed(x[:, 0], motion.t)
-            if stored == len(times) or motion.condition(y, motion.t) > _WORSE * motion.first_condition:
+            if motion.t >= end or motion.condition(y, motion.t) > _WORSE * motion.first_condition:
                 return y, stored
 
     def _chosen(self, x: Array, p: Array, t: float) -> Indices:

@@ -33,6 +33,8 @@ STEP_CONTROL = SimpleNamespace(
     SHORTEST=1e-14,  # of the horizon: shorter steps are lost in rounding
 )
 """The constants of the step control, those of the code DOP853. tests/codegen/test_fallback.py compares C and NumPy."""
+ROUNDED_STEP = 1e-6
+"""Share of the time below which the rounding of its end changes the length of a step."""
 MOST_STEPS = 1_000_000
 """Steps of a run: more take minutes in C, and hours in Python."""
 
@@ -74,7 +76,7 @@ def error_norm(x: Array, x_new: Array, errors: Sequence[Array], rtol: float, ato
 
 
 def first_step(
-    rates: Rates, x: Array, slope: Array, t: Array, span: float, rtol: float, atol: float, width: int = 1
+    rates: Rates, x: Array, slope: Array, t: Array, span: float | Array, rtol: float, atol: float, width: int = 1
 ) -> Array:
     """Lengths of first steps (G,) of groups of `width` lanes, by the algorithm of section II.4."""
     scale = 1.0 / (atol + rtol * np.abs(x))
@@ -100,26 +102,33 @@ class StepControl:
     ----------
     t : (G,) array           where they are [s]
     h : (G,) array           first steps [s]
-    end, horizon : float     where they end, and the length of the whole run [s]
+    end : (G,) or float      where they end, and where steps end before [s]
+    horizon : float          the length of the whole run [s]
     longest : float          longest step [s], 0 without a limit
 
     Attributes
     ----------
     live : (g,) indices      those that go on
+    shortest : float         steps are not shorter [s]
     """
 
-    def __init__(self, t: Array, h: Array, end: float, horizon: float, longest: float = 0.0) -> None:
-        self.t, self.h, self.end = t, h, end
+    def __init__(self, t: Array, h: Array, end: Array | float, horizon: float, longest: float = 0.0) -> None:
+        self.t, self.h, self.end = t, h, np.broadcast_to(end, t.shape)  # a view: the caller may move ends
         self.live: Indices = np.arange(len(t))
         self.steps = np.zeros(len(t), dtype=int)
-        self._longest, self._shortest = longest or np.inf, STEP_CONTROL.SHORTEST * horizon
+        self._longest, self.shortest = longest or np.inf, STEP_CONTROL.SHORTEST * horizon
         self._before = np.full(len(t), STEP_CONTROL.ERROR_LEAST)
 
     def propose(self) -> tuple[Array, Array]:
         """Where the next steps of `live` end, and how long they are, (g,) each."""
-        t, h = self.t[self.live], np.maximum(np.minimum(self.h[self.live], self._longest), self._shortest)
-        final = t + h >= self.end
-        return np.where(final, self.end, t + h), np.where(final, self.end - t, h)
+        t, h = self.t[self.live], np.maximum(np.minimum(self.h[self.live], self._longest), self.shortest)
+        end = self.end[self.live]
+        t_new = np.where(t + h >= end, end, t + h)
+        return t_new, np.where((t_new == end) | (h < ROUNDED_STEP * np.abs(t)), t_new - t, h)
+
+    def restart(self, t: Array, h: Array, which: Indices) -> None:
+        """Go on from times t with first steps h, both those of the integrations `which`."""
+        self.t[which], self.h[which], self._before[which] = t, h, STEP_CONTROL.ERROR_LEAST
 
     def judge(self, error: Array, h: Array) -> tuple[Mask, Mask, Mask]:
         """Which steps of `live` (g,) are accepted, cannot be shorter, and are one too many. Sets the next sizes."""
@@ -127,7 +136,7 @@ class StepControl:
         self.steps[live] += 1
         exhausted = self.steps[live] >= MOST_STEPS
         accepted = (error <= 1.0) & ~exhausted
-        stuck = ~accepted & (h <= self._shortest * 1.0000001)
+        stuck = ~accepted & (h <= self.shortest * 1.0000001)
         grown = s.SAFETY * error ** (-s.EXPONENT + 0.2 * s.MEMORY) * self._before[live] ** s.MEMORY
         shrunk = np.where(error < 1e300, s.SAFETY * error**-s.EXPONENT, 0.1)
         factor = np.where(accepted, grown.clip(s.CHANGE_LEAST, s.CHANGE_MOST), np.fmax(shrunk, s.SHRINK_LEAST))

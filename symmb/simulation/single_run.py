@@ -68,7 +68,7 @@ def simulate(
         runs.run(solver)
     else:
         stiff = runs.is_stiff_along(runs.x0)
-        solver, reason = choose(for_one_run(stiff), runs.judge)
+        solver, reason = choose(for_one_run(stiff, kinks(runs.simulator.dae) is not None), runs.judge)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
     run, trajectory = runs.done[solver]
     switches = kinks(runs.simulator.dae) if reason or run.message else None

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from symmb.codegen import has_compiler
+from symmb.codegen import REASONS, FailureCode, has_compiler
 from symmb.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver
 
 MANY = 20_000
@@ -36,23 +36,26 @@ class Candidates(NamedTuple):
 def for_studies() -> Candidates:
     """Candidates for many runs."""
     if not has_compiler():  # Rosenbrock needs it to control its step
-        return Candidates(DormandPrince(), *for_one_run(False)[1:])
+        return Candidates(DormandPrince(), *for_one_run(False, False)[1:])
     return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
 
 
-def for_one_run(stiff: bool) -> Candidates:
-    """Candidates for one run."""
+def for_one_run(stiff: bool, switches: bool) -> Candidates:
+    """Candidates for one run. With switches of time or state, steps should end there."""
     implicit, through = CVODES(stiff=True), CVODES(stiff=True, stabilization=AugmentedLagrangian())
     if stiff:
         tighter, compiled = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince()) if has_compiler() else ()
         return Candidates(implicit, implicit, (tighter, *compiled, through))
-    return Candidates(CVODES(), implicit, (DormandPrince(), *_SINGULAR, through))
+    first = DormandPrince() if switches else CVODES()
+    return Candidates(first, implicit, (DormandPrince(), *_SINGULAR, through))
 
 
 def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
     """The solver with which pilot runs succeed, or the faster one if the first is slow, and the reason."""
     first, implicit, others = candidates
     run = pilot(first)
+    if REASONS[FailureCode.STICKS] in run.message:  # no motion goes on
+        return first, _fault(first, run)
     if not (run.message or run.doubt):
         if not run.slow or implicit == first:
             return first, _count(run)

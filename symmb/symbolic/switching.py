@@ -1,4 +1,4 @@
-"""The parts of an expression that depend on time alone, and where they have kinks or jumps."""
+"""The parts of an expression that depend on time alone, where expressions have kinks or jumps, and their branches."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,6 +22,19 @@ _KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FMOD: ("fmod", lambda a, b: ca.sin(ca.pi * a / b)),
 }
 """Name of an operation, and what of its arguments changes sign at its kinks or jumps."""
+
+
+_ON_A_SIDE: dict[int, Callable[..., ca.SX]] = {
+    ca.OP_FABS: lambda side, a: side * a,
+    ca.OP_SIGN: lambda side, a: side,
+    ca.OP_COPYSIGN: lambda side, a, b: side * ca.fabs(a),
+    ca.OP_FMIN: lambda side, a, b: ca.if_else(side < 0, a, b),
+    ca.OP_FMAX: lambda side, a, b: ca.if_else(side > 0, a, b),
+    **dict.fromkeys((ca.OP_LT, ca.OP_LE), lambda side, a, b: side < 0),
+}
+"""The value of an operation on one side of its switch. Others, as `floor` of the state, are not located."""
+_POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
+"""Operations that are not defined for negative numbers, powers unless their exponent is whole."""
 
 
 class On(IntEnum):
@@ -81,6 +94,75 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()))
 
 
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """A Function whose kinks and jumps of the state are replaced by the branches of one side of each switch.
+
+    Within a step all evaluations take the same branch, also those beyond the switch, so that steps are smooth.
+
+    Attributes
+    ----------
+    outputs : list of SX     the Function's outputs on these branches
+    sides : (m,) SX          symbols, 1 where a switch is above 0 and -1 where it is below
+    switches : (m,) SX       on the same branches
+    times : (k,) SX          what changes sign at kinks and jumps that depend on time, and perhaps parameters, alone
+    """
+
+    outputs: list[ca.SX]
+    sides: ca.SX
+    switches: ca.SX
+    times: ca.SX
+
+
+def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
+    """The branches of an SX Function at symbols for its inputs.
+
+    Roots, logarithms and powers of what a switch kept positive are continued beyond it: sqrt(a) as sqrt(|a|).
+
+    Examples
+    --------
+    >>> x, t = ca.SX.sym("x"), ca.SX.sym("t")
+    >>> f = ca.Function("f", [x, t], [ca.fmax(x, 0) + ca.fabs(t - 1)])
+    >>> branches(f, [(x, On.STATE), (t, On.TIME)]).switches
+    SX(x)
+    """
+    switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = {}
+    times: dict[int, ca.SX] = {}
+
+    def side(switch: ca.SX) -> ca.SX:
+        a, b = _difference(switch)
+        if (b, a) in switches:
+            return -switches[b, a][1]
+        if (a, b) not in switches:
+            switches[a, b] = switch, ca.SX.sym(f"side_{len(switches)}")
+        return switches[a, b][1]
+
+    def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
+        on = max((a.on for a in arguments), default=On.PARAMETERS)
+        of = tuple(a.sx for a in arguments)
+        is_switch = code in _KINKS and not any(_is_guard(a) for a in of)
+        if is_switch and on is On.TIME:
+            switch = _KINKS[code][1](*of)
+            times.setdefault(switch.element_hash(), switch)
+        if is_switch and on is On.STATE and code in _ON_A_SIDE:
+            return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
+        if code in _POSITIVE and on is On.STATE:
+            of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
+        binary = len(of) == 2
+        return _Value(ca.SX.binary(code, *of) if binary else ca.SX.unary(code, of[0]), on)
+
+    values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
+    parts = interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
+    outputs = [ca.vertcat(ca.SX(0, 1), *(value.sx for value in part)) for part in parts]
+    found = list(switches.values())
+    return Branches(
+        outputs,
+        ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in found)),
+        ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in found)),
+        ca.vertcat(ca.SX(0, 1), *times.values()),
+    )
+
+
 def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
     """(n,) the largest parts that depend on time, and perhaps on parameters, alone; time itself is none.
 
@@ -92,6 +174,13 @@ def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
     """
     _, _, parts = ca.extract_parametric(expression, ca.vertcat(p, t))
     return ca.vertcat(ca.SX(0, 1), *[part for part in parts if ca.depends_on(part, t)])
+
+
+def _difference(value: ca.SX) -> tuple[int, int]:
+    """Hashes of a and b in a - b, 0 for one that is not there: those of b - a are the same in the other order."""
+    if value.is_op(ca.OP_SUB):
+        return value.dep(0).element_hash(), value.dep(1).element_hash()
+    return (0, value.dep(0).element_hash()) if value.is_op(ca.OP_NEG) else (value.element_hash(), 0)
 
 
 def _is_guard(value: ca.SX) -> bool:

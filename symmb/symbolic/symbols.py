@@ -4,7 +4,7 @@ A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters)
 what it is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from weakref import WeakKeyDictionary, WeakValueDictionary
@@ -12,6 +12,29 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import casadi as ca
 
 from symmb._errors import DeclarationError
+
+if hasattr(ca.GlobalOptions, "setNumpyMode") and ca.GlobalOptions.getNumpyMode() == 0:
+    ca.GlobalOptions.setNumpyMode(-1)  # NumPy's functions take expressions, as before CasADi 3.8, without a notice
+
+_casadi_bool = ca.SX.__bool__
+
+
+class TruthValueError(DeclarationError, RuntimeError):
+    """Python asks whether a symbolic expression is true. CasADi raises a RuntimeError there."""
+
+
+def _truth_value(expression: ca.SX) -> bool:
+    try:
+        return _casadi_bool(expression)
+    except RuntimeError:
+        raise TruthValueError(
+            f"Python's if, and, or, max and min cannot decide whether {str(expression)[:80]} is true: it is an "
+            "expression. Write casadi.if_else, logic_and, logic_or, fmax or fmin."
+        ) from None
+
+
+# Laws are written before symmb sees them, as in `1.0 if mb.t > 1 else 0.0`.
+ca.SX.__bool__ = _truth_value  # pyright: ignore[reportAttributeAccessIssue]
 
 t = ca.SX.sym("t")
 """Time [s], the one independent variable of every law."""
@@ -39,10 +62,18 @@ class Symbol:
     rate: ca.SX = field(default_factory=ca.SX)
     value: ca.SX = field(default_factory=ca.SX)
 
+    def __reduce__(self) -> tuple[Callable[..., "Symbol"], tuple[object, ...]]:
+        return _entered, (self.name, self.kind, self.sx, self.rate, self.value)
+
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
 _STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
 """Records of `initial` values, kept as long as a coordinate that they were read from."""
+
+
+def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX) -> Symbol:
+    record = _TABLE[sx.element_hash()] = Symbol(name, kind, sx, rate, value)
+    return record
 
 
 def declare(

@@ -44,14 +44,14 @@ def box_pulse(width, times=TIMES):
 def test_pulses_are_not_stepped_over(solver):
     scene, exact = box_pulse(0.01)
     run = mb.simulate(scene, solver)
-    np.testing.assert_allclose(run.values, exact, atol=1e-4)
-    assert "pulses      in laws of time: steps of at most 0.0" in str(run)
+    np.testing.assert_allclose(run.values, exact, atol=1e-4 if isinstance(solver, mb.NSTIFFSI2) else 1e-5)
 
 
 def test_smooth_pulses_are_not_stepped_over_by_the_state_space_method():
     scene = driven(ca.exp(-(((mb.t - 5) / 0.01) ** 2)) / (0.01 * np.sqrt(np.pi)))
     run = mb.simulate(scene, mb.StateSpace())
     np.testing.assert_allclose(run["x"][11:], np.sin(TIMES[11:] - 5) * np.exp(-(0.005**2)), atol=1e-6)
+    assert "pulses      in laws of time: steps of at most 0.0" in str(run)
 
 
 def test_pulses_are_not_stepped_over_without_a_compiler(monkeypatch):
@@ -83,7 +83,7 @@ def test_a_study_steps_on_pulses_for_every_sample():
     ("law", "shortest"),
     [
         (ca.exp(-(((mb.t - 5) / 0.1) ** 2)), 2 * 0.1 * np.sqrt(np.log(4))),  # between the quarters of its height
-        (ca.if_else(ca.logic_and(mb.t > 2, mb.t < 2.5), 3, 7), 0.5),
+        (ca.if_else(ca.logic_and(mb.t > 2, mb.t < 2.5), 3, 7), np.inf),  # steps end at its switches
         (ca.sin(2 * np.pi * mb.t), 0.5 - 2 * np.arcsin(0.25) / (2 * np.pi)),
         (ca.exp(-mb.t / 1e-3), np.inf),  # under way at the start
         (ca.tanh((mb.t - 5) / 1e-3), np.inf),  # a step is met by whatever comes after it

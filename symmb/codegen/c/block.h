@@ -25,6 +25,8 @@ typedef struct {
   char *failure;    /* (n,) of what */
   double *x_failed; /* (n, N_X) the state where its last step began */
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
+  const double *stops; /* (n, n_stops) switches of time in order, infinite behind the last one, or NULL */
+  long n_stops;
   long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
 } Study;
 
@@ -34,6 +36,10 @@ typedef struct {
   V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
   V p[SIZE(N_P)], scratch[2 * SIZE(N_X)];          /* parameters; errors of a step, or unknowns of the start */
+#if N_S > 0
+  V u[2 * N_S], u_new[2 * N_S], u_low[2 * N_S], u_at[2 * N_S]; /* switches on their sides, and their rates, see switches.h */
+  V when, which;
+#endif
 } Part;
 
 /* A block under way, at t, on a step of length h. */
@@ -42,6 +48,8 @@ typedef struct {
   double t, t_new, h, h_next;
   double before; /* logarithm of the error of the step before */
   long number, next, live, sample[WIDTH];
+  long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */
+  double stop_time, from, to; /* rates are evaluated between these times */
   long steps, iterations, most;
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 } Block;
@@ -50,6 +58,9 @@ typedef struct {
 
 /* The slope of state i from x and the slopes that are kept. */
 PRIVATE inline V slope(const V *x, const V *k, int i) { return i < N_OWN ? k[i] : x[i - N_OWN]; }
+
+/* Time t of a stage, on the right side of switches of time. */
+PRIVATE double between_stops(const Block *b, double t) { return t < b->from ? b->from : t > b->to ? b->to : t; }
 
 /* Marks the sample of a lane as failed. */
 PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why) {

@@ -6,7 +6,7 @@
 #ifndef EMBEDDED_PAIR_H
 #define EMBEDDED_PAIR_H
 
-#include "projection.h"
+#include "switches.h"
 #include "tableau.h"
 
 enum { REJECTED, ACCEPTED, FAILED };
@@ -48,7 +48,7 @@ PRIVATE double first_step(Block *b, const Study *s) {
   EACH_PART(b) {
     V *x1 = a->x_new, *k1 = a->k + N_OWN, d2 = zero();
     for (int i = 0; i < N_X; ++i) x1[i] = a->x[i] + h0 * slope(a->x, a->k, i);
-    rates(x1, a->c, each(b->t + h0), k1);
+    rates(x1, a->c, each(between_stops(b, b->t + h0)), k1);
     for (int i = 0; i < N_X; ++i) {
       V d = (slope(x1, k1, i) - slope(a->x, a->k, i)) / (s->atol + s->rtol * v_fabs(a->x[i]));
       d2 += d * d;
@@ -113,31 +113,46 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
   return ACCEPTED;
 }
 
+/* The slope and the first step where the motion begins, and behind each switch. */
+PRIVATE void restart(Block *b, const Study *s) {
+  b->before = log(ERROR_LEAST);
+  EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
+  b->h = first_step(b, s);
+}
+
 /* Runs the block from the first time to the last. Returns 0 if samples failed. */
 PRIVATE int run(Block *b, Study *s) {
   const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
   if (s->n_t == 1) return 1;
   b->steps = 0;
-  b->before = log(ERROR_LEAST);
-  EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
-  b->h = first_step(b, s);
+  find_stop(b, s);
+  settle(b);
+  restart(b, s);
   while (b->next < s->n_t) {
     if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
+    const double last = b->stop_time < end ? b->stop_time : end;
     b->t_new = b->t + b->h;
-    if (b->t_new >= end) {
-      b->t_new = end;
-      b->h = end - b->t;
-    }
+    if (b->t_new >= last) b->t_new = last;
+    if (b->t_new == last || b->h < ROUNDED_STEP * fabs(b->t)) b->h = b->t_new - b->t;
     stages(b);
     const int verdict = accept_step(b, s, shortest);
     if (verdict == FAILED) return 0;
     if (verdict == REJECTED) continue;
-    EACH_PART(b) rates(a->x_new, a->c, each(b->t_new), a->k + END * N_OWN);
+    EACH_PART(b) rates(a->x_new, a->c, each(between_stops(b, b->t_new)), a->k + END * N_OWN);
+    const int searched = may_pass(b);
+    if (searched) interpolant(b);
+    const double z = searched ? first_pass(b) : 2.0;
+    if (z < LATE && z * b->h > 10.0 * shortest) { /* interpolants are as exact as steps near their ends only */
+      b->h *= z * BEYOND;
+      continue;
+    }
+    if (z <= 1.0) b->t_new = b->t + z * b->h;
     if (s->times[b->next] <= b->t_new) {
-      interpolant(b);
+      if (!searched) interpolant(b);
       if (!sample_outputs(b, s)) return 0;
     }
+    if (z <= 1.0 && !change_sides(b, s, z)) return 0;
     EACH_PART(b) {
       /* The slope before the projection serves the next step: it is as far off as the error of this one. */
       memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
@@ -145,6 +160,10 @@ PRIVATE int run(Block *b, Study *s) {
     }
     b->t = b->t_new;
     b->h = b->h_next;
+    const int at_stop = b->t >= b->stop_time && find_stop(b, s);
+    if (at_stop) settle(b);
+    if (at_stop || z <= 1.0) restart(b, s);
+    else keep_switches(b);
   }
   return 1;
 }

@@ -41,7 +41,8 @@ static int place_samples(Block *b, Study *s) {
     V sum = zero();
     for (int l = 0; l < W; ++l) {
       const long i = b->sample[((a - b->part) * W + l) % b->live];
-      for (int j = 0; j < N_P; ++j) a->p[j][l] = s->p[i * N_P + j];
+      for (int j = 0; j < N_P - N_S; ++j) a->p[j][l] = s->p[i * (N_P - N_S) + j];
+      for (int j = N_P - N_S; j < N_P; ++j) a->p[j][l] = 1.0;
       for (int j = 0; j < N_X && !STARTED; ++j) a->x[place[j]][l] = s->x0[i * N_X + j];
     }
     prepare(a->p, a->c);
@@ -67,6 +68,9 @@ static int begin(Block *b, Study *s) {
     for (long i = b->number * WIDTH; i < b->number * WIDTH + WIDTH && i < s->n; ++i)
       if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
     if (!b->live) return 0;
+    memset(b->stop, 0, sizeof b->stop);
+    b->stop_time = b->to = INFINITY;
+    b->from = -INFINITY;
     if (!place_samples(b, s)) continue;
     observe(b);
     if (store_outputs(b, s, 0, 1)) return 1;

@@ -8,7 +8,7 @@
 #ifndef IMPLICIT_STEP_H
 #define IMPLICIT_STEP_H
 
-#include "projection.h"
+#include "switches.h"
 
 enum { MOST_ITERATIONS = 12 };
 #define STALLED 1e-6 /* a change this small that no longer falls is rounding */
@@ -70,13 +70,16 @@ PRIVATE int run(Block *b, Study *s) {
   const double span = s->times[s->n_t - 1] - s->times[0], longest = s->longest > 0.0 ? s->longest : span;
   const double shortest = s->rtol > 0.0 ? 1e-14 * span : 1e-4 * longest;
   double wanted = s->rtol > 0.0 && longest > 1e-4 * span ? 1e-4 * span : longest;
+  const double first = wanted;
   int fresh = 1;
   M marked[PARTS];
   b->steps = b->iterations = b->most = 0;
+  if (find_stop(b, s)) b->t = b->from;
   while (b->next < s->n_t) {
     if (!(wanted > shortest)) wanted = shortest;
-    const double left = s->times[b->next] - b->t, parts = ceil(left / wanted - 1e-9);
-    b->t_new = parts > 1.0 ? b->t + left / parts : s->times[b->next];
+    const double goal = b->to < s->times[b->next] ? b->to : s->times[b->next];
+    const double left = goal - b->t, parts = ceil(left / wanted - 1e-9);
+    b->t_new = parts > 1.0 ? b->t + left / parts : goal;
     b->h = parts > 1.0 ? left / parts : left;
     EACH_PART(b) {
       a->x[N_W] = each(b->h);
@@ -111,6 +114,15 @@ PRIVATE int run(Block *b, Study *s) {
     fresh = 0;
     b->t = b->t_new;
     EACH_PART(b) memcpy(a->x, a->k, N_W * sizeof(V));
+    if (b->t < goal) continue;
+    const int at_stop = goal == b->to;
+    if (at_stop) {
+      b->t = b->stop_time;
+      find_stop(b, s);
+      b->t = b->from;
+      fresh = 1;
+      wanted = first;
+    }
     if (b->t < s->times[b->next]) continue;
     observe(b);
     if (!store_outputs(b, s, b->next++, 1)) return 0;

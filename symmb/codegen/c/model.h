@@ -13,9 +13,10 @@
 #define N_Y 1       /* outputs */
 #define N_USED 1    /* states that outputs need */
 #define PROJECTED 0 /* 1: project() moves states onto the constraints */
+#define N_S 0       /* switches of the state, whose sides are the last parameters; switches.h */
 #define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
 #define N_U 0
-enum { STEPS, OUTPUT, NEWTON, MANY }; /* why a sample failed: steps too short, an output or Newton's method, or too many */
+enum { STEPS, OUTPUT, NEWTON, MANY, STICKS }; /* why a sample failed, see FailureCode */
 
 PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
 

@@ -13,6 +13,7 @@
 #define CHANGE_MOST 5.0  /* bounds of the factor of a step that is accepted */
 #define ERROR_LEAST 1e-4 /* smaller errors count as this in the memory */
 #define SHORTEST 1e-14   /* share of the horizon */
+#define ROUNDED_STEP 1e-6 /* share of the time below which the rounding of its end changes the length of a step */
 
 /* Slopes before the end of the step, and x_new. */
 PRIVATE void stages(Block *b) {

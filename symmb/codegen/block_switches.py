@@ -1,0 +1,129 @@
+"""Switches of many blocks of samples: the work of c/switches.h on NumPy arrays."""
+
+from bisect import bisect_right
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.codegen.arrays import Program
+from symmb.codegen.c_source import c_number
+from symmb.codegen.engine import StepEnds
+from symmb.schemes import first_pass, interpolated
+
+WIDTH = int(c_number("lanes", "WIDTH"))
+"""Samples that share a step."""
+_STOP_MARGIN, _SCREEN, _REVERSAL, LATE, BEYOND = (
+    c_number("switches", name) for name in ("STOP_MARGIN", "SCREEN", "REVERSAL", "LATE", "BEYOND")
+)
+_SETTLINGS = int(c_number("switches", "SETTLINGS"))
+
+
+class BlockSwitches:
+    """Switches of B blocks; lanes of those under way are columns, 8 for each block.
+
+    Attributes
+    ----------
+    stop, end : (B,)         the next switch of time, and where steps end at the latest [s]
+    after, before : (B,)     times between which rates are evaluated [s]
+    """
+
+    def __init__(
+        self, prepare: Program, switches: Program | None, ends: StepEnds | None, times: Array, p: Array, B: int
+    ) -> None:
+        self._prepare, self._switches, self._p = prepare, switches, np.ascontiguousarray(p)
+        self._hysteresis = np.array(ends.hysteresis if ends else (), dtype=float)[:, None]
+        self._sides = np.ones((len(self._hysteresis), p.shape[1]))
+        self._u = np.zeros((2 * len(self._sides), p.shape[1]))
+        stops = ends.stops(p.T) if ends and ends.stops else np.empty((p.shape[1], 0))
+        self._stops = np.sort(stops.reshape(B, -1), axis=1)
+        self._horizon, self._least = float(times[-1]), 1e-3 * float(np.ptp(times))
+        self.after, self.before = np.full(B, -np.inf), np.full(B, np.inf)
+        self.stop, self.end = np.full(B, np.inf), np.full(B, self._horizon)
+
+    @property
+    def parameters(self) -> Array:
+        """Parameters and sides (n_p, L)."""
+        return np.concatenate([self._p, self._sides])
+
+    def select(self, lanes: Mask | slice) -> None:
+        """Go on with some lanes only."""
+        self._p, self._sides, self._u = self._p[:, lanes], self._sides[:, lanes], self._u[:, lanes]
+
+    def find_stops(self, t: Array, blocks: Indices) -> None:
+        """The next switches of time of some blocks at times t (B,)."""
+        for b, now in zip(blocks.tolist(), t[blocks].tolist(), strict=True) if self._stops.size else ():
+            stops = self._stops[b].tolist()
+            k = bisect_right(stops, now)
+            if k and stops[k - 1] == now:
+                self.after[b] = now + self._margin(now)
+            self.stop[b] = stop = stops[k] if k < len(stops) else np.inf
+            self.before[b] = stop - self._margin(stop)
+            self.end[b] = min(stop, self._horizon)
+
+    def _margin(self, t: float) -> float:
+        return _STOP_MARGIN * max(abs(t), self._least) if np.isfinite(t) else 0.0
+
+    def settle(self, x: Array, c: Array, t: Array, lanes: Mask | slice) -> Array:
+        """The sides of lanes at the start of a step. Where a switch is 0 its rate decides. Returns their new c."""
+        m = len(self._sides)
+        if self._switches is None:
+            return c
+        for _ in range(_SETTLINGS):  # switches may depend on the sides of others
+            u = self._switches(x, c, t)
+            sides = self._sides[:, lanes]
+            new = np.sign(np.where(np.abs(u[:m]) > self._hysteresis, u[:m], u[m:]))
+            new = np.where(new == 0, sides, new)
+            if (new == sides).all():
+                break
+            self._sides[:, lanes] = new
+            c = self._prepare(x, self.parameters[:, lanes], t)
+        self._u[:, lanes] = self._on_sides(x, c, t, self._sides[:, lanes])
+        return c
+
+    def _on_sides(self, x: Array, c: Array, t: Array, sides: Array) -> Array:
+        """Switches on their sides, and their rates (2 m, L)."""
+        u, m = self._switches(x, c, t) if self._switches else self._u, len(sides)
+        return np.concatenate([u[:m] * sides + self._hysteresis, u[m:] * sides])
+
+    def may_pass(self, x_new: Array, c: Array, t_new: Array, h: Array, lanes: Mask | slice) -> bool:
+        """Whether a switch may have been passed in steps of blocks (b,), told by the cubics through their ends."""
+        m = len(self._sides)
+        if self._switches is None:
+            return False
+        self._begin = u = self._u[:, lanes].copy()
+        self._u[:, lanes] = new = self._on_sides(x_new, c, np.repeat(t_new, WIDTH), self._sides[:, lanes])
+        third = np.repeat(h, WIDTH) / 3
+        first, last, end = third * u[m:], third * new[m:], new[:m]
+        margin = _SCREEN * (np.abs(first) + np.abs(last) + np.abs(end - u[:m]))
+        return bool(((end < 0) | (u[:m] + first < margin) | (end - last < margin)).any())
+
+    def first_pass(
+        self, x: Array, F: Array, c: Array, t: Array, h: Array, lanes: Mask | slice
+    ) -> tuple[Array, Mask, Indices]:
+        """Where the steps of lanes end: share for each block (b,), which lanes pass a switch there (L,), and which."""
+        m, sides = len(self._sides), self._sides[:, lanes]
+
+        def values(theta: Array, some: Indices) -> tuple[Array, Array]:
+            at = interpolated(x[:, some], F[:, :, some], theta)
+            u = self._on_sides(at, c[:, some], t[some] + theta * h[some], sides[:, some])
+            return u[:m], u[m:]
+
+        when, which = first_pass(values, self._begin[:m], self._begin[m:])
+        first = when.reshape(-1, WIDTH).min(axis=1)
+        return first, (when == np.repeat(first, WIDTH)) & np.isfinite(when), which
+
+    def forget(self, lanes: Mask | slice) -> None:
+        """The switches of lanes are again those at the begin of the step."""
+        self._u[:, lanes] = self._begin
+
+    def change_sides(
+        self, x: Array, c: Array, t: Array, h: Array, lanes: Mask | slice, passed: Mask, which: Indices
+    ) -> tuple[Array, Mask]:
+        """Change the sides of the lanes that passed a switch. Returns the new c, and which lanes stick (b, 8)."""
+        m, sides = len(self._sides), self._sides[:, lanes]
+        changed = passed & (which == np.arange(m)[:, None])
+        self._sides[:, lanes] = sides = np.where(changed, -sides, sides)
+        c = self._prepare(x, self.parameters[:, lanes], t)
+        self._u[:, lanes] = u = self._on_sides(x, c, t, sides)
+        sticks = changed & (0.1 * h * u[m:] < -_REVERSAL * self._hysteresis)
+        return c, sticks.any(axis=0).reshape(-1, WIDTH)

@@ -1,0 +1,55 @@
+"""Where steps of one problem end besides output times: at its switches of time and of the state."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.codegen import StepEnds
+from symmb.events import time_switches
+from symmb.integrate.problem import Problem
+from symmb.model import DAE
+from symmb.symbolic import On, branches
+
+_HYSTERESIS = 1e-13
+"""Change of a switch, relative to that by the size of all states, which is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchedProblem:
+    """A problem on the branches of one side of each switch of the state.
+
+    Attributes
+    ----------
+    problem : its last parameters are the sides
+    switches : (2 m,) SX     switches and their rates
+    ends : StepEnds
+    """
+
+    problem: Problem
+    switches: ca.SX
+    ends: StepEnds
+
+
+def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None:
+    """The problem with its switches; None if it has none. Algebraic variables must be eliminated."""
+    x, p, t, stops = problem.x, problem.p, problem.t, time_switches(dae, times)
+    f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))], {"cse": True})
+    found = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
+    if not found.sides.numel() and stops is None:
+        return None
+    (rates,) = found.outputs
+    ode = rates[: x.numel()]
+    slopes = ca.densify(ca.jtimes(found.switches, x, ode) + ca.jacobian(found.switches, t))
+    on_branches = replace(problem, p=ca.vertcat(p, found.sides), ode=ode, quad=rates[x.numel() :])
+    ends = StepEnds(_hysteresis(dae, found.switches, x, p, t, found.sides), stops)
+    return SwitchedProblem(on_branches, ca.vertcat(found.switches, slopes), ends)
+
+
+def _hysteresis(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
+    """Above the rounding of each switch, at states of the scene's size."""
+    size = np.concatenate([dae.coordinate_scales, np.full(dae.n_v + dae.n_s, max(dae.scales.size, 1e-300))])
+    change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
+    values = change(size, dae.p_nominal, 0.0, 1.0).full().ravel()
+    return tuple(float(_HYSTERESIS * value) if 0 < value < np.inf else _HYSTERESIS for value in values)

@@ -1,0 +1,174 @@
+"""Steps end at switches of time and state: against closed forms, and against SciPy, which restarts at each event."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+from symmb.codegen import ArrayEngine, Engine, build
+from symmb.events import TimeSwitches
+
+ULP = np.spacing(1.2345)
+
+
+@pytest.fixture(params=["compiled", "NumPy"])
+def engine(request, monkeypatch):
+    if request.param == "NumPy":
+        monkeypatch.setenv("CC", "/nonexistent")
+        monkeypatch.setenv("PATH", "/nonexistent")
+        build._compiler.cache_clear()
+    yield Engine if request.param == "compiled" else ArrayEngine
+    monkeypatch.undo()
+    build._compiler.cache_clear()
+
+
+def oscillator(stiffness, gap, times):
+    """x'' = -x with amplitude 1 against a wall of some stiffness at 1 - gap."""
+    p = mb.Parameters(wall=1 - gap, k=stiffness)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    push = -mass.x - ca.if_else(mass.x > p.wall, p.k * (mass.x - p.wall), 0)
+    system = mb.System(mass, mb.Force("push", mass.point(0, 0), (push, 0)), parameters=p)
+    return mb.Scene(system, start={"mass.vx": 1.0}, times=times, outputs={"x": mass.x})
+
+
+def bouncing(stiffness, gap, times):
+    """The closed form: pieces of two harmonic motions, about 0 and about the middle of the wall's spring."""
+    wall, fast = 1 - gap, np.sqrt(1 + stiffness)
+    x, v, begin, inside, values = 0.0, 1.0, 0.0, False, []
+    times = list(times)
+    while times:
+        middle, rate = (stiffness * wall / (1 + stiffness), fast) if inside else (0.0, 1.0)
+        amplitude, phase = np.hypot(x - middle, v / rate), np.arctan2(v / rate, x - middle)
+        angle = np.arccos((wall - middle) / amplitude)
+        turn = (phase + (angle if inside else -angle)) % (2 * np.pi)
+        turn += 2 * np.pi if turn < 1e-9 else 0.0
+        end = begin + turn / rate
+        while times and times[0] <= end:
+            values.append(middle + amplitude * np.cos(rate * (times.pop(0) - begin) - phase))
+        x, v, begin, inside = wall, -amplitude * rate * np.sin(turn - phase), end, not inside
+    return np.array(values)
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7])
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.DormandPrince(rtol=1e-11)], ids=repr)
+def test_short_contacts_are_neither_missed_nor_wrong(stiffness, gap, solver):
+    times = np.linspace(0, 20, 201)
+    run = mb.simulate(oscillator(stiffness, gap, times), solver)
+    assert_allclose(
+        run["x"], bouncing(stiffness, gap, times), rtol=0, atol=1e-9 if solver and solver.rtol < 1e-9 else 1e-6
+    )
+    assert run.statistics["integrator"]["steps"] < 300
+
+
+def test_every_sample_of_a_study_has_its_own_contacts(engine):
+    times, gaps = np.linspace(0, 20, 201), np.linspace(2e-4, 3e-3, 20)
+    simulator = mb.DAESimulator(oscillator(1e6, 1e-3, times), mb.DormandPrince())
+    ensemble = simulator.run(np.column_stack([1 - gaps, np.full(20, 1e6)]))
+    assert isinstance(simulator.engine(), engine)
+    expected = [bouncing(1e6, gap, times) for gap in gaps]
+    assert_allclose(ensemble.Y[:, :, 0], expected, rtol=0, atol=1e-6)
+
+
+def pushed(law, times=(0.0, 2.5, 5.0), **parameters):
+    """A mass of 1 kg at 1 m/s under a force, a function of parameters and mass."""
+    p = mb.Parameters(**parameters)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    system = mb.System(mass, mb.Force("push", mass.point(0, 0), (law(p, mass), 0)), parameters=p)
+    return mb.Scene(system, start={"mass.vx": 1.0}, times=times, outputs={"x": mass.x, "v": mass.vx})
+
+
+BEGIN = 1.2345
+PULSES = {
+    "if_else": lambda p, m: ca.if_else(ca.logic_and(mb.t > BEGIN, mb.t < BEGIN + p.width), 1 / p.width, 0),
+    "fabs": lambda p, m: ca.if_else(ca.fabs(mb.t - BEGIN - p.width / 2) < p.width / 2, 1 / p.width, 0),
+    "sign": lambda p, m: (ca.sign(mb.t - BEGIN) - ca.sign(mb.t - BEGIN - p.width)) / (2 * p.width),
+}
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("pulse", [*PULSES, "Table"])
+def test_impulses_of_any_width(engine, pulse, width):
+    table = mb.Table([0, BEGIN, BEGIN + width / 2, BEGIN + width, 10], [0, 0, 2 / width, 0, 0])
+    scene = pushed(PULSES.get(pulse, lambda p, m: table(mb.t)), width=width)
+    run = mb.simulate(scene, mb.DormandPrince())
+    error = 1e-6 + 4 * ULP / width
+    assert_allclose(run["v"], [1, 2, 2], rtol=0, atol=error)
+    assert_allclose(run["x"][-1], 5 + (5 - BEGIN - width / 2), rtol=0, atol=4 * error)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("by", ["two comparisons", "fabs"])
+def test_zones_of_position_do_their_work(engine, by, width):
+    zone = {
+        "two comparisons": lambda p, m: ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), 1 / p.width, 0),
+        "fabs": lambda p, m: ca.if_else(ca.fabs(m.x - 2 - p.width / 2) < p.width / 2, 1 / p.width, 0),
+    }[by]
+    run = mb.simulate(pushed(zone, width=width), mb.DormandPrince())
+    speed = np.sqrt(3)  # work 1 on 1 kg at 1 m/s
+    assert_allclose(run["v"][1:], [speed, speed], rtol=0, atol=1e-6 + 4 * ULP / width)
+    through = width * (speed - 1)  # v' = 1 / width
+    assert_allclose(run["x"][-1], 2 + width + (3 - through) * speed, rtol=0, atol=4e-6 + 16 * ULP / width)
+
+
+def test_two_pulses_within_one_step_and_pulses_of_uncertain_place(engine):
+    def law(p, m):
+        first = ca.if_else(ca.logic_and(mb.t > p.begin, mb.t < p.begin + p.width), 1 / p.width, 0)
+        return first - 2 * ca.if_else(
+            ca.logic_and(mb.t > p.begin + 1e-3, mb.t < p.begin + 1e-3 + p.width), 1 / p.width, 0
+        )
+
+    simulator = mb.DAESimulator(pushed(law, begin=1.0, width=1e-6), mb.DormandPrince())
+    begins, widths = np.linspace(0.1, 4.9, 13), np.geomspace(1e-7, 1e-4, 13)
+    ensemble = simulator.run(np.column_stack([begins, widths]))
+    assert_allclose(ensemble.Y[:, -1, 1], 0.0, atol=1e-6)
+    x = 1.0 * begins + 2.0 * 1e-3 + widths / 2 * (1 - 2)  # in the middle of the first and of the second pulse
+    assert_allclose(ensemble.Y[:, -1, 0], x + widths / 2 * 2 - widths / 2, rtol=0, atol=2e-4)
+
+
+def test_switches_at_the_start_and_at_the_end_of_the_run(engine):
+    scene = pushed(lambda p, m: ca.if_else(mb.t > 0, p.a, 100.0) + ca.if_else(mb.t < 5, 0, 1e6), a=1.0)
+    run = mb.simulate(scene, mb.DormandPrince())
+    assert_allclose(run["v"], [1, 3.5, 6], atol=1e-8)
+
+
+@pytest.mark.parametrize("friction", [2.0, 5.0])
+def test_a_motion_that_sticks_is_an_error(engine, friction):
+    scene = pushed(lambda p, m: -p.mu * ca.sign(m.vx) + 3 * ca.sin(2 * mb.t), mu=friction)
+    with pytest.raises(mb.SimulationError, match="sticks to a switch"):
+        mb.simulate(scene)
+
+
+def test_sliding_without_sticking_is_as_by_scipy(engine):
+    times = np.linspace(0, 10, 101)
+    scene = pushed(lambda p, m: -p.mu * ca.sign(m.vx) - 4 * m.x + 3 * ca.sin(2.7 * mb.t), times=times, mu=0.1)
+    try:
+        run = mb.simulate(scene, mb.DormandPrince())
+    except mb.SimulationError as error:
+        pytest.fail(str(error))
+    sign, t, y, states = 1.0, 0.0, np.array([0.0, 1.0]), [np.array([[0.0], [1.0]])]
+    turned = lambda t, y: y[1]  # noqa: E731
+    turned.terminal = True
+    while t < 10:
+        turned.direction = -sign
+        rates = lambda t, y, sign=sign: [y[1], -0.1 * sign - 4 * y[0] + 3 * np.sin(2.7 * t)]  # noqa: E731
+        some = times[(times > t)]
+        piece = solve_ivp(rates, (t, 10), y, "DOP853", some, events=turned, rtol=1e-12, atol=1e-13)
+        states.append(piece.y)
+        if not piece.t_events[0].size:
+            break
+        t, y, sign = piece.t_events[0][0], piece.y_events[0][0], -sign
+    expected = np.concatenate(states, axis=1)
+    assert_allclose(run["x"], expected[0], rtol=0, atol=1e-7)
+
+
+def test_switches_of_time_are_found_for_each_sample():
+    p, t = ca.SX.sym("p", 2), ca.SX.sym("t")
+    switches = ca.vertcat(t - p[0], 3 - p[1] * t, ca.sin(2 * np.pi * t) - 0.5, (t - 1.3) ** 2 - 1e-12, t - 20)
+    found = TimeSwitches(switches, p, t, np.array([0.0, 2.0]))(np.array([[0.4, 2.0], [5.0, 4.0]]))
+    waves = [1 / 12, 5 / 12, 13 / 12, 17 / 12]
+    assert_allclose(found[0], sorted([0.4, 1.5, *waves, 1.3 - 1e-6, 1.3 + 1e-6]), rtol=1e-9)
+    assert_allclose(found[1, :-1], sorted([0.75, *waves, 1.3 - 1e-6, 1.3 + 1e-6]), rtol=1e-9)
+    assert np.isinf(found[1, -1])
