@@ -45,7 +45,7 @@ def double_pendulum_by_hand(p, times=TIMES):
     return _exact(rate, [0.9, -0.4, 1.0, -2.0], times)
 
 
-J = np.array([0.02, 0.035, 0.01])
+J = np.array([0.02, 0.029, 0.01])
 ARM = np.array([0.0, 0.0, 0.4])
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._errors import DeclarationError
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import law_faults, press
@@ -12,6 +13,16 @@ from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, diagonal, force_at, mount, push
 from symmb.symbolic import ddt, unit, vector
+
+
+def law_value(law: Callable[..., Expr], title: str, *arguments: ca.SX) -> Expr:
+    """The value of a user's law. What it raises becomes a DeclarationError."""
+    try:
+        return law(*arguments)
+    except DeclarationError:
+        raise
+    except Exception as error:  # the law is the user's
+        raise DeclarationError(f"{title}: the law raises {type(error).__name__}: {error}.") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +48,8 @@ class NonlinearSpring(PairForce):
         d = self.point_b.r - self.point_a.r
         # Points closer than 1e-12 m have no line between them: the force decreases to 0 there and stays finite.
         length = ca.sqrt(ca.fmax(ca.sumsqr(d), MEETING**2))
-        pull = bind(self.pull(length, ca.dot(d, ddt(d)) / length), f"{self.title}: pull")
+        title = f"{self.title}: pull"
+        pull = bind(law_value(self.pull, title, length, ca.dot(d, ddt(d)) / length), title)
         force = pull * d / length
         yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)))
 

@@ -20,6 +20,7 @@ from symmb.mechanics import (
     Load,
     Parameters,
     Particle,
+    Spatial,
 )
 from symmb.model.binding import Binding
 from symmb.model.validation import (
@@ -31,7 +32,7 @@ from symmb.model.validation import (
     position_rows,
     velocity_rows,
 )
-from symmb.symbolic import Symbol, is_zero
+from symmb.symbolic import Symbol, TruthValueError, is_zero
 
 T = TypeVar("T")
 
@@ -112,13 +113,10 @@ class _Faults:
         """The result of f, or a substitute where f raises a fault of the declaration."""
         try:
             return f()
+        except TruthValueError as error:
+            self.lines.append(f"{what}: {error}")
         except DeclarationError as error:
             self.lines += str(error).split("\n")
-        except RuntimeError as error:
-            if "truth value" not in str(error):
-                raise
-            remedy = "write casadi.if_else, fmax or fmin"
-            self.lines.append(f"{what}: Python's if, max and min know no expressions: {remedy}.")
         return otherwise
 
     def raise_any(self) -> None:
@@ -214,13 +212,30 @@ def _positive(
     inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
 ) -> Iterator[tuple[str, ca.SX]]:
     for body, (mass, J) in inertial:
-        for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3))):
+        triangle = (("sum of two principal moments of inertia less the third", m) for m in _triangle_minors(body, J))
+        for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
             if not is_zero(value) and all(bind.is_parameter(s) for s in ca.symvar(value)):
                 yield f"Body {body.name!r}: {what}", value
     for constraint in constraints:
         value = constraint.positive(bind)
         if value.numel() and all(bind.is_parameter(s) for s in ca.symvar(value)):
             yield f"{constraint.title}: length", value
+
+
+def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
+    """Three numbers that are positive if no principal moment of a spatial body exceeds the sum of the others.
+
+    They are the leading minors of tr(J) / 2 - J, the second moments of the mass, with an allowance. The first is half a
+    sum of two moments less the third.
+    """
+    if not isinstance(body.pose, Spatial) or is_zero(J):
+        return []
+    moments = ca.densify((0.5 + _TRIANGLE) * ca.trace(J) * ca.SX.eye(3) - J)
+    return [ca.det(moments[:k, :k]) for k in (1, 2, 3)]
+
+
+_TRIANGLE = 5e-4
+"""Share of the sum of the moments by which one may exceed the others: data of thin plates, rounded to three digits."""
 
 
 def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:

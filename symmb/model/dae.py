@@ -14,6 +14,7 @@ from symmb.mechanics import Spatial
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Contacts, Impacts
 from symmb.model.system import System
+from symmb.model.validation import require_inertia
 from symmb.symbolic import symmetric_solver, t
 
 
@@ -208,6 +209,10 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     -------
     DAE
 
+    Raises
+    ------
+    DeclarationError       if velocities have neither inertia nor a constraint
+
     Examples
     --------
     >>> import symmb as mb
@@ -218,6 +223,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     """
     require_instance("compile_dae", system, System, "a System")
     independent = system if rows is None else system.keeping(rows)
+    require_inertia(independent.M, independent.G, independent.collected.v_names)
     c, (positive_names, positive) = independent.collected, independent.positive
     displacement = ca.SX.sym("delta", independent.v.numel())
     moved = _retract(independent, displacement)

@@ -1,7 +1,7 @@
 """A scene: a system with its start, output times, outputs and uncertain parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import casadi as ca
@@ -14,7 +14,7 @@ from symmb._types import Array, Expr
 from symmb.mechanics import Rotation, Spatial
 from symmb.model.box import Box
 from symmb.model.system import System
-from symmb.symbolic import t
+from symmb.symbolic import reduction, t
 
 _RATE_OF = {"x": "vx", "y": "vy", "z": "vz", "theta": "omega"}
 
@@ -83,6 +83,9 @@ class Scene:
         extra = [s for s in self.system.bind.states(outputs) if s.sx.element_hash() not in known]
         if extra:
             object.__setattr__(self, "system", self.system.with_states(extra))
+
+    def __reduce__(self) -> tuple:
+        return reduction(Scene, *(getattr(self, f.name) for f in fields(self)))
 
     def _box_faults(self) -> list[str]:
         if self.box is None:

@@ -28,7 +28,7 @@ from symmb.model.binding import Binding
 from symmb.model.box import Box
 from symmb.model.multipliers import Multipliers, Reaction, joint_reaction
 from symmb.model.summary import system_text
-from symmb.symbolic import Symbol, is_zero, latex, rate, saddle_solver, t, to_sympy
+from symmb.symbolic import Symbol, is_zero, latex, rate, reduction, saddle_solver, t, to_sympy
 
 
 class System:
@@ -59,12 +59,16 @@ class System:
         require_instance("System: parameters", self.parameters, Parameters, "Parameters(l1=1.0, ...)")
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
         self.collected: Collected = collect(self.elements, self.parameters)
+        self._added: tuple[Symbol, ...] = ()
+
+    def __reduce__(self) -> tuple:
+        return reduction(_restored, self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
         """A copy with additional first-order states, which outputs need."""
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
-        copy.collected = self.collected.with_states(states)
+        copy.collected, copy._added = self.collected.with_states(states), (*self._added, *states)
         copy.lam, copy.vdot = self.lam, self.vdot  # outputs may contain these symbols
         return copy
 
@@ -72,7 +76,7 @@ class System:
         """A copy with some constraint rows only, given by their numbers, and new multipliers."""
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
-        copy.collected = self.collected.keeping(rows)
+        copy.collected, copy._added = self.collected.keeping(rows), self._added
         return copy
 
     @property
@@ -295,7 +299,7 @@ class System:
     def latex(self) -> str:
         """The equations in LaTeX, one display for each part that the scene has."""
         return "\n\n".join(
-            rf"\[ {_LATEX[name]} = {latex(getattr(self, name), *self._symbols)} \]" for name in self.parts
+            rf"\[ {_GREEK.get(name, name)} = {latex(getattr(self, name), *self._symbols)} \]" for name in self.parts
         )
 
     @cached_property
@@ -325,15 +329,16 @@ class System:
         )
 
 
+def _restored(
+    elements: tuple[Element, ...], parameters: Parameters, lam: ca.SX, vdot: ca.SX, added: tuple[Symbol, ...]
+) -> System:
+    """A system from its pickle, whose outputs may contain multipliers and accelerations."""
+    system = System(*elements, parameters=parameters)
+    rows, system.lam, system.vdot = system.lam.rows, Multipliers(lam), vdot
+    system.lam.rows = rows
+    return system.with_states(added) if added else system
+
+
 _CORNERS = 10
 """Parameters up to which all corners of the box are checked, about a thousand. With more, samples fail one by one."""
-_LATEX = {
-    "M": "M",
-    "N": "N",
-    "Q": "Q",
-    "Phi": r"\Phi",
-    "Phi_q": r"\Phi_q",
-    "Phi_t": r"\Phi_t",
-    "Psi": r"\Psi",
-    "gamma": r"\gamma",
-}
+_GREEK = {"Phi": r"\Phi", "Phi_q": r"\Phi_q", "Phi_t": r"\Phi_t", "Psi": r"\Psi", "gamma": r"\gamma"}

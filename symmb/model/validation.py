@@ -176,3 +176,14 @@ def _shown(value: ca.SX) -> str:
     """A value in brackets, unless it is too long to help."""
     text = str(value)
     return f" ({text})" if len(text) <= 40 else ""
+
+
+def require_inertia(M: ca.SX, G: ca.SX, v_names: Sequence[str]) -> None:
+    """DeclarationError if velocities have neither inertia in M (n_v, n_v) nor a row of G (n_r, n_v)."""
+    columns = ca.horzsplit(ca.vertcat(ca.DM(M.sparsity(), 1), ca.DM(G.sparsity(), 1)))
+    free = [name for name, column in zip(v_names, columns, strict=True) if not column.nnz()]
+    if free:
+        raise DeclarationError(
+            f"Nothing determines the acceleration of {', '.join(free)}. Give the body a mass or an inertia, or "
+            "add joints by which others carry it."
+        )

@@ -66,6 +66,7 @@ def of_record(record: Record) -> Contents:
         "row_names": rows,
         "drift": drift,
         "energy": energy,
+        "energy_drift": record.number("energy_drift"),
         "_text": record.text("text"),
     }
     return known, derived
@@ -92,6 +93,7 @@ def of_table(table: Record) -> Contents:
         **dict.fromkeys(("setup_seconds", "run_seconds"), math.nan),
         "drift": dict.fromkeys(Drift._fields, unknown),
         "energy": dict.fromkeys(Energy._fields, unknown),
+        "energy_drift": math.nan,
     }
     return of_record(Record(entries))
 

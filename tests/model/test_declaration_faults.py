@@ -193,7 +193,7 @@ FAULTS = {
     ),
     "a nonlinear spring that decides by if": (
         lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: d if d > 1 else 0)],
-        r"NonlinearSpring 'n': Python's if, max and min know no expressions: write casadi\.if_else",
+        r"NonlinearSpring 'n': Python's if, and, or, max and min cannot decide .* Write casadi\.if_else",
     ),
     "a nonlinear spring of an unknown symbol": (
         lambda: [ROD1, mb.NonlinearSpring("n", GROUND.point(0, 0), ROD1.point(0, 0), lambda d, v: STRANGER.x * d)],
@@ -275,3 +275,57 @@ def test_faults_outside_of_a_system(declare, text):
 def test_an_unknown_parameter_is_an_attribute_error_that_lists_the_known():
     with pytest.raises(AttributeError, match="no parameter 'l2'; declared are: l1, m1, none"):
         _ = P.l2
+
+
+@pytest.mark.parametrize(
+    ("inertia", "is_possible"),
+    [
+        ((1, 1, 3), False),
+        ((1, 1, 2), True),
+        ((0.123, 0.123, 0.2463), True),  # a plate, rounded
+        ([[1, 0, 0], [0, 1, 0.9], [0, 0.9, 1]], False),
+        ([[2, 0, 0], [0, 1, 0.9], [0, 0.9, 1]], True),
+        ([[1, 0, 0], [0, 1, 2], [0, 2, 1]], False),
+        ((1, -1, 1), False),
+    ],
+)
+def test_inertias_that_no_body_has(inertia, is_possible):
+    def prepare():
+        body = mb.Body("body", 1.0, inertia, mb.Spatial())
+        mb.DAESimulator(mb.Scene(mb.System(body), start={"body.omega_x": 1.0}, times=[0.0, 0.1]))
+
+    if is_possible:
+        prepare()
+        return
+    with pytest.raises(mb.SymmbError, match="inertia"):
+        prepare()
+
+
+def test_a_box_in_which_a_moment_of_inertia_exceeds_the_others():
+    p = mb.Parameters(a=1.0, c=1.5)
+    body = mb.Body("body", 1.0, (p.a, p.a, p.c), mb.Spatial())
+    with pytest.raises(
+        mb.DeclarationError, match=r"sum of two principal moments of inertia less the third is .* at a = 0\.5"
+    ):
+        mb.Scene(mb.System(body, parameters=p), times=[0.0, 1.0], box=mb.Box(a=(0.5, 1.5), c=(1.4, 1.6)))
+
+
+def test_bodies_without_inertia_that_nothing_carries_are_named():
+    rod = mb.Body("rod", 0.0, 0.1)
+    scene = mb.Scene(mb.System(rod), times=[0.0, 1.0])
+    with pytest.raises(mb.DeclarationError, match=r"Nothing determines the acceleration of rod\.vx, rod\.vy"):
+        mb.DAESimulator(scene)
+
+
+def test_python_cannot_decide_on_expressions():
+    with pytest.raises(mb.DeclarationError, match=r"whether \(1<t\) is true: .* Write casadi\.if_else"):
+        _ = 1.0 if mb.t > 1 else 0.0
+    assert not ca.SX(0) and bool(mb.t == mb.t)
+
+
+def test_numpy_takes_expressions_without_warnings(recwarn):
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    force = mb.Force("push", mass.point(0, 0), (np.sin(mb.t) + np.where(mb.t > 1, 1, 0) + np.maximum(mb.t, 2), 0))
+    run = mb.simulate(mb.Scene(mb.System(mass, force), times=[0.0, 1.5], outputs={"v": mass.vx}))
+    assert abs(run["v"][-1] - (1 - np.cos(1.5) + 0.5 + 3)) < 1e-8
+    assert not recwarn.list

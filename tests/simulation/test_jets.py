@@ -104,7 +104,7 @@ def test_the_third_order_is_the_difference_of_second_orders():
 def test_trajectories_in_space():
     """Three parameters of a body on a ball joint: mass, arm and tilt."""
     p = mb.Parameters(m=1.5, arm=0.4, tilt=0.5)
-    top = mb.Body("top", p.m, (0.02, 0.035, p.m * 0.01), mb.Spatial())
+    top = mb.Body("top", p.m, (0.02, 0.025, p.m * 0.01), mb.Spatial())
     tip = mb.Spherical("tip", mb.Ground().point(0, 0), top.point(0, 0, -p.arm))
     start = {"top.rotation": mb.rotation((0, 1, 0), p.tilt), "top.omega": (0.2, p.tilt, 8.0)}
     system = mb.System(top, tip, mb.Gravity(0, 0, -9.81), parameters=p)
