@@ -18,6 +18,8 @@ from symmb.nodes.tensor_transform import transform_axes
 from symmb.polynomials import MultiIndices
 
 Index = tuple[int, ...]
+_Tensor = tuple[Indices, list[Array], int]
+"""Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
 
 _FEW = 100
 """Nodes up to which one matrix is faster than a matrix for each parameter."""
@@ -71,10 +73,10 @@ class Grid:
         """Legendre coefficients (N, m) of the interpolant from values (n, m), of which rows (N,) are at the nodes."""
         if rows is None:
             rows = np.arange(len(Y))
-        coefficients = np.empty((len(rows), Y.shape[1]))
+        coefficients, tensors = np.empty((len(rows), Y.shape[1])), self._tensors() if len(rows) > _FEW else []
         for window in windows(Y.shape[1], len(rows)):
-            if len(rows) > _FEW:
-                coefficients[:, window] = self._interpolants(Y[rows, window])
+            if tensors:
+                coefficients[:, window] = _interpolants(tensors, Y[rows, window])
             elif len(rows) == len(Y):  # without a copy
                 coefficients[:, window] = self._fit[:, np.argsort(rows)] @ Y[:, window]
             else:
@@ -84,16 +86,16 @@ class Grid:
     @cached_property
     def _fit(self) -> Array:
         """(N, N) matrix from values at the nodes to coefficients."""
-        return self._interpolants(np.eye(len(self.row)))
+        return _interpolants(self._tensors(), np.eye(len(self.row)))
 
-    def _interpolants(self, Y: Array) -> Array:
-        total = np.zeros_like(Y)
+    def _tensors(self) -> list[_Tensor]:
+        """The tensor grids in the sum of differences."""
+        tensors = []
         for index, sign in self._signs().items():
             shape = tuple(k + 1 for k in index)
             rows = np.array([self.row[n] for n in itertools.product(*map(range, shape))])
-            block = transform_axes([_line_fit(n) for n in shape], Y[rows])
-            total[rows] += block if sign == 1 else sign * block
-        return total
+            tensors.append((rows, [_line_fit(n) for n in shape], sign))
+        return tensors
 
     def _signs(self) -> dict[Index, int]:
         """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963)."""
@@ -112,6 +114,15 @@ def below(index: Index) -> list[Index]:
 
 def _above(index: Index) -> list[Index]:
     return [(*index[:i], k + 1, *index[i + 1 :]) for i, k in enumerate(index)]
+
+
+def _interpolants(tensors: list[_Tensor], Y: Array) -> Array:
+    """Coefficients (N, m) from values at the nodes (N, m)."""
+    total = np.zeros_like(Y)
+    for rows, fits, sign in tensors:
+        block = transform_axes(fits, Y[rows])
+        total[rows] += block if sign == 1 else sign * block
+    return total
 
 
 @cache

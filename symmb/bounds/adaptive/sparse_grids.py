@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -122,14 +123,19 @@ class _Corrected:
 
     def parts(self) -> Iterator[tuple[slice, Array]]:
         """Windows of the n_t n_y responses, and their coefficients (n_b, m)."""
-        base = self.base.coefficients.reshape(len(self.base.alpha), -1)
-        checks = self.checks.reshape(-1, base.shape[1])
-        for window in windows(base.shape[1], len(self.alpha)):
-            yield window, self._continued(base[:, window], checks[:, window])
+        cuts = [*windows(self.base.coefficients[0].size, len(self.alpha))]
+        for window in cuts:
+            yield window, self._whole if len(cuts) == 1 else self._part(window)
 
-    def _continued(self, base: Array, checks: Array) -> Array:
+    @cached_property
+    def _whole(self) -> Array:
+        return self._part(slice(None))
+
+    def _part(self, window: slice) -> Array:
+        base = self.base.coefficients.reshape(len(self.base.alpha), -1)[:, window]
         if self.continuation is None:
             return base
+        checks = self.checks.reshape(len(self.points), -1)[:, window]
         errors = checks - basis_values(self.base.alpha, self.points) @ base
         change, further = self.continuation.through(self.base.alpha, self.points, errors)
         return np.concatenate([base + change, further])
