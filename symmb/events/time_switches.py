@@ -7,8 +7,11 @@ from symmb._types import Array, Indices
 from symmb.schemes import roots
 from symmb.symbolic import batch
 
-_LOOKS = 2000
-"""Equal parts of the horizon in which a switch that is not linear in time is looked for, beside its turning points."""
+_LOOKS, _MOST_LOOKS = 400, 1_000_000
+"""A fifth of the parts of the horizon in each of which a switch that is not linear in time, and its slope, may change
+sign once. There are more parts if they change often, but not more than the second number."""
+_UNEVEN, _GOLDEN = 0.5, 0.6180339887498949
+"""Share of a part by which its begin is moved, after the multiples of the golden section."""
 
 
 class TimeSwitches:
@@ -51,8 +54,14 @@ class TimeSwitches:
 
     def _curved_roots(self, p: Array) -> Array:
         """Times (k,) at which some switch of one sample p (n_p,) changes its sign."""
-        t = np.linspace(self._begin, self._end, _LOOKS + 1)
-        values, slopes = batch(self._curved, p, t[:, None])
+        looks, changes = _LOOKS, _LOOKS
+        while looks <= _MOST_LOOKS and changes > 0.1 * looks:  # switches that oscillate
+            looks *= 5
+            # Equally spaced times might all have the same phase of an oscillation.
+            shares = np.arange(looks) + _UNEVEN * (np.arange(looks) * _GOLDEN % 1)
+            t = np.append(self._begin + (self._end - self._begin) * shares / looks, self._end)
+            values, slopes = batch(self._curved, p, t[:, None])
+            changes = int(np.diff(values > 0, axis=0).sum() + np.diff(slopes > 0, axis=0).sum())
         turns = (values[:-1] * values[1:] > 0) & (slopes[:-1] * values[:-1] < 0) & (slopes[1:] * values[1:] > 0)
         part, which = np.nonzero(turns)
         turn = self._roots(p, 1, which, t[part], t[part + 1])

@@ -9,8 +9,17 @@ from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices, Mask
 from symmb.codegen import REASONS, FailureCode
-from symmb.events import Event, ImpactLaws, Location, PostImpactState, Steps, evaluate_padded
-from symmb.integrate.integration import Integration, Run
+from symmb.events import (
+    Event,
+    ImpactLaws,
+    Location,
+    PostImpactState,
+    Steps,
+    evaluate_padded,
+    longest_step,
+    time_switches,
+)
+from symmb.integrate.integration import Integration, Run, pieces_between
 from symmb.integrate.problem import Problem, build_problem
 from symmb.integrate.stabilization import Projection
 from symmb.model import DAE, Impacts
@@ -44,6 +53,7 @@ class EventIntegration(Integration):
         self.step = _step_function(self.rates)
         self._project = _projection(dae, impacts, problem)
         self.laws = ImpactLaws(dae, impacts)
+        self.time_switches, self.longest = time_switches(dae, times), longest_step(dae, times)
         self.locate = Location(impacts, self.laws)
         self._steps = self._events = 0
 
@@ -96,7 +106,13 @@ class EventRuns:
         self.events: list[list[Event]] = [[] for _ in range(N)]
         self._stored = np.zeros(N, dtype=np.intp)  # outputs that are stored
         t = np.full(N, integration.times[0], dtype=float)
-        self._steps = StepControl(t, np.full(N, self._span), integration.times[-1], self._span)
+        switches, times = integration.time_switches, integration.times
+        stops = np.empty((N, 0)) if switches is None else switches(p)
+        self._pieces = [[*pieces_between(float(times[0]), float(times[-1]), row)] for row in stops]
+        t = np.array([pieces[0][0] for pieces in self._pieces]) if len(times) > 1 else t
+        ends = np.array([pieces.pop(0)[1] for pieces in self._pieces]) if len(times) > 1 else t.copy()
+        longest = integration.longest
+        self._steps = StepControl(t, np.full(N, self._span), ends, self._span, longest if np.isfinite(longest) else 0.0)
         self._steps.live = np.flatnonzero(np.isfinite(x0).all(axis=1))
         self._crowd_start, self._crowd = t.copy(), np.zeros(N, dtype=np.intp)
 
@@ -205,9 +221,15 @@ class EventRuns:
     def _finish(self) -> None:
         """Store the last output of runs at the end, and leave these out."""
         control = self._steps
-        done = control.t[control.live] >= control.end[control.live]
-        self.Y[control.live[done], -1] = self._y[control.live[done]]
-        control.live = control.live[~done]
+        reached = control.live[control.t[control.live] >= control.end[control.live]]
+        done = np.array([lane for lane in reached.tolist() if not self._pieces[lane]], dtype=np.intp)
+        on = np.setdiff1d(reached, done)
+        if on.size:  # behind a switch of time
+            begins, ends = zip(*(self._pieces[lane].pop(0) for lane in on.tolist()), strict=True)
+            control.t[on], control.end[on] = begins, ends
+            control.restart(np.array(begins), self._first_steps(on), on)
+        self.Y[done, -1] = self._y[done]
+        control.live = np.setdiff1d(control.live, done)
 
     def _fail(self, failures: Sequence[tuple[int, str]]) -> None:
         for lane, reason in failures:

@@ -6,7 +6,8 @@ from typing import ClassVar
 import casadi as ca
 
 from symmb._types import Array
-from symmb.codegen import ArrayEngine, Engine, FixedStep, Tolerances, has_compiler, model_function
+from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, has_compiler, model_function
+from symmb.events import time_switches
 from symmb.integrate.casadi_solvers import CVODES
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
@@ -31,6 +32,7 @@ class _Explicit(CompiledSolver):
         ).jets(order)
         outputs, compiled = y(problem.x, problem.p, problem.t), has_compiler()
         found = switched(problem, dae, times) if self.controls_step and not order else None
+        ends = found.ends if found else StepEnds(stops=time_switches(dae, times)) if self.controls_step else None
         problem = found.problem if found else problem
         control = self.limited_control(dae, times)
         n_x = problem.x.numel()
@@ -51,8 +53,8 @@ class _Explicit(CompiledSolver):
             at(found.switches) if found and found.switches.numel() else None,
         )
         if isinstance(control, Tolerances) and not compiled:
-            return ArrayEngine(f, times, control, found.ends if found else None)
-        return Engine(f, times, control, ends=found.ends if found else None)
+            return ArrayEngine(f, times, control, ends)
+        return Engine(f, times, control, ends=ends)
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
+from symmb.symbolic import SOFT, Kind, lookup, symbols_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +70,24 @@ class Table:
             at = ca.SX(at)
         except (NotImplementedError, TypeError):
             raise DeclarationError(f"Table: {at!r} is no number and no CasADi SX expression.") from None
+        spans = np.diff(self.x)
+        records = (lookup(symbol) for symbol in symbols_in(at))
+        over_state = any(record is not None and record.kind is not Kind.PARAMETER for record in records)
+        # Steps follow a smooth curve over the state without an end at each point of it.
+        is_soft = over_state and spans.min() > _NARROW * np.median(spans)
+
+        def before(end: float) -> ca.SX:
+            return at - end < -SOFT if is_soft else at < end
+
         curve = ca.SX(float(self.y[-1]))
         for begin, end, a, b, c, d in self._pieces[::-1].tolist():
             u = at - begin
-            curve = ca.if_else(at < end, a + u * (b + u * (c + u * d)), curve)
-        return ca.if_else(at < float(self.x[0]), float(self.y[0]), curve)
+            curve = ca.if_else(before(end), a + u * (b + u * (c + u * d)), curve)
+        return ca.if_else(before(float(self.x[0])), float(self.y[0]), curve)
+
+
+_NARROW = 0.1
+"""Share of the median distance of points below which two points make a front or a pulse that a step could pass over."""
 
 
 def _slopes(h: Array, slope: Array) -> Array:

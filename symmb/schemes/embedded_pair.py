@@ -113,7 +113,10 @@ class StepControl:
     """
 
     def __init__(self, t: Array, h: Array, end: Array | float, horizon: float, longest: float = 0.0) -> None:
-        self.t, self.h, self.end = t, h, np.broadcast_to(end, t.shape)  # a view: the caller may move ends
+        self.t, self.h = t, h
+        self.end = (
+            end if isinstance(end, np.ndarray) else np.full(t.shape, end)
+        )  # the caller may move the ends in arrays
         self.live: Indices = np.arange(len(t))
         self.steps = np.zeros(len(t), dtype=int)
         self._longest, self.shortest = longest or np.inf, STEP_CONTROL.SHORTEST * horizon

@@ -10,6 +10,8 @@ from symmb.symbolic.instructions import interpret
 
 _GUARD = 1e-20
 """Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
+SOFT = 1e-300
+"""A number that marks a comparison, a < -SOFT, over which value and slope are continuous: steps need not end there."""
 _KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),
@@ -140,7 +142,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         of = tuple(a.sx for a in arguments)
-        is_switch = code in _KINKS and not any(_is_guard(a) for a in of)
+        is_switch = code in _KINKS and not any(_is_guard(a) or _is_soft(a) for a in of)
         if is_switch and on is On.TIME:
             switch = _KINKS[code][1](*of)
             times.setdefault(switch.element_hash(), switch)
@@ -184,4 +186,8 @@ def _difference(value: ca.SX) -> tuple[int, int]:
 
 
 def _is_guard(value: ca.SX) -> bool:
-    return value.is_constant() and 0 < abs(float(value)) <= _GUARD
+    return value.is_constant() and SOFT < abs(float(value)) <= _GUARD
+
+
+def _is_soft(value: ca.SX) -> bool:
+    return value.is_constant() and abs(float(value)) == SOFT

@@ -172,3 +172,52 @@ def test_switches_of_time_are_found_for_each_sample():
     assert_allclose(found[0], sorted([0.4, 1.5, *waves, 1.3 - 1e-6, 1.3 + 1e-6]), rtol=1e-9)
     assert_allclose(found[1, :-1], sorted([0.75, *waves, 1.3 - 1e-6, 1.3 + 1e-6]), rtol=1e-9)
     assert np.isinf(found[1, -1])
+
+
+@pytest.mark.parametrize("frequency", [3.0, 200.0, 1234.5])
+def test_switches_of_time_that_oscillate_are_all_found(frequency):
+    p, t = ca.SX.sym("p"), ca.SX.sym("t")
+    found = TimeSwitches(ca.sin(2 * np.pi * p * t), p, t, np.array([0.0, 10.0]))(np.array([[frequency]]))[0]
+    expected = np.arange(1, int(20 * frequency)) / (2 * frequency)
+    inner = found[(found > 1e-6) & (found < 10 - 1e-6)]
+    assert_allclose(inner, expected[expected < 10 - 1e-6], rtol=1e-9)
+
+
+CONTROLLED = [
+    mb.CVODES(), mb.CVODES(stiff=True), mb.IDAS(), mb.StabilizedIndex2(), mb.StateSpace(), mb.Rosenbrock(),
+    mb.NSTIFFSI2(step=1.0, rtol=1e-9), mb.EventDriven(),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("solver", CONTROLLED, ids=repr)
+@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-8])
+@pytest.mark.parametrize("pulse", PULSES)
+def test_impulses_by_every_solver_that_controls_its_steps(solver, pulse, width):
+    run = mb.simulate(pushed(PULSES[pulse], width=width), solver)
+    assert_allclose(run["v"], [1, 2, 2], rtol=0, atol=1e-6 + 4 * ULP / width)
+
+
+def test_impulses_between_impacts():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    push = ca.if_else(ca.logic_and(mb.t > BEGIN, mb.t < BEGIN + 1e-8), 1e8, 0)
+    system = mb.System(ball, mb.Force("push", ball.point(0, 0), (push, 0)), mb.Impact("wall", 3 - ball.x, 1.0))
+    run = mb.simulate(mb.Scene(system, {"ball.vx": 1.0}, [0.0, 1.0, 2.0, 4.0], {"x": ball.x, "v": ball.vx}))
+    assert_allclose(run["v"], [1, 1, 2, -2], rtol=0, atol=1e-6)
+    assert_allclose(run["x"][-1], 3 - 2 * (4 - BEGIN - (3 - BEGIN) / 2), rtol=0, atol=1e-6)
+
+
+def test_taylor_sees_impulses_of_fixed_time():
+    scene = pushed(lambda p, m: p.size * ca.if_else(ca.logic_and(mb.t > BEGIN, mb.t < BEGIN + 1e-6), 1e6, 0), size=1.0)
+    bounds = mb.propagate(scene, mb.Taylor(1), mb.Box(size=(0.5, 1.5)))
+    assert_allclose([bounds.lower[-1, 1], bounds.upper[-1, 1]], [1.5, 2.5], rtol=0, atol=1e-6)
+
+
+def test_tables_over_the_state_cost_no_step_ends_unless_they_are_steep():
+    places = np.linspace(-2, 2, 201)
+    smooth, steep = mb.Table(places, -places), mb.Table([-5, 2, 2 + 5e-7, 2 + 1e-6, 5], [0, 0, 2e6, 0, 0])
+    times = np.linspace(0, 10, 51)
+    run = mb.simulate(pushed(lambda p, m: smooth(m.x), times=times), mb.DormandPrince())
+    assert_allclose(run["x"], np.sin(times), rtol=0, atol=1e-7)
+    assert run.statistics["integrator"]["steps"] < 100
+    run = mb.simulate(pushed(lambda p, m: steep(m.x)), mb.DormandPrince())
+    assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=1e-6)
