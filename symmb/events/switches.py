@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, laws, switching
+from symmb.symbolic import On, batch, branches, has_kinks, laws, switching
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -63,6 +63,8 @@ def kinks(dae: DAE) -> Kinks | None:
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     """The switches of time of the equations of motion; None if they have none."""
     f, at = _equations(dae)
+    if not has_kinks(f):
+        return None
     _, p, t = (symbol for symbol, _ in at)
     found = branches(f, at).times
     return TimeSwitches(found, p, t, times) if found.numel() else None

@@ -10,7 +10,7 @@ from symmb.codegen import StepEnds
 from symmb.events import time_switches
 from symmb.integrate.problem import Problem
 from symmb.model import DAE
-from symmb.symbolic import On, branches
+from symmb.symbolic import On, branches, has_kinks
 
 _HYSTERESIS = 1e-13
 """Change of a switch, relative to that by the size of all states, which is rounding."""
@@ -34,11 +34,14 @@ class SwitchedProblem:
 
 def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None:
     """The problem with its switches; None if it has none. Algebraic variables must be eliminated."""
-    x, p, t, stops = problem.x, problem.p, problem.t, time_switches(dae, times)
+    x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))], {"cse": True})
-    found = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
-    if not found.sides.numel() and stops is None:
+    if not has_kinks(f):
         return None
+    stops = time_switches(dae, times)
+    found = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
+    if not found.sides.numel():
+        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
     (rates,) = found.outputs
     ode = rates[: x.numel()]
     slopes = ca.densify(ca.jtimes(found.switches, x, ode) + ca.jacobian(found.switches, t))

@@ -116,6 +116,11 @@ class Branches:
     times: ca.SX
 
 
+def has_kinks(f: ca.Function) -> bool:
+    """Whether an SX Function has operations with a kink or a jump, in whatever argument."""
+    return any(f.instruction_id(k) in _KINKS for k in range(f.n_instructions()))
+
+
 def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     """The branches of an SX Function at symbols for its inputs.
 

@@ -1,9 +1,9 @@
 /* Switches: where equations have kinks or jumps. No step passes over one.
 
-   Switches of time have known places, where steps end. Within a step the
-   equations keep their branches on one side of each switch of the state, so that all stages are smooth. A switch is u times
-   its side, raised by a hysteresis above rounding: it is passed where u falls below 0. The step then ends there, and the
-   side changes. switches(x, c, t, u) gives the N_S switches and their rates; sides are the last of the parameters. */
+   Switches of time have known places, where steps end. Within a step the equations keep their branches on one side of each
+   switch of the state, so that all stages are smooth. u is a switch times its side, raised by a hysteresis above rounding.
+   The switch is passed where u falls below 0. The step then ends there, and the side changes. switches(x, c, t, u) gives
+   the N_S switches and their rates. Sides, 1 or -1, are the last of the parameters. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
@@ -23,19 +23,19 @@ PRIVATE int find_stop(Block *b, const Study *s) {
     if (b->stop[l] < s->n_stops && stops[b->stop[l]] < b->stop_time) b->stop_time = stops[b->stop[l]];
   }
   if (at_stop) b->from = b->t + STOP_MARGIN * fmax(fabs(b->t), least);
-  b->to = b->stop_time - STOP_MARGIN * fmax(fabs(b->stop_time), least);
+  b->to = b->stop_time < INFINITY ? b->stop_time - STOP_MARGIN * fmax(fabs(b->stop_time), least) : INFINITY;
   return at_stop;
 }
 
-#define LATE 0.99    /* a switch that is passed before this share of a step is passed again, by a shorter step */
+#define LATE 0.99    /* share of a step before which a switch is passed again, by a shorter step */
 #define BEYOND 1.002 /* length of the shorter step over that to the switch */
 
 #if N_S > 0
-#define PARTS_OF_STEP 6    /* in each of which a switch and its rate may change sign once */
+#define PARTS_OF_STEP 6     /* in each of which a switch and its rate may change sign once */
 #define SETTLINGS 8         /* passes over switches that depend on the sides of others */
-#define MOST_ROOT_STEPS 150 /* bisection alone takes 52 of three */
-#define SCREEN 0.05      /* share of a switch's change in a step by which a cubic through its ends may be off */
-#define REVERSAL 10.0    /* hystereses that a motion must come back in a tenth of a step to count as sticking */
+#define MOST_ROOT_STEPS 150 /* every third is a bisection, of which 52 are enough */
+#define SCREEN 0.05         /* share of a switch's change in a step by which a cubic through its ends may be off */
+#define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 

@@ -60,7 +60,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
         grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
     extremes, places = np.empty((2, m)), np.empty((2, m, d))
-    for window in windows(m, len(alpha)):
+    for window in windows(m, 8):  # as many numbers for each polynomial beside its coefficients
         extremes[:, window], points = _searched(grid, coefficients[:, window])
         places[:, window, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
     return extremes[0], extremes[1], places[0], places[1]
