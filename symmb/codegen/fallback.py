@@ -217,18 +217,23 @@ class _BlockRuns:
         sticks, restarts, settles = (np.zeros(len(steps.live), dtype=bool) for _ in range(3))
         restarts[accepted] = passed.reshape(-1, WIDTH).any(axis=1)
         if restarts.any():
-            self._c[:, lanes], stuck = switches.change_sides(
-                self._x[:, lanes], c, _by_lane(t_end), wide, lanes, passed, which
-            )
-            sticks[accepted] = stuck.any(axis=1)
-            if sticks.any():
-                self._stop(sticks, stuck[sticks[accepted]])
-                self.code[steps.live[sticks]] = FailureCode.STICKS
+            sticks[accepted] = self._change_sides(accepted, _by_lane(t_end), wide, passed, which)
         settles[accepted] = (t_end >= switches.stop[blocks]) & (t_end < engine.times[-1])
         if settles.any():
             switches.find_stops(steps.t, steps.live[settles])
         if (restarts | settles).any():
             self._restart(restarts | settles, settles)
+        return sticks
+
+    def _change_sides(self, accepted: Mask, t: Array, h: Array, passed: Mask, which: Indices) -> Mask:
+        """Change the sides of switches that lanes passed. Stops and returns the blocks with lanes that stick (b,)."""
+        lanes, blocks = _lanes(accepted), self._steps.live[accepted]
+        x, c = self._x[:, lanes], self._c[:, lanes]
+        self._c[:, lanes], stuck = self._switches.change_sides(x, c, t, h, lanes, passed, which)
+        sticks = stuck.any(axis=1)
+        if sticks.any():
+            self._stop(_without(accepted, ~sticks), stuck[sticks])
+            self.code[blocks[sticks]] = FailureCode.STICKS
         return sticks
 
     def _sample_outputs(self, blocks: Indices, x: Array, F: Array, c: Array, t_end: Array, h: Array) -> None:

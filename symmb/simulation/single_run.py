@@ -29,8 +29,9 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-    solver : Solver            default: CVODES(); CVODES(stiff=True) for stiff scenes; CVODES with AugmentedLagrangian()
-                               if these fail; EventDriven() with impacts. `trajectory.reason` gives the reason
+    solver : Solver            default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes;
+                               CVODES with AugmentedLagrangian() if these fail; EventDriven() with impacts.
+                               `trajectory.reason` gives the reason
     parameters : mapping       values instead of the nominal ones
     times, outputs             instead of those of the scene
 
