@@ -230,7 +230,7 @@ class _BlockRuns:
         lanes, blocks = _lanes(accepted), self._steps.live[accepted]
         x, c = self._x[:, lanes], self._c[:, lanes]
         self._c[:, lanes], stuck = self._switches.change_sides(x, c, t, h, lanes, passed, which)
-        sticks = stuck.any(axis=1)
+        sticks: Mask = np.asarray(stuck.any(axis=1), dtype=bool)
         if sticks.any():
             self._stop(_without(accepted, ~sticks), stuck[sticks])
             self.code[blocks[sticks]] = FailureCode.STICKS
