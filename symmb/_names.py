@@ -38,4 +38,5 @@ def name_fault(name: object, without: str = "") -> str:
 def name_faults(names: Sequence[object]) -> list[str]:
     """Why some of the names are not allowed: each with its fault, and those that are given twice."""
     faults = [f"{name!r}: {fault}" for name in names if (fault := name_fault(name))]
-    return faults + [f"{name!r}: the name is used twice." for name in dict.fromkeys(names) if names.count(name) > 1]
+    texts = [name for name in names if isinstance(name, str)]
+    return faults + [f"{name!r}: the name is used twice." for name in dict.fromkeys(texts) if texts.count(name) > 1]

@@ -1,7 +1,8 @@
 """Bodies and points fixed to them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeGuard
 
 import casadi as ca
 import numpy as np
@@ -239,10 +240,14 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
     )
 
 
+def _is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+
+
 def as_matrix(value: Expr, what: str, bind: Callable[..., ca.SX]) -> ca.SX:
     """A law, or nested sequences of laws as one vector or matrix, bound entry by entry."""
-    if isinstance(value, list | tuple | np.ndarray):
-        rows = [row if isinstance(row, list | tuple | np.ndarray) else [row] for row in value]
+    if _is_sequence(value):
+        rows = [row if _is_sequence(row) else [row] for row in value]
         if len({len(row) for row in rows}) > 1:
             raise DeclarationError(f"{what}: its rows have {' and '.join(str(len(row)) for row in rows)} entries.")
         return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
