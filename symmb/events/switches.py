@@ -66,8 +66,8 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     if not has_kinks(f):
         return None
     _, p, t = (symbol for symbol, _ in at)
-    found = branches(f, at).times
-    return TimeSwitches(found, p, t, times) if found.numel() else None
+    switches = branches(f, at).times
+    return TimeSwitches(switches, p, t, times) if switches.numel() else None
 
 
 def longest_step(dae: DAE, times: Array) -> float:

@@ -37,17 +37,17 @@ class TimeSwitches:
 
     def __call__(self, p: Array) -> Array:
         """Switches (N, k) of N samples p (N, n_p) in order, infinite behind the last one [s]."""
-        p, found = p[:, : self._linear.numel_in(0)], []
+        p, switches = p[:, : self._linear.numel_in(0)], []
         if self._linear.numel_out(0):
             at_zero, slope = batch(self._linear, p)
             with np.errstate(all="ignore"):
-                found.append(-at_zero / slope)
+                switches.append(-at_zero / slope)
         if self._curved.numel_out(0):
             rows = [self._curved_roots(row) for row in (p if self._depends else p[:1])]
             longest = max(map(len, rows), default=0)
             padded = np.array([np.pad(row, (0, longest - len(row)), constant_values=np.inf) for row in rows])
-            found.append(np.broadcast_to(padded, (len(p), longest)))
-        times = np.concatenate([np.full((len(p), 0), np.inf), *found], axis=1)
+            switches.append(np.broadcast_to(padded, (len(p), longest)))
+        times = np.concatenate([np.full((len(p), 0), np.inf), *switches], axis=1)
         times[~((times >= self._begin) & (times <= self._end))] = np.inf
         times = np.sort(times, axis=1)
         return times[:, : int(np.isfinite(times).sum(axis=1).max(initial=0))]

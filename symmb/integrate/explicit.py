@@ -31,9 +31,9 @@ class _Explicit(CompiledSolver):
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
         outputs, compiled = y(problem.x, problem.p, problem.t), has_compiler()
-        found = switched(problem, dae, times) if self.controls_step and not order else None
-        ends = found.ends if found else StepEnds(stops=time_switches(dae, times)) if self.controls_step else None
-        problem = found.problem if found else problem
+        frozen = switched(problem, dae, times) if self.controls_step and not order else None
+        ends = frozen.ends if frozen else StepEnds(stops=time_switches(dae, times)) if self.controls_step else None
+        problem = frozen.problem if frozen else problem
         control = self.limited_control(dae, times)
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # an integral along the motion is a state like the others
@@ -50,7 +50,7 @@ class _Explicit(CompiledSolver):
             ca.vertcat(at(outputs), x[n_x:]),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:]),
             start.equations(x, p) if start is not None and compiled and start.compiles else None,
-            at(found.switches) if found and found.switches.numel() else None,
+            at(frozen.switches) if frozen and frozen.switches.numel() else None,
         )
         if isinstance(control, Tolerances) and not compiled:
             return ArrayEngine(f, times, control, ends)

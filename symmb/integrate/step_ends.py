@@ -39,15 +39,15 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
     if not has_kinks(f):
         return None
     stops = time_switches(dae, times)
-    found = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
-    if not found.sides.numel():
+    branch = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
+    if not branch.sides.numel():
         return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
-    (rates,) = found.outputs
+    (rates,) = branch.outputs
     ode = rates[: x.numel()]
-    slopes = ca.densify(ca.jtimes(found.switches, x, ode) + ca.jacobian(found.switches, t))
-    on_branches = replace(problem, p=ca.vertcat(p, found.sides), ode=ode, quad=rates[x.numel() :])
-    ends = StepEnds(_hysteresis(dae, found.switches, x, p, t, found.sides), stops)
-    return SwitchedProblem(on_branches, ca.vertcat(found.switches, slopes), ends)
+    slopes = ca.densify(ca.jtimes(branch.switches, x, ode) + ca.jacobian(branch.switches, t))
+    on_branches = replace(problem, p=ca.vertcat(p, branch.sides), ode=ode, quad=rates[x.numel() :])
+    ends = StepEnds(_hysteresis(dae, branch.switches, x, p, t, branch.sides), stops)
+    return SwitchedProblem(on_branches, ca.vertcat(branch.switches, slopes), ends)
 
 
 def _hysteresis(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:

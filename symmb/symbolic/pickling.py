@@ -50,8 +50,8 @@ class _Pickler(pickle.Pickler):
 
     def records(self) -> list[Symbol]:
         """The records of all symbols so far."""
-        found = (lookup(reference.symbol) for reference in self._references.values())
-        return [record for record in found if record is not None]
+        records = (lookup(reference.symbol) for reference in self._references.values())
+        return [record for record in records if record is not None]
 
     def reducer_override(self, obj: Any) -> Any:
         if type(obj) is ca.SX:

@@ -161,11 +161,11 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     parts = interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
     outputs = [ca.vertcat(ca.SX(0, 1), *(value.sx for value in part)) for part in parts]
-    found = list(switches.values())
+    pairs = list(switches.values())
     return Branches(
         outputs,
-        ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in found)),
-        ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in found)),
+        ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
+        ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
         ca.vertcat(ca.SX(0, 1), *times.values()),
     )
 

@@ -162,10 +162,10 @@ class _Corrected:
         """
         alpha, shape = self.alpha, self.base.coefficients.shape[1:]
         search = Exact(tolerance, max(FEWEST_BOXES, RANGE_WORK // len(alpha))).search
-        found = [search(alpha, part) for _, part in self.parts()]
-        lower = np.concatenate([extremes.lower + extremes.below for extremes in found])
-        upper = np.concatenate([extremes.upper - extremes.above for extremes in found])
-        places = np.stack([np.concatenate([f.at_lower for f in found]), np.concatenate([f.at_upper for f in found])])
+        ranges = [search(alpha, part) for _, part in self.parts()]
+        lower = np.concatenate([extremes.lower + extremes.below for extremes in ranges])
+        upper = np.concatenate([extremes.upper - extremes.above for extremes in ranges])
+        places = np.stack([np.concatenate([f.at_lower for f in ranges]), np.concatenate([f.at_upper for f in ranges])])
         return lower.reshape(shape), upper.reshape(shape), places.reshape(2, *shape, -1)
 
 

@@ -20,12 +20,12 @@ def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
     d = len(runs.box)
     pieces = [Piece.of(runs, (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2)))]
     while True:
-        found = _range_or_refinement(pieces, runs, tolerance)
-        if isinstance(found, EstimatedRange):
-            return found
-        old, parts = found
+        outcome = _range_or_refinement(pieces, runs, tolerance)
+        if isinstance(outcome, EstimatedRange):
+            return outcome
+        old, parts = outcome
         pieces = [piece for piece in pieces if piece is not old] + old.replaced(parts, runs)
-        del found, old  # pieces are large
+        del outcome, old  # pieces are large
 
 
 def _range_or_refinement(
