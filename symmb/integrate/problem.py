@@ -7,7 +7,7 @@ import casadi as ca
 from symmb.integrate.projection import normalize, project
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.model import DAE
-from symmb.symbolic import jets, symmetric_solver
+from symmb.symbolic import independent, jets, symmetric_solver
 
 PROJECTION_STEPS = 3
 """Newton steps of a projection: Newton is quadratic, so these suffice for the drift of a whole output interval."""
@@ -104,14 +104,16 @@ def build_problem(
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
             z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
             vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]
-            balance = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
-            alg = ca.vertcat(balance, (G @ vdot - right) / row_scales)
+            alg = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
         else:
             z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
             # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
             lam = unit * z
             vdot = ca.solve(M, dae.Q(*at) - G.T @ lam)
-            alg = (G @ vdot - right) / row_scales
+        rows = (G @ vdot - right) / row_scales
+        if dae.vanishing is not None:
+            rows = independent(rows, lam / unit, row_scales * dae.vanishing(*at)[0])
+        alg = ca.vertcat(alg, rows)
     if isinstance(stabilization, Projection):
         projected = project(dae, x, p, time, projections)
     else:

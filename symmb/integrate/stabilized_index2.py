@@ -4,6 +4,7 @@ import casadi as ca
 
 from symmb.integrate.problem import Problem
 from symmb.model import DAE
+from symmb.symbolic import independent
 
 
 def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
@@ -30,6 +31,8 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
         first, guess = dae.forward(*at, dae.gamma(*at))
         guess = guess / unit
         M, force, rows = dae.M(*at), dae.Q(*at) - dae.G(*at).T @ lam, dae.Phi_dot(*at) / row_scales
+        if dae.vanishing is not None:
+            rows = independent(rows, z, row_scales * dae.vanishing(*at)[0])
         if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
             a = ca.SX.sym("a", dae.n_v)
             vdot = of_v * a
@@ -40,7 +43,10 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
     if dae.Phi is not None and dae.Phi_q is not None:
         of_c, of_q = row_scales[: dae.n_c, :], ca.DM(dae.coordinate_scales)
         qdot = qdot - of_q**2 * (dae.Phi_q(*at).T @ (mu / of_c))
-        rows = ca.vertcat(rows, dae.Phi(*at) / of_c)
+        positions = dae.Phi(*at) / of_c
+        if dae.vanishing is not None:
+            positions = independent(positions, mu, of_c * dae.vanishing(*at)[1])
+        rows = ca.vertcat(rows, positions)
     return Problem(
         x=x,
         z=ca.vertcat(a, z, mu),

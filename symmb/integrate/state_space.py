@@ -196,7 +196,9 @@ class _Motion:
             if np.abs(delta / dae.displacement_scales).max() < 1e-9:  # Newton is quadratic
                 break
         (rate,) = batch(dae.Phi_dot, *self._at(y, t))[0]
-        y[dae.n_q + which] -= np.linalg.solve(_matrix(dae, y, self._p, t)[:, which], rate)
+        G = _matrix(dae, y, self._p, t)[:, which]
+        solved = np.linalg.solve(G, rate) if dae.vanishing is None else np.linalg.lstsq(G, rate, rcond=None)[0]
+        y[dae.n_q + which] -= solved
         return y
 
     def _at(self, y: Array, t: float) -> tuple[Array, ...]:

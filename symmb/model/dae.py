@@ -13,9 +13,10 @@ from symmb._types import Array
 from symmb.mechanics import Spatial
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Contacts, Impacts
+from symmb.model.redundancy import redundancy_equations
 from symmb.model.system import System
 from symmb.model.validation import require_inertia
-from symmb.symbolic import symmetric_solver, t
+from symmb.symbolic import t
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,9 @@ class DAE:
     energy                 -> T, V [J]
     power                  (..., lam) -> power of forces without potential and of drives [W]
     distribute_multipliers  (..., lam) -> multipliers of all rows of the system: the ones of
-                           least norm with the same effect; only if redundant rows are left out
+                           least norm with the same effect; only if rows are redundant
+    vanishing              combinations of all rows, and of the position rows, that vanish wherever the constraints
+                           hold, (n_r, k) and (n_c, k_c); only if redundant rows are not left out
     retract                (q, delta) -> q moved by delta
     assembly_cosines  (q, p) -> cosines of the joints, 1 in the intended assembly
     s_start                (q, p) -> start of the first-order states
@@ -98,6 +101,7 @@ class DAE:
     energy: ca.Function
     power: ca.Function | None
     distribute_multipliers: ca.Function | None
+    vanishing: ca.Function | None
     retract: ca.Function
     assembly_cosines: ca.Function | None
     s_start: ca.Function | None
@@ -149,6 +153,11 @@ class DAE:
         """Number of rows in all, velocity-only ones included."""
         return len(self.row_names)
 
+    @property
+    def rank(self) -> int:
+        """Rank of G wherever the constraints hold and no position is singular."""
+        return self.n_r - (0 if self.vanishing is None else self.vanishing.size2_out(0))
+
     def arguments(self, x: ca.SX, p: ca.SX, time: ca.SX) -> tuple[ca.SX, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
         n = self.n_q + self.n_v
@@ -197,13 +206,15 @@ class DAE:
         return save_c(functions, folder, example=main)
 
 
-def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
+def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tuple[int, int] = (0, 0)) -> DAE:
     """Compile the equations of a system into CasADi Functions.
 
     Parameters
     ----------
     system : System
-    rows : sequence of int, optional       numbers of independent constraint rows, where the others are redundant
+    rows : sequence of int, optional       numbers of the constraint rows to keep, where the others are redundant
+    nullities : (int, int)                 combinations of these rows, and of the position rows among them, that vanish
+                                           wherever the constraints hold
 
     Returns
     -------
@@ -222,19 +233,20 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     DM([0.5, -9.81])
     """
     require_instance("compile_dae", system, System, "a System")
-    independent = system if rows is None else system.keeping(rows)
-    require_inertia(independent.M, independent.G, independent.collected.v_names)
-    c, (positive_names, positive) = independent.collected, independent.positive
-    displacement = ca.SX.sym("delta", independent.v.numel())
-    moved = _retract(independent, displacement)
-    retract = ca.Function("retract", [independent.q, displacement], [moved], ["q", "delta"], ["q_new"])
-    contacts = Contacts(independent) if c.impacts else None
-    functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(independent, contacts, system.G, rows)
+    kept = system if rows is None else system.keeping(rows, nullities[0])
+    require_inertia(kept.M, kept.G, kept.collected.v_names)
+    c, (positive_names, positive) = kept.collected, kept.positive
+    displacement = ca.SX.sym("delta", kept.v.numel())
+    moved = _retract(kept, displacement)
+    retract = ca.Function("retract", [kept.q, displacement], [moved], ["q", "delta"], ["q_new"])
+    contacts = Contacts(kept) if c.impacts else None
+    redundant = {} if rows is None else redundancy_equations(system, kept, rows, nullities)
+    functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(kept, contacts, redundant)
     for name, values in (
         ("assembly_cosines", c.assembly_cosines),
         ("s_start", ca.vertcat(*[state.value for state in c.states])),
     ):
-        functions[name] = ca.Function(name, [independent.q, independent.p], [values]) if values.numel() else None
+        functions[name] = ca.Function(name, [kept.q, kept.p], [values]) if values.numel() else None
     return DAE(
         q_names=c.q_names,
         v_names=c.v_names,
@@ -252,14 +264,15 @@ def compile_dae(system: System, rows: Sequence[int] | None = None) -> DAE:
     )
 
 
-_OPTIONAL = ("Phi", "Phi_q", "Phi_t", "Phi_dot", "G", "gamma", "min_norm_correction", "power", "distribute_multipliers")
+_OPTIONAL = ("Phi", "Phi_q", "Phi_t", "Phi_dot", "G", "gamma", "min_norm_correction", "power")
+_OPTIONAL += ("distribute_multipliers", "vanishing")
 """Functions that only some scenes need."""
 
 
 def _equations_of_motion(
-    system: System, contacts: Contacts | None, all_rows: ca.SX, rows: Sequence[int] | None
+    system: System, contacts: Contacts | None, redundant: dict[str, dict[str, ca.SX]]
 ) -> dict[str, ca.Function | None]:
-    """The Functions of the states that the scene needs, by name."""
+    """The Functions of the states that the scene needs, by name, with those of redundant rows."""
     lam = ca.SX(system.lam)
     right = ca.SX.sym("gamma", lam.numel())
     solve = system.solve if contacts is None else contacts.solve
@@ -273,6 +286,7 @@ def _equations_of_motion(
         "Q": {"Q": system.Q},
         "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
         "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
+        **redundant,
     }
     if system.Phi.numel():
         outputs |= {"Phi": {"Phi": system.Phi}, "Phi_q": {"Phi_q": system.Phi_q}}
@@ -283,8 +297,6 @@ def _equations_of_motion(
         outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
     if ca.sparsify(power).nnz():
         outputs["power"] = {"power": power}
-    if rows is not None:
-        outputs["distribute_multipliers"] = {"lam": _distribute_multipliers(all_rows, rows, lam)}
     states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
     more_inputs = {
         "forward": ("gamma", right),
@@ -309,20 +321,6 @@ def _functions(
         values = [next(reduced) for _ in parts]
         functions[name] = ca.Function(name, [x for _, x in inputs], values, [n for n, _ in inputs], list(parts))
     return functions
-
-
-def _distribute_multipliers(G: ca.SX, rows: Sequence[int], lam: ca.SX) -> ca.SX:
-    """Multipliers (n_r,) of all rows of G of least norm, with the same effect as lam (k,) on independent rows."""
-    numbers, others = list(rows), [i for i in range(G.shape[0]) if i not in set(rows)]
-    independent, dependent = G[numbers, :], G[others, :]
-    solve = symmetric_solver(independent @ independent.T)
-    # The rows left out are C times those kept, so lam = [1; C]' all; the least norm has [1; C] (1 + C'C)^-1 lam.
-    C = ca.horzcat(*[solve(independent @ dependent[i, :].T) for i in range(len(others))]).T
-    of_left = symmetric_solver(ca.SX.eye(len(others)) + C @ C.T)(C @ lam)
-    every = ca.SX(G.shape[0], 1)
-    every[numbers] = lam - C.T @ of_left
-    every[others] = of_left
-    return ca.densify(every)
 
 
 def _is_scalar_part(system: System, name: str) -> bool:

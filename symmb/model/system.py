@@ -60,6 +60,7 @@ class System:
         self.elements = tuple(e for e in elements if not isinstance(e, Ground))
         self.collected: Collected = collect(self.elements, self.parameters)
         self._added: tuple[Symbol, ...] = ()
+        self.nullity = 0
 
     def __reduce__(self) -> tuple:
         return reduction(_restored, self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added)
@@ -69,14 +70,18 @@ class System:
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected, copy._added = self.collected.with_states(states), (*self._added, *states)
+        copy.nullity = self.nullity
         copy.lam, copy.vdot = self.lam, self.vdot  # outputs may contain these symbols
         return copy
 
-    def keeping(self, rows: Sequence[int]) -> "System":
-        """A copy with some constraint rows only, given by their numbers, and new multipliers."""
+    def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
+        """A copy with some constraint rows only, given by their numbers, and new multipliers.
+
+        Of these rows, so many combinations vanish wherever the constraints hold as `nullity` says.
+        """
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
-        copy.collected, copy._added = self.collected.keeping(rows), self._added
+        copy.collected, copy._added, copy.nullity = self.collected.keeping(rows), self._added, nullity
         return copy
 
     @property
@@ -220,7 +225,8 @@ class System:
     @cached_property
     def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
         """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, factorised once (see `saddle_solver`)."""
-        return saddle_solver(self.M, self.G, self.block_sizes, any(body.nearly_singular for body in self.bodies))
+        coupled = any(body.nearly_singular for body in self.bodies)
+        return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity)
 
     @property
     def kinetic_energy(self) -> ca.SX:

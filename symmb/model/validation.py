@@ -76,15 +76,21 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
                 f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
                 "Write 0 for a massless body, so that its equations are solved without dividing by it."
             )
-    skew = _nominal(ca.vec(J - J.T), parameters)
-    if skew is not None and np.abs(skew).max() > 0:
-        faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
+    skew, size = _nominal(ca.vec(J - J.T), parameters), _nominal(ca.vec(J), parameters)
+    if skew is not None and size is not None and skew.any():
+        if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
+            faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
+        J = (J + J.T) / 2
     v_like = [s for s in ca.symvar(ca.vertcat(mass, ca.vec(J))) if bind.is_velocity(s)]
     if v_like:
         faults.append(f"Body {body.name!r}: mass and inertia must not depend on velocities ({v_like[0].name()}).")
     if faults:
         raise DeclarationError("\n".join(faults))
     return mass, J
+
+
+_ASYMMETRY = 1e-9
+"""Difference of opposite entries of an inertia matrix, over the largest entry, that is rounding of a turned one."""
 
 
 def _nominal(value: ca.SX, parameters: Parameters) -> Array | None:

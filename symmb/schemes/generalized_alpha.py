@@ -41,11 +41,10 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     v_new = v + h * ((1 - gamma) * a + gamma * a_new)
     q_new = dae.retract(q, h * v + h**2 * ((0.5 - beta) * a + beta * a_new))
     new = ca.vertcat(q_new, v_new, s_new)
-    at = At(dae, new, p, t)
+    at, here = At(dae, new, p, t), At(dae, ca.vertcat(q, v, s), p, t - h)
     residual = ca.vertcat(
         scale * of_v / dae.scales.energy * at.unbalance(vdot_new, lam),
-        at.Phi() / row_scales[: dae.n_c, :],
-        h * at.Phi_dot()[dae.n_c :, :] / row_scales[dae.n_c :, :],
+        here.independent(ca.vertcat(at.Phi(), h * at.Phi_dot()[dae.n_c :, :]) / row_scales, unknown_lam, row_scales),
         s_new - s - h * (at.sdot + sdot) / 2,
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
@@ -62,7 +61,6 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
         vdot_first,
         first.sdot,
     )
-    here = At(dae, ca.vertcat(q, v, s), p, t - h)
     return Step(
         x=x,
         begin=begin,

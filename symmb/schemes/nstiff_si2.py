@@ -37,7 +37,8 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     # Unknowns and residuals are shares of what a step can change: the matrix is as good with any units and any step.
     tau, length, energy = b * h, dae.scales.length, dae.scales.energy
     of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
-    of_positions = ca.vertcat(row_scales[: dae.n_c, :], ca.DM.ones(len(heads)))
+    n_c, of_c = dae.n_c, row_scales[: dae.n_c, :]
+    of_positions = ca.vertcat(of_c, ca.DM.ones(len(heads)))
     unit_x = ca.vertcat(of_q / tau, of_v / tau**2, ca.DM.ones(dae.n_s) / tau)
     unit_lam = energy / row_scales / tau**2
     unit_mu = length**2 / of_positions / tau if stabilized else ca.SX(0, 1)
@@ -47,16 +48,20 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     new = past + b * h * rate
     at = At(dae, new, p, t)
     positions, towards = _positions(dae, x, p, t, mu.numel(), heads)(new, mu, p, t)
+    here, z_lam, z_mu = At(dae, now, p, t - h), lam / unit_lam, mu / unit_mu
+    if stabilized:
+        positions = ca.vertcat(here.independent(positions[:n_c] / of_c, z_mu[:n_c], of_c), positions[n_c:])
+        rows = positions, here.independent(tau * at.Phi_dot() / row_scales, z_lam, row_scales)
+    else:
+        rows = (here.independent(ca.vertcat(positions, tau * at.Phi_dot()[n_c:, :]) / row_scales, z_lam, row_scales),)
     residual = ca.vertcat(
         tau**2 / energy * of_v * at.unbalance(rate[n_q : n_q + n_v], lam),
         tau / of_q * (at.qdot - rate[:n_q] + towards),
         tau * (at.sdot - rate[n_q + n_v :]),
-        positions / of_positions,
-        tau * (at.Phi_dot() / row_scales if stabilized else at.Phi_dot()[dae.n_c :, :] / row_scales[dae.n_c :, :]),
+        *rows,
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)
     begin = _first_history(At(dae, x, p, t), h, n_quad)
-    here = At(dae, now, p, t - h)
     vdot_now, lam_now = here.solved()
     rate_now = ca.vertcat(here.qdot, vdot_now, here.sdot)
     # Errors of this formula and of the explicit one are multiples of the third derivative: a share of their difference.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from symmb.model import DAE, is_linear
-from symmb.symbolic import general_solver, is_zero, jets
+from symmb.symbolic import general_solver, independent, is_zero, jets
 
 
 @dataclass(frozen=True)
@@ -133,6 +133,16 @@ class At:
     def power(self, lam: ca.SX) -> ca.SX:
         """Power of forces without potential [W], no entry if there are none."""
         return self.dae.power(*self.arguments, lam) if self.dae.power is not None else ca.SX(0, 1)
+
+    def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
+        """Rows over their scales (n_r,), or position rows (n_c,), made independent where some are redundant.
+
+        Combinations that vanish at this state are replaced by those of the multipliers, in units of their own.
+        """
+        if self.dae.vanishing is None:
+            return rows
+        of_all, of_positions = self.dae.vanishing(*self.arguments)
+        return independent(rows, multipliers, scales * (of_all if rows.numel() == self.dae.n_r else of_positions))
 
     def Phi(self) -> ca.SX:
         """Position rows, (n_c,)."""

@@ -76,9 +76,10 @@ class DAESimulator:
         self.units = tuple(unit_of(y) for y in ca.vertsplit(scene.y)) if self.outputs else ()
         all_rows = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, all_rows)
-        dae = (
-            all_rows if self.start.independent_rows is None else compile_dae(scene.system, self.start.independent_rows)
-        )
+        dae = all_rows
+        if self.start.independent_rows is not None:
+            kept = range(all_rows.n_r) if any(self.start.nullities) else self.start.independent_rows
+            dae = compile_dae(scene.system, kept, self.start.nullities)
         self.dae: DAE = replace(dae, scales=self.start.scales(dae, float(np.ptp(self.times))))
         self.y = output_function(self.dae, scene, scene.y)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)

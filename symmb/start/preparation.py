@@ -12,7 +12,7 @@ from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.initial_assembly import assemble, check_assembly_cosines
 from symmb.start.labels import coordinate_of, coordinate_with_value
-from symmb.start.rank import independent_rows, independent_rows_and_columns, redundant_names
+from symmb.start.rank import independent_rows, independent_rows_and_columns, nullities, redundant_names
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start
 
@@ -54,6 +54,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
         independent_rows=None if rows is None else tuple(rows.tolist()),
+        nullities=(0, 0) if rows is None else nullities(dae, q0, t0, rows),
         redundant=() if rows is None else redundant_names(G, dae.rows),
         is_equilibrium=scene.equilibrium,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,12 @@ _RANK_TOLERANCE = 1e-9
 _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
 onto the constraints there. tests/start/test_start.py"""
+_WALKS, _STRIDES, _STRIDE, _PERSISTENCE = 2, 15, 0.3, 3.0
+"""Random walks over the positions of a redundant mechanism, their steps [rad, share of the size], and how much more a
+step follows the one before than chance: two turns to and fro of a mechanism with one degree of freedom."""
+_AS_INDEPENDENT = 0.3
+"""Least singular value of the rows that are kept, over that of all rows at the same rank, that is enough for them: it
+stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's mechanism. test_redundancy.py"""
 _INVOLVED, _BLAMED = 1e-6, 0.1
 """Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
 
@@ -78,7 +85,7 @@ def independent_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     rows, _ = independent_rows_and_columns(G)
     if len(rows) == dae.n_r:
         return None
-    for position in _nearby_positions(dae, dae.G, q, t0):
+    for position in _positions(dae, q, t0, _NEIGHBOURS, 1, _DISTANCE):
         rank = len(
             independent_rows_and_columns(evaluate_at_rest(dae.G, dae, position, t0) * dae.displacement_scales)[0]
         )
@@ -92,23 +99,53 @@ def independent_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     return rows
 
 
-def _nearby_positions(dae: DAE, G: ca.Function, q: Array, t0: float) -> Iterator[Array]:
-    """Positions on the constraints to which the system can move from q (n_q,), a small step away."""
+def nullities(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[int, int]:
+    """Combinations of all rows, and of position rows, that vanish, where these independent rows do not stay so.
+
+    (0, 0) if the rows are as independent as all rows together wherever the system can move from q (n_q,).
+    """
+    G0 = _measured(dae, q, t0)
+    lasting = all(
+        _least(G[rows], len(rows)) > _AS_INDEPENDENT * _least(G, len(rows))
+        for G in (_measured(dae, position, t0) for position in _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE))
+    )
+    if lasting:
+        return 0, 0
+    return dae.n_r - len(rows), dae.n_c - len(independent_rows_and_columns(G0[: dae.n_c])[0])
+
+
+def _measured(dae: DAE, q: Array, t0: float) -> Array:
+    """The Jacobian of all rows at q (n_q,) in the scales of the DAE, rows of length 1."""
+    G = evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0) * dae.displacement_scales
+    return G / np.maximum(np.linalg.norm(G, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def _least(G: Array, rank: int) -> float:
+    """The singular value of that number, the least one of a matrix of that rank."""
+    return float(np.linalg.svd(G, compute_uv=False)[rank - 1])
+
+
+def _positions(dae: DAE, q: Array, t0: float, walks: int, steps: int, distance: float) -> Iterator[Array]:
+    """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size]."""
+    G = cast(ca.Function, dae.G)
     far = float(np.abs(q).max(initial=0.0)) or 1.0
     scale = np.array([far if name.rpartition(".")[2] in ("vx", "vy", "vz") else 1.0 for name in dae.v_names])
-    _, sigma, V = np.linalg.svd(evaluate_at_rest(G, dae, q, t0) * scale)
-    free = V[int((sigma > 1e-9 * sigma.max(initial=0.0)).sum()) :]
     random = np.random.default_rng(0)
-    for _ in range(_NEIGHBOURS if len(free) else 0):
-        step = random.normal(size=len(free)) @ free
-        position = np.asarray(dae.retract(q, _DISTANCE * scale * step / np.abs(step).max())).ravel()
-        for _ in range(_NEWTON_STEPS):
-            if dae.Phi is None:
-                break
-            r = evaluate_at_rest(dae.Phi, dae, position, t0).ravel()
-            back = np.linalg.lstsq(evaluate_at_rest(G, dae, position, t0)[: dae.n_c] * scale, -r, rcond=1e-10)[0]
-            position = np.asarray(dae.retract(position, scale * back)).ravel()
-        yield position
+    for _ in range(walks):
+        position, step = q, np.zeros(dae.n_v)
+        for _ in range(steps):
+            _, sigma, V = np.linalg.svd(evaluate_at_rest(G, dae, position, t0) * scale)
+            free = V[int((sigma > 1e-9 * sigma.max(initial=0.0)).sum()) :]
+            if not len(free):
+                return
+            step = (_PERSISTENCE * (free @ step) + random.normal(size=len(free))) @ free
+            step /= np.abs(step).max()
+            position = np.asarray(dae.retract(position, distance * scale * step)).ravel()
+            for _ in range(_NEWTON_STEPS if dae.Phi is not None else 0):
+                r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()
+                back = np.linalg.lstsq(evaluate_at_rest(G, dae, position, t0)[: dae.n_c] * scale, -r, rcond=1e-10)[0]
+                position = np.asarray(dae.retract(position, scale * back)).ravel()
+            yield position
 
 
 @dataclass(frozen=True)
@@ -140,11 +177,11 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     scale = np.linalg.norm(G, axis=2, keepdims=True)
     G /= np.where(scale > 0, scale, 1.0)
     sigma = np.linalg.svd(G, compute_uv=False)
-    ratios = sigma[:, -1] / sigma[:, 0]
+    ratios = sigma[:, dae.rank - 1] / sigma[:, 0]
     k = int(np.argmin(ratios))
     if not ratios[k] < NEARLY_SINGULAR:
         return None
-    least = np.linalg.svd(G[k], full_matrices=False)[0][:, -1]
+    least = np.linalg.svd(G[k], full_matrices=False)[0][:, dae.rank - 1]
     shares = {name: float(np.abs(least[where]).max()) for name, where in dae.rows.items()}
     names = tuple(name for name, share in shares.items() if share > _BLAMED)
     return Singularity(float(times[k]), float(ratios[k]), names)

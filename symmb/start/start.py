@@ -30,8 +30,10 @@ class Start:
     """The start of a scene as a map from parameters to states. It can be pickled.
 
     `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
-    assembled values. `independent_rows` are the numbers of these rows where the rows of the constraints `redundant`
-    depend on each other, or None. `is_equilibrium` means a start in static equilibrium, which is not compiled.
+    assembled values. Where the rows of the constraints `redundant` depend on each other, `independent_rows` are the
+    numbers of rows that do not; it is None elsewhere. `nullities` count the combinations of all rows, and of position
+    rows, that vanish, if these rows do not stay independent. `is_equilibrium` means a start in static equilibrium,
+    which is not compiled.
     """
 
     dae: DAE
@@ -48,6 +50,7 @@ class Start:
     solved: tuple[str, ...]
     free: tuple[str, ...]
     independent_rows: tuple[int, ...] | None
+    nullities: tuple[int, int]
     redundant: tuple[str, ...]
     is_equilibrium: bool
 

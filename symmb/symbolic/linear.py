@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import casadi as ca
+import numpy as np
 
 from symmb.symbolic.geometry import is_zero
 
@@ -67,6 +68,71 @@ def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
     return lambda r: ca.densify(ca.ldl_solve(ca.densify(r), D, L, order))
 
 
+_LIFT = 1e-10
+"""Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
+eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
+
+
+def singular_solver(S: ca.SX, nullity: int) -> Callable[[ca.SX], ca.SX]:
+    """Solver of S z = r for a semidefinite S (n, n) of rank n - nullity, or close to such a one, at that rank.
+
+    The combinations that vanish come from inverse iteration, and are taken out of right sides and solutions. Rows are
+    measured by the diagonal, so that units have no effect.
+    """
+    size = ca.sqrt(ca.diag(S))
+    scaled = ca.sparsify(ca.diag(1 / size) @ S @ ca.diag(1 / size))
+    lifted = symmetric_solver(scaled + _LIFT * ca.SX.eye(S.shape[0]))
+    N = _vanishing(lifted, S.shape[0], nullity)
+
+    def regular_part(r: ca.SX) -> ca.SX:
+        return r - N @ (N.T @ r)
+
+    def solve(r: ca.SX) -> ca.SX:
+        right = regular_part(r / size)
+        z = regular_part(lifted(right))
+        return ca.densify((z + regular_part(lifted(regular_part(right - scaled @ z)))) / size)
+
+    return solve
+
+
+def vanishing_rows(G: ca.SX, nullity: int) -> ca.SX:
+    """Combinations (n_r, nullity) of the rows of G that vanish where its rank is n_r - nullity."""
+    size = ca.sqrt(ca.sum2(G * G))
+    rows = ca.sparsify(ca.diag(1 / size) @ G)
+    lifted = symmetric_solver(ca.sparsify(rows @ rows.T) + _LIFT * ca.SX.eye(G.shape[0]))
+    return ca.diag(1 / size) @ _vanishing(lifted, G.shape[0], nullity)
+
+
+def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
+    """Rows (n,), of which combinations (n, k) vanish, with the same combinations of their multipliers added.
+
+    The rows are zero where they were, and no other multipliers than those without these combinations make them so.
+    """
+    N = ca.horzcat(*_orthonormal(ca.horzsplit(vanishing)))
+    return rows + N @ (N.T @ multipliers)
+
+
+def _vanishing(lifted: Callable[[ca.SX], ca.SX], n: int, nullity: int) -> ca.SX:
+    """Orthonormal combinations (n, nullity) that vanish but for the lift, by two steps of inverse iteration."""
+    # Vectors that no symmetry makes orthogonal to what vanishes.
+    columns = [ca.SX(ca.DM(np.cos((j + 1) * np.arange(1, n + 1) ** 1.5))) for j in range(nullity)]
+    for _ in range(2):
+        columns = _orthonormal([_LIFT * lifted(column) for column in columns])
+    return ca.horzcat(*columns)
+
+
+def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
+    """Orthonormal columns with the same span, by the modified method of Gram and Schmidt, for nearly parallel ones."""
+    basis: list[ca.SX] = []
+    for column in columns:
+        for _ in range(2 if basis else 1):
+            column = column / ca.norm_2(column)
+            for other in basis:
+                column = column - other * ca.dot(other, column)
+        basis.append(column / ca.norm_2(column))
+    return basis
+
+
 def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
     """Solver of A z = r for a regular A (n, n), sparse; orthogonal factors need no pivots, which would differ from
     sample to sample."""
@@ -75,7 +141,7 @@ def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
 
 
 def saddle_solver(
-    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False
+    M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool = False, nullity: int = 0
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
     """Solver of the saddle-point system of constrained motion; its factorisation is formed once and shared.
 
@@ -88,12 +154,17 @@ def saddle_solver(
     G : (n_c, n_v) SX, may have no rows
     coupled : bool         blocks are regular but nearly singular, as of flexible bodies whose modes almost hold what
                            the frame does: M + G'w G is used as well, w what the rows see of the masses
+    nullity : int          combinations of the rows of G that vanish wherever the constraints hold
 
     Returns
     -------
     callable (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,))
     """
     n_c = G.shape[0]
+
+    def factorize(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
+        return singular_solver(S, nullity) if nullity else symmetric_solver(S)
+
     singular = is_singular(M, sizes)
     if singular or (coupled and n_c):
         # (M + G'w G) a + G' lam = f + G'w g has the same solution, and no unit of length or mass makes it worse.
@@ -104,7 +175,7 @@ def saddle_solver(
             weight = 1 / ((G * G) @ (1 / ca.diag(M)))
         heavier = symmetric_solver(M + G.T @ (weight * G))
         back = ca.horzcat(*[heavier(G[i, :].T) for i in range(n_c)])
-        multipliers = symmetric_solver(G @ back)
+        multipliers = factorize(G @ back)
 
         def solve_heavier(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
             a = heavier(f + G.T @ (weight * g))
@@ -116,7 +187,7 @@ def saddle_solver(
     if n_c == 0:
         return lambda f, g: (inverse(f), ca.SX(0, 1))
     W = inverse.right(G)
-    multipliers = symmetric_solver(W @ G.T)
+    multipliers = factorize(W @ G.T)
 
     def solve(f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         lam = multipliers(W @ f - g)

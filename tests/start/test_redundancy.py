@@ -1,0 +1,96 @@
+"""Redundant rows: those that stay independent are kept, else all are solved at their rank; Bricard's mechanism."""
+
+import bricard
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from problems import windows_in_space
+from scipy.spatial.transform import Rotation
+
+import symmb as mb
+
+TIMES = np.linspace(0, 10, 51)
+
+
+@pytest.fixture(scope="module")
+def reference() -> np.ndarray:
+    return bricard.reference(TIMES)
+
+
+@pytest.mark.parametrize(
+    ("solver", "error", "drift"),
+    [
+        (None, 1e-6, 1e-7),
+        (mb.DormandPrince(), 1e-6, 1e-7),
+        (mb.DormandPrince(rtol=1e-11), 1e-9, 1e-10),
+        (mb.DormandPrince(rtol=1e-10, stabilization=None), 1e-7, 1e-8),
+        (mb.DormandPrince(stabilization=mb.AugmentedLagrangian()), 1e-6, 1e-7),
+        (mb.StateSpace(), 1e-6, 1e-7),
+    ],
+    ids=repr,
+)
+def test_bricard_moves_as_in_relative_coordinates(solver, error, drift, reference):
+    run = mb.simulate(bricard.scene(TIMES), solver)
+    assert_allclose(run.values, reference, rtol=0, atol=error)
+    assert run.energy_drift < drift
+    assert "doubtful" not in str(run)
+
+
+@pytest.mark.parametrize("solver", [mb.IDAS(rtol=1e-8), mb.StabilizedIndex2()], ids=repr)
+def test_solvers_with_multipliers_pass_where_single_rows_are_dependent(solver, reference):
+    """Without the first hinge's rows, which a choice at the start leaves out, no motion goes on at 1.25 s."""
+    run = mb.simulate(bricard.scene(TIMES[:8]), solver)
+    assert_allclose(run.values, reference[:8], rtol=0, atol=1e-5)
+
+
+def test_bricard_with_uncertain_masses_in_lanes():
+    scene = bricard.scene(TIMES)
+    P = np.random.default_rng(1).uniform(0.99, 1.01, (100, 5))
+    ensemble = mb.DAESimulator(scene, mb.DormandPrince()).run(P)
+    assert ensemble.ok.all()
+    for k in (0, 57, 99):
+        assert_allclose(ensemble.Y[k], bricard.reference(TIMES, P[k]), rtol=0, atol=1e-6)
+
+
+def test_all_rows_are_kept_where_no_choice_of_rows_lasts():
+    simulator = mb.DAESimulator(bricard.scene())
+    assert (simulator.dae.n_r, simulator.dae.rank) == (30, 29)
+    assert mb.DAESimulator(windows_in_space()).dae.vanishing is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_planar_loop_in_any_plane_moves_as_it_does_in_its_own(seed):
+    """A four-bar of spatial bodies whose rows turn with the bodies: hinges are declared from bar to bar."""
+    turned = Rotation.random(random_state=seed)
+    times = np.linspace(0, 3, 16)
+
+    def four_bar(R: Rotation) -> mb.Trajectory:
+        ground, z = mb.Ground(), tuple(R.apply((0, 0, 1)))
+        feet = {"left": (0.0, 0.0, 0.0), "right": (2.0, -0.5, 0.0)}
+        bars = {
+            name: mb.Body(name, 1.0, R.as_matrix() @ np.diag(J) @ R.as_matrix().T, mb.Spatial())
+            for name, J in (("left", (0.1, 1e-3, 0.1)), ("coupler", (1e-3, 0.4, 0.4)), ("right", (0.1, 1e-3, 0.1)))
+        }
+
+        def point(bar: str, *at: float):
+            return bars[bar].point(*R.apply(at)) if bar in bars else ground.point(*R.apply(at))
+
+        hinges = [
+            mb.Revolute("A", point("left", 0, -0.5, 0), point("", *feet["left"]), axis=z),
+            mb.Revolute("B", point("coupler", -1, 0, 0), point("left", 0, 0.5, 0), axis=z),
+            mb.Revolute("C", point("right", 0, 0.75, 0), point("coupler", 1, 0, 0), axis=z),
+            mb.Revolute("D", point("", *feet["right"]), point("right", 0, -0.75, 0), axis=z),
+        ]
+        at = {"left": (0, 0.5, 0), "coupler": (1, 1, 0), "right": (2, 0.25, 0)}
+        guess = {f"{bar}.{n}": float(x) for bar, r in at.items() for n, x in zip("xyz", R.apply(r), strict=True)}
+        lean = mb.rotation(axis=z, angle=-0.3)
+        push = mb.Force("push", bars["coupler"].point(0, 0, 0), tuple(R.apply((0, -9.81, 0))))
+        return mb.simulate(
+            mb.Scene(mb.System(*bars.values(), *hinges, push), {"left.rotation": lean}, times, guess=guess)
+        )
+
+    flat, run = four_bar(Rotation.identity()), four_bar(turned)
+    for bar in ("left", "coupler", "right"):
+        r = np.column_stack([run[f"{bar}.{n}"] for n in "xyz"])
+        assert_allclose(turned.inv().apply(r), np.column_stack([flat[f"{bar}.{n}"] for n in "xyz"]), atol=1e-6)
+    assert run.energy_drift < 1e-6

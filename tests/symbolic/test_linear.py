@@ -1,0 +1,49 @@
+"""Singular symmetric systems against NumPy's pseudo-inverse."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from symmb.symbolic.linear import independent, singular_solver, vanishing_rows
+
+
+def rows_of_rank(n: int, nullity: int, seed: int, off: float = 0.0) -> np.ndarray:
+    """Rows (n, 2 n) of which so many combinations vanish, or almost do, in units from 1e-3 to 1e3."""
+    random = np.random.default_rng(seed)
+    U, _ = np.linalg.qr(random.normal(size=(n, n)))
+    V, _ = np.linalg.qr(random.normal(size=(2 * n, n)))
+    sigma = np.concatenate([10.0 ** random.uniform(-1, 0, n - nullity), off * random.uniform(0.1, 1, nullity)])
+    return (U * sigma) @ V.T
+
+
+@pytest.mark.parametrize("nullity", [1, 2, 5])
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-8, 1e-5])
+def test_a_singular_system_is_solved_at_its_rank(nullity, off):
+    G = rows_of_rank(12, nullity, 1, off)
+    G /= np.linalg.norm(G, axis=1, keepdims=True)
+    S, r = ca.SX.sym("S", 12, 12), ca.SX.sym("r", 12)
+    solve = ca.Function("solve", [S, r], [singular_solver(S, nullity)(r)])
+    right = G @ np.random.default_rng(2).normal(size=24)
+    expected = np.linalg.pinv(G @ G.T, rcond=1e-6, hermitian=True) @ right
+    assert_allclose(solve(G @ G.T, right).full().ravel(), expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("nullity", [1, 3])
+def test_units_of_rows_have_no_effect(nullity):
+    G, units = rows_of_rank(9, nullity, 3), 10.0 ** np.random.default_rng(4).uniform(-6, 6, 9)
+    S, r = ca.SX.sym("S", 9, 9), ca.SX.sym("r", 9)
+    solve = ca.Function("solve", [S, r], [singular_solver(S, nullity)(r)])
+    right = np.random.default_rng(5).normal(size=18)
+    effects = [(H.T @ solve(H @ H.T, H @ right).full()).ravel() for H in (G, units[:, None] * G)]
+    assert_allclose(effects[1], effects[0], atol=1e-9)
+
+
+def test_rows_that_vanish_leave_their_multipliers_at_zero():
+    G = rows_of_rank(8, 2, 6)
+    N = np.array(ca.DM(vanishing_rows(ca.SX(ca.DM(G)), 2)))
+    assert np.linalg.matrix_rank(N) == 2
+    assert_allclose(N.T @ G, 0, atol=1e-9)
+    lam = ca.SX.sym("lam", 8)
+    J = np.array(ca.DM(ca.jacobian(independent(ca.SX(ca.DM(G @ G.T)) @ lam, lam, ca.SX(ca.DM(N))), lam)))
+    assert np.linalg.cond(J) < 1e4
