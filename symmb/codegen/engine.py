@@ -17,11 +17,23 @@ from symmb.schemes import MOST_STEPS
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit."""
+    """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
+
+    The absolute tolerance of a state is `atol` times the largest value that it has had, but at most times its `sizes`
+    (n_x,), 1 if left out, and at least times the share `least` of them.
+    """
 
     rtol: float
     atol: float
     longest: float = 0.0
+    sizes: tuple[float, ...] = ()
+    least: float = 1.0
+
+    def limits(self, n_x: int) -> tuple[Array, Array]:
+        """Least and largest absolute tolerances of the states, (n_x,) each."""
+        largest = np.full(n_x, self.atol)
+        largest[: len(self.sizes)] *= self.sizes
+        return self.least * largest, largest
 
 
 @dataclass(frozen=True)
@@ -54,6 +66,7 @@ class _Study(ctypes.Structure):
         ("n_t", ctypes.c_long),
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("atol_least", "atol_most")),
         ("longest", ctypes.c_double),
         ("newton", ctypes.c_double),
         ("most_steps", ctypes.c_long),
@@ -162,14 +175,19 @@ class Engine:
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
         stops = None if self._stops is None else np.ascontiguousarray(self._stops(p))
         control = self.control
-        tolerances = (0.0, 0.0) if isinstance(control, FixedStep) else (control.rtol, control.atol)
+        rtol, atol, limits = 0.0, 0.0, np.zeros((2, self.n_x))
+        if isinstance(control, Tolerances):
+            rtol, atol, limits = control.rtol, control.atol, np.array(control.limits(self.n_x))
         study = _Study(
             x0.ctypes.data,
             p.ctypes.data,
             self._times.ctypes.data,
             N,
             len(self._times),
-            *tolerances,
+            rtol,
+            atol,
+            limits[0].ctypes.data,
+            limits[1].ctypes.data,
             control.longest,
             self.newton,
             MOST_STEPS,

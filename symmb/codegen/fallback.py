@@ -125,7 +125,7 @@ class _BlockRuns:
 
     def __init__(self, engine: ArrayEngine, x: Array, p: Array) -> None:
         times, B = engine.times, x.shape[1] // WIDTH
-        self._engine, self._tolerances = engine, (engine.control.rtol, engine.control.atol)
+        self._engine = engine
         self.Y = np.full((len(times), engine.n_y, x.shape[1]), np.nan)
         self.lost, self.t_stopped = np.zeros((B, WIDTH), dtype=bool), np.full(B, np.nan)
         self.code = np.full(B, FailureCode.STEPS, dtype=np.int8)
@@ -135,12 +135,18 @@ class _BlockRuns:
         self._switches.find_stops(t, np.arange(B))
         self._c = engine.prepare(x, self._switches.parameters, _by_lane(t))
         self._x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, self._c, _by_lane(t))
+        least, self._atol_most = (limit[:, None] for limit in engine.control.limits(len(x)))
+        self._atol = self._grown(np.repeat(least, x.shape[1], axis=1), self._x)
         self._next = np.ones(B, dtype=int)  # output time to come
         engine.outputs(self._x, self._c, _by_lane(t), self.Y[0])
         self._slope = np.empty_like(self._x)
         span = float(times[-1] - times[0])
         self._steps = StepControl(t, np.full(B, span), self._switches.end, span, engine.control.longest)
         self._restart(np.ones(B, dtype=bool), settle=np.ones(B, dtype=bool))
+
+    def _grown(self, atol: Array, x: Array) -> Array:
+        """Absolute tolerances that follow the sizes of the states."""
+        return np.minimum(np.maximum(atol, self._engine.control.atol * np.abs(x)), self._atol_most)
 
     def _rates(self, c: Array, blocks: Indices) -> Callable[[Array, Array], Array]:
         low, high = (_by_lane(a[blocks]) for a in (self._switches.after, self._switches.before))
@@ -157,7 +163,8 @@ class _BlockRuns:
         rates = self._rates(self._c[:, lanes], blocks)
         self._slope[:, lanes] = slope = rates(x, _by_lane(t))
         left = float(self._engine.times[-1]) - t
-        h = first_step(rates, x, slope, _by_lane(t), left, *self._tolerances, WIDTH)
+        rtol = self._engine.control.rtol
+        h = first_step(rates, x, slope, _by_lane(t), left, rtol, self._atol[:, lanes], WIDTH)
         steps.restart(t, h, blocks)
 
     def advance(self) -> None:
@@ -169,7 +176,8 @@ class _BlockRuns:
             t_new, h = steps.propose()
             t, wide = _by_lane(steps.t[steps.live]), _by_lane(h)
             k, x_new = stages(self._rates(self._c, steps.live), self._x, self._slope, t, wide)
-            norm = error_norm(self._x, x_new, error_estimates(k, wide), *self._tolerances).reshape(-1, WIDTH)
+            rtol = self._engine.control.rtol
+            norm = error_norm(self._x, x_new, error_estimates(k, wide), rtol, self._atol).reshape(-1, WIDTH)
             accepted, stuck, exhausted = steps.judge(norm.max(axis=1), h)
             failed = stuck | exhausted
             if failed.any():
@@ -213,6 +221,7 @@ class _BlockRuns:
         self._x[:, lanes] = end if engine.project is None else engine.project(end, c, _by_lane(t_end))
         # The slope before the projection serves the next step: it is as far off as the error of this one.
         self._slope[:, lanes] = last
+        self._atol[:, lanes] = self._grown(self._atol[:, lanes], self._x[:, lanes])
         steps.t[blocks] = t_end
         sticks, restarts, settles = (np.zeros(len(steps.live), dtype=bool) for _ in range(3))
         restarts[accepted] = passed.reshape(-1, WIDTH).any(axis=1)
@@ -255,6 +264,7 @@ class _BlockRuns:
             return
         lanes = _lanes(going)
         self._x, self._slope, self._c = self._x[:, lanes], self._slope[:, lanes], self._c[:, lanes]
+        self._atol = self._atol[:, lanes]
         self._switches.select(lanes)
         self._steps.live = self._steps.live[going]
 

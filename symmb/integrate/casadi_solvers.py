@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from symmb._types import Array
+from symmb.codegen import Tolerances
 from symmb.integrate.fixed_step import collocation, fixed_step_integration
 from symmb.integrate.integration import Integration
 from symmb.integrate.multistep import multistep_integration
@@ -38,9 +39,9 @@ class _Multistep(Solver):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
-        tolerances = _tolerances(self.rtol, self.absolute_tolerance(dae.scales.size))
+        options, units = _measures(self.tolerances(dae, order))
         return multistep_integration(
-            problem.jets(order), dae, self.plugin, lambda length: tolerances | self._method(length), times
+            problem.jets(order), dae, self.plugin, lambda length: options | self._method(length), times, units
         )
 
 
@@ -111,7 +112,7 @@ class StabilizedIndex2(Solver):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = stabilized_problem(dae, work=work)
-        options = _tolerances(self.rtol, self.absolute_tolerance(dae.scales.size))
+        options, units = _measures(self.tolerances(dae))
         # Errors of index-2 multipliers do not fall with the step, so multipliers take no part in error tests.
         atol = options.pop("abstol")
         options |= {"suppress_algebraic": True, "calc_ic": False}
@@ -119,7 +120,7 @@ class StabilizedIndex2(Solver):
         first = FIRST_STEP * self.rtol**0.5
         between = first * float(np.diff(times).min(initial=1.0))
         return multistep_integration(
-            problem, dae, "idas", lambda length: {**options, "step0": min(between, first * length)}, times
+            problem, dae, "idas", lambda length: {**options, "step0": min(between, first * length)}, times, units
         )
 
 
@@ -154,6 +155,10 @@ class Collocation(Solver):
         return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
 
 
-def _tolerances(rtol: float, atol: float) -> dict[str, Any]:
+def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
+    """Options for tolerances, and units (n_x,) of states in which one absolute tolerance holds for all of them."""
+    sizes = np.array(tolerances.sizes or (1.0,))
+    size = float(sizes.max())
     # The integral of the power takes part in error tests: without, CasADi's quadratures can be far off.
-    return {"reltol": rtol, "abstol": atol, "quad_err_con": True, "disable_internal_warnings": True}
+    options = {"reltol": tolerances.rtol, "abstol": tolerances.atol * size, "quad_err_con": True}
+    return options | {"disable_internal_warnings": True}, None if (sizes == size).all() else sizes / size

@@ -25,9 +25,9 @@ class CompiledSolver(Solver):
     def runs_in_lanes(self, dae: DAE) -> bool:
         return has_compiler()
 
-    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
-        """How the engine chooses its steps, for a motion of this size."""
-        return Tolerances(self.rtol, self.absolute_tolerance(size))  # pyright: ignore[reportAttributeAccessIssue]
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        """How the engine chooses its steps, for Taylor coefficients up to an order and integrals along the motion."""
+        return self.tolerances(dae, order, n_quad)
 
     @abstractmethod
     def engine(
@@ -43,9 +43,9 @@ class CompiledSolver(Solver):
         start : Start            compiled too, if it is not large; without it, each run is given its state
         """
 
-    def limited_control(self, dae: DAE, times: Array) -> Tolerances | FixedStep:
+    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
         """The step control, with steps so short that none passes over a pulse of a law of time."""
-        control = self.step_control(times, dae.scales.size)
+        control = self.step_control(dae, times, order, n_quad)
         if isinstance(control, FixedStep):
             return control
         longest = min(longest_step(dae, times), control.longest or np.inf)

@@ -43,7 +43,7 @@ class EventDriven(Solver):
                 f"Derivatives with respect to parameters, and Taylor with them, are not valid across the events of "
                 f"{impacts_text(dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
             )
-        return EventIntegration(dae, dae.impacts, times, self.rtol, self.absolute_tolerance(dae.scales.size), work)
+        return EventIntegration(dae, dae.impacts, times, self.tolerances(dae, n_quad=int(work)), work)
 
 
 def impacts_text(impacts: Impacts) -> str:

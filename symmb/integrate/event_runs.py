@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices, Mask
-from symmb.codegen import REASONS, FailureCode
+from symmb.codegen import REASONS, FailureCode, Tolerances
 from symmb.events import (
     Event,
     ImpactLaws,
@@ -42,9 +42,9 @@ class EventIntegration(Integration):
     rates : Function         (y, p, t) -> y', y = (x, work)
     """
 
-    def __init__(self, dae: DAE, impacts: Impacts, times: Array, rtol: float, atol: float, work: bool) -> None:
+    def __init__(self, dae: DAE, impacts: Impacts, times: Array, tolerances: Tolerances, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
-        self.rtol, self.atol = rtol, atol
+        self.rtol, self.atol = tolerances.rtol, tolerances.limits(self.n_x + self.n_quad)[1][:, None]
         problem = build_problem(dae, Projection(), algebraic=False, work=work, one_step=True, projections=1)
         quad = problem.quad if problem.quad.numel() else ca.SX.zeros(self.n_quad)
         y = ca.vertcat(problem.x, ca.SX.sym("work", self.n_quad))

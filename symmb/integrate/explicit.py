@@ -34,7 +34,7 @@ class _Explicit(CompiledSolver):
         frozen = switched(problem, dae, times) if self.controls_step and not order else None
         ends = frozen.ends if frozen else StepEnds(stops=time_switches(dae, times)) if self.controls_step else None
         problem = frozen.problem if frozen else problem
-        control = self.limited_control(dae, times)
+        control = self.limited_control(dae, times, order, problem.quad.numel())
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # an integral along the motion is a state like the others
         p = problem.p[: len(dae.p_names)]  # without the sides of switches
@@ -115,10 +115,10 @@ class RungeKutta(_Explicit):
     def controls_step(self) -> bool:
         return False
 
-    def step_control(self, times: Array, size: float) -> FixedStep:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> FixedStep:
         return FixedStep(float(times[-1] - times[0]) / self.steps)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
-        step = self.step_control(times, 1.0).longest
+        step = self.step_control(dae, times).longest
         return fixed_step_integration(explicit(problem), times, step, problem.projection())

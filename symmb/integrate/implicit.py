@@ -1,7 +1,7 @@
 """Implicit schemes as solvers, compiled for many samples side by side."""
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import casadi as ca
@@ -43,7 +43,7 @@ class _SchemeSolver(CompiledSolver):
     ) -> Engine:
         step = self.scheme(dae, order, work)
         w, n_x = step.w, step.n_x
-        state, control = w[:n_x], self.limited_control(dae, times)
+        state, control = w[:n_x], self.limited_control(dae, times, order, 0)
         change, tested_change = step.newton()
         at_state = [step.x, state]
         f = scheme_function(
@@ -66,7 +66,7 @@ class _SchemeSolver(CompiledSolver):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         def fixed_steps() -> Integration:
-            control = self.step_control(times, dae.scales.size)
+            control = self.step_control(dae, times)
             if isinstance(control, Tolerances):
                 raise PropagationError(
                     f"{self!r} controls its step, which needs a C compiler and at most {MOST_VELOCITIES} velocities, "
@@ -118,8 +118,8 @@ class Rosenbrock(_SchemeSolver):
         problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
         return rosenbrock(problem.jets(order))
 
-    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
-        return super().step_control(times, size) if self.step is None else FixedStep(self.step)
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        return super().step_control(dae, times, order, n_quad) if self.step is None else FixedStep(self.step)
 
 
 class _PositionScheme(_SchemeSolver):
@@ -139,7 +139,7 @@ class _PositionScheme(_SchemeSolver):
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         return self.formula(dae, work).jets(order)
 
-    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
         return FixedStep(self.step)
 
 
@@ -165,10 +165,10 @@ class NSTIFFSI2(_PositionScheme):
     def formula(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work)
 
-    def step_control(self, times: Array, size: float) -> Tolerances | FixedStep:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
         if self.rtol is None:
             return FixedStep(self.step)
-        return Tolerances(self.rtol, self.absolute_tolerance(size), self.step)
+        return replace(self.tolerances(dae, order, n_quad), longest=self.step)
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, redirect_stderr
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -48,6 +48,7 @@ class Integration:
     project : Function, optional         (x, p, t) -> x on the constraints
     marching : Marching, optional        the single steps of a scheme with a fixed step
     stops : p (N, n_p) -> (N, k)         switches of time, where steps end [s]; optional
+    units : (n_x,) array, optional       the Functions take and give states over these units
     """
 
     def __init__(
@@ -61,11 +62,12 @@ class Integration:
         project: ca.Function | None = None,
         marching: Marching | None = None,
         stops: Callable[[Array], Array] | None = None,
+        units: Array | None = None,
     ) -> None:
         self.times = times
         self.n_x, self.n_quad = n_x, n_quad
         self._whole, self._between, self._guess, self._project = whole, between, guess, project
-        self._marching, self._stops = marching, stops
+        self._marching, self._stops, self._units = marching, stops, units
         self._counted = False
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -78,7 +80,9 @@ class Integration:
         KeyboardInterrupt      at the end of the call of CasADi in which it arrives, which carries the runs so far
         """
         interrupts = Interrupts()
-        runs = self._run(x0, p, threads, interrupts)
+        runs = self._run(x0 if self._units is None else x0 / self._units, p, threads, interrupts)
+        if self._units is not None:
+            runs = [replace(run, X=run.X * self._units) for run in runs]
         interrupts.raise_with(runs)
         return runs
 

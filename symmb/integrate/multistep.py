@@ -21,12 +21,19 @@ _SCALED = {"ode", "alg", "quad"}
 
 
 def multistep_integration(
-    problem: Problem, dae: DAE, plugin: str, options: Callable[[float], dict[str, Any]], times: Array
+    problem: Problem,
+    dae: DAE,
+    plugin: str,
+    options: Callable[[float], dict[str, Any]],
+    times: Array,
+    units: Array | None = None,
 ) -> Integration:
     """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length.
 
-    Steps end at the switches of time, and are so short that none passes over another pulse of a law of time.
+    Steps end at the switches of time, and are so short that none passes over another pulse of a law of time. Errors of
+    the states (n_x,) are measured by their units.
     """
+    problem = problem if units is None else problem.in_units(units)
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
     project = problem.projection()
     whole = between = None
@@ -59,7 +66,7 @@ def multistep_integration(
         part = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         between = ca.integrator("between", plugin, part, 0, 1, limited(1.0, float(np.diff(times).max())))
     n_x, n_quad, stops = problem.x.numel(), problem.quad.numel(), time_switches(dae, times)
-    return Integration(times, n_x, n_quad, whole, between, guess, project, stops=stops)
+    return Integration(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units)
 
 
 def _time_unit(times: Array) -> float:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from symmb._types import Array
 from symmb.integrate.projection import normalize, project
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.model import DAE
@@ -35,6 +36,17 @@ class Problem:
         if self.projected is None:
             return None
         return ca.Function("project", [self.x, self.p, self.t], [self.projected], {"cse": True})
+
+    def in_units(self, units: Array) -> "Problem":
+        """The problem of x over units (n_x,), by which solvers with one absolute tolerance measure its errors."""
+        D = ca.DM(units)
+
+        def at(f: ca.SX) -> ca.SX:
+            return ca.substitute(f, self.x, D * self.x)
+
+        projected = None if self.projected is None else at(self.projected) / D
+        parts = {"alg": at(self.alg), "quad": at(self.quad), "z_guess": at(self.z_guess), "projected": projected}
+        return replace(self, ode=at(self.ode) / D, **parts)
 
     def jets(self, order: int) -> "Problem":
         """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""

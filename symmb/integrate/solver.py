@@ -9,10 +9,14 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
-from symmb.codegen import with_compiler
+from symmb.codegen import Tolerances, with_compiler
 from symmb.integrate.integration import Integration
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 from symmb.model import DAE
+
+LEAST_SIZE, NOISE = 1e-3, 1e-12
+"""Least size of a state, over that of its part of the scene, to which absolute tolerances follow it, and the same over
+rtol: forces in balance leave rounding in states that do not move."""
 
 
 class Solver(ABC):
@@ -69,10 +73,17 @@ class Solver(ABC):
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...
 
-    def absolute_tolerance(self, size: float) -> float:
-        """The option `atol`, or by default rtol / 100 of the motion's size."""
-        atol = getattr(self, "atol", None)
-        return size * self.rtol / 100 if atol is None else atol  # pyright: ignore[reportAttributeAccessIssue]
+    def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> Tolerances:
+        """The options `rtol` and `atol`; by default the latter is rtol / 100 of the size of each state.
+
+        They are for states (n_x,), their Taylor coefficients up to an order, and integrals along the motion.
+        """
+        rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
+        atol: float | None = getattr(self, "atol", None)
+        if atol is not None:
+            return Tolerances(rtol, atol)
+        sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.size] * n_quad]
+        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), least=min(1.0, max(LEAST_SIZE, NOISE / rtol)))
 
     def tighter(self, factor: float = 10.0) -> Self:
         """The same solver with errors about `factor` times smaller."""

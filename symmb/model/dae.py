@@ -28,11 +28,14 @@ class Scales:
     length : float          [m]
     energy : float          of the unit of velocity: largest inertia times squared displacement [kg m^2]
     rows : (n_r,) array     rates of the rows at displacements of `of_length`, all 1 if not known
+    states : (n_x,) array   of each state, at most 1: parts of a scene that do not act on each other have their own;
+                            `size` if not known
     """
 
     length: float = 1.0
     energy: float = 1.0
     rows: Array | None = None
+    states: Array | None = None
 
     @property
     def size(self) -> float:
@@ -134,6 +137,12 @@ class DAE:
     def row_scales(self) -> Array:
         """Scales of the rows (n_r,)."""
         return np.ones(self.n_r) if self.scales.rows is None else self.scales.rows
+
+    @property
+    def state_sizes(self) -> Array:
+        """Factors of the absolute tolerances of q, v and s (n_x,)."""
+        n = self.n_q + self.n_v + self.n_s
+        return np.full(n, self.scales.size) if self.scales.states is None else self.scales.states
 
     def _sized(self, names: Sequence[str]) -> Array:
         return np.array([self.scales.length if is_linear(name) else 1.0 for name in names])

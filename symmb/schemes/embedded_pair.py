@@ -67,7 +67,7 @@ def interpolated(x: Array, F: Sequence[Array] | Array, theta: Array) -> Array:
     return x + theta * (F[0] + r * (F[1] + theta * (F[2] + r * (F[3] + theta * (F[4] + r * (F[5] + theta * F[6]))))))
 
 
-def error_norm(x: Array, x_new: Array, errors: Sequence[Array], rtol: float, atol: float) -> Array:
+def error_norm(x: Array, x_new: Array, errors: Sequence[Array], rtol: float, atol: Array | float) -> Array:
     """The norm of DOP853 (L,): a step is good enough up to 1. NaN where a state or rate is not finite."""
     scale = 1.0 / (atol + rtol * np.maximum(np.abs(x), np.abs(x_new)))
     sum3, sum5 = (np.square(error * scale).sum(axis=0) for error in errors)
@@ -76,7 +76,14 @@ def error_norm(x: Array, x_new: Array, errors: Sequence[Array], rtol: float, ato
 
 
 def first_step(
-    rates: Rates, x: Array, slope: Array, t: Array, span: float | Array, rtol: float, atol: float, width: int = 1
+    rates: Rates,
+    x: Array,
+    slope: Array,
+    t: Array,
+    span: float | Array,
+    rtol: float,
+    atol: Array | float,
+    width: int = 1,
 ) -> Array:
     """Lengths of first steps (G,) of groups of `width` lanes, by the algorithm of section II.4."""
     scale = 1.0 / (atol + rtol * np.abs(x))

@@ -1,16 +1,22 @@
 """The size of a scene: scales of coordinates and rows before its motion is known."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scales, is_linear
 
+Arguments = tuple[Any, ...]
+"""(q, v[, s], p, t)"""
 _ROUNDING = 1e-9
 """Coordinates below this share of the lever arms are zero but for the rounding of Newton's method."""
+_PART_ROUNDING = 1e-12
+"""Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
 
@@ -26,16 +32,68 @@ def resting(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
     return (q, ca.SX(dae.n_v, 1), *((ca.SX(dae.n_s, 1),) if dae.n_s else ()))
 
 
-def length_of(dae: DAE, q: Array, G: Array) -> float:
+def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
     """The largest coordinate of translation [m]; the largest lever arm if the coordinates are zero; or 0.
 
-    G (n_r, n_v) is the Jacobian of the rows at coordinates q (n_q,).
+    G (n_r, n_v) is the Jacobian of the rows at coordinates q (n_q,). `part` (n_x,) tells which states count.
     """
-    length = max((abs(x) for name, x in zip(dae.q_names, q, strict=True) if is_linear(name)), default=0.0)
-    linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
+    linear_q, linear = _is_linear(dae.q_names), _is_linear(dae.v_names)
+    own_q, own = (slice(None),) * 2 if part is None else (part[: dae.n_q], part[dae.n_q : dae.n_q + dae.n_v])
+    length = float(np.abs(q[own_q][linear_q[own_q]]).max(initial=0.0))
+    G, linear = G[:, own], linear[own]
     along, around = np.abs(G[:, linear]).max(axis=1, initial=0.0), np.abs(G[:, ~linear]).max(axis=1, initial=0.0)
     arm = float((around[along > 0] / along[along > 0]).max(initial=0.0))
     return length if length > _ROUNDING * arm else arm
+
+
+def distances(dae: DAE, at: Arguments, span: float) -> Array:
+    """How far speeds and accelerations lead in a time [s] (n_v,), from the arguments of the DAE's Functions."""
+    return np.abs(at[1]) * span + np.abs(dae.rhs(*at)[1].full().ravel()) * span**2 / 2
+
+
+def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> Array:
+    """Sizes of the states (n_x,), at most 1: those of each part of the scene that acts on no other.
+
+    `size` is that of the whole scene. It stands where a part is so small that its motion may be rounding.
+    """
+    labels = _parts(dae)
+    sizes = np.full(len(labels), size)
+    for label in np.unique(labels) if labels.any() else ():
+        part = labels == label
+        length = length_of(dae, at[0], G, part)
+        if not length:
+            own = part[dae.n_q : dae.n_q + dae.n_v]
+            angles = np.abs(at[0][part[: dae.n_q] & ~_is_linear(dae.q_names)]).max(initial=0.0)
+            length = float(max(angles, distances(dae, at, span)[own].max(initial=0.0)))
+        if length > _PART_ROUNDING * size:
+            sizes[part] = min(1.0, power_of_two(length))
+    return sizes
+
+
+def _parts(dae: DAE) -> Indices:
+    """Numbers (n_x,) of the parts of the scene that do not act on each other; all 0 if there is only one."""
+    x, p, time = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    labels = np.arange(x.numel())
+    if not labels.size:
+        return labels
+    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, time))))
+    row, column = (np.array(indices) for indices in ca.jacobian_sparsity(rates, x).get_triplet())
+    before = None
+    while before is None or (labels != before).any():
+        before = labels.copy()
+        least = np.minimum(labels[row], labels[column])
+        np.minimum.at(labels, row, least)
+        np.minimum.at(labels, column, least)
+    return labels
+
+
+def _is_linear(names: Sequence[str]) -> Mask:
+    return np.array([is_linear(name) for name in names], dtype=bool)
+
+
+def power_of_two(value: float) -> float:
+    """The power of 2 next to a value, 1 if it is 0 or not finite."""
+    return 2.0 ** round(math.log2(value)) if 0 < value < math.inf else 1.0
 
 
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:

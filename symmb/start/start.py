@@ -16,7 +16,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, is_linear
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.scales import length_of
+from symmb.start.scales import distances, length_of, power_of_two, sizes_of_parts
 from symmb.symbolic import batch, jet_function, saddle_solver, symmetric_solver
 
 MOST_COMPILED_STATES = 100
@@ -111,15 +111,14 @@ class Start:
         G = dae.G(*x).full() if dae.G is not None else np.zeros((0, dae.n_v))
         length = length_of(dae, at["q"], G)
         if not length:
-            distance = np.abs(at["v"]) * span + np.abs(dae.rhs(*x)[1].full().ravel()) * span**2 / 2
-            length = max(
-                (s for name, s in zip(dae.v_names, distance.tolist(), strict=True) if is_linear(name)), default=0.0
-            )
-        length = _power(length)
+            linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
+            length = float(distances(dae, x, span)[linear].max(initial=0.0))
+        length = power_of_two(length)
         scaled = replace(dae, scales=Scales(length)).displacement_scales
-        energy = _power(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
+        energy = power_of_two(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)
-        return Scales(length, energy, np.array([_power(float(row)) for row in rows]))
+        states = sizes_of_parts(dae, x, G, span, Scales(length).size)
+        return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states)
 
     @property
     def state_scales(self) -> Array:
@@ -191,10 +190,6 @@ class Start:
             for parts, s in zip(x, _function_jets(self.dae.s_start, [q, P]), strict=True):
                 parts.append(s)
         return [np.hstack([_repeat_rows(part, m) for part in parts]) for parts in x]
-
-
-def _power(value: float) -> float:
-    return 2.0 ** round(math.log2(value)) if 0 < value < math.inf else 1.0
 
 
 def _repeat_rows(a: Array, N: int) -> Array:

@@ -16,7 +16,8 @@ enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block 
 typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
-  double rtol, atol; /* of steps with control */
+  double rtol, atol; /* of steps with control; atol of a state of size 1 */
+  const double *atol_least, *atol_most; /* (N_X,) of each state */
   double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;
@@ -35,6 +36,7 @@ typedef struct {
   V x[SIZE(N_X)], x_new[SIZE(N_X)], k[SIZE(N_K)], F[7 * SIZE(N_USED)];
   V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
+  V atol[SIZE(N_X)];                               /* by the largest value of each state so far */
   V p[SIZE(N_P)], scratch[2 * SIZE(N_X)];          /* parameters; errors of a step, or unknowns of the start */
 #if N_S > 0
   V u[2 * N_S], u_new[2 * N_S], u_low[2 * N_S], u_at[2 * N_S]; /* switches on their sides, and their rates, see switches.h */
@@ -46,6 +48,7 @@ typedef struct {
 typedef struct {
   Part part[PARTS];
   double t, t_new, h, h_next;
+  double atol_most[SIZE(N_X)];
   double before; /* logarithm of the error of the step before */
   long number, next, live, sample[WIDTH];
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */

@@ -11,12 +11,27 @@
 
 enum { REJECTED, ACCEPTED, FAILED };
 
+/* The absolute tolerances where the motion begins. */
+PRIVATE void begin_tolerances(Block *b, const Study *s) {
+  for (int i = 0; i < N_X; ++i) {
+    b->atol_most[place[i]] = s->atol_most[i];
+    EACH_PART(b) a->atol[place[i]] = each(s->atol_least[i]);
+  }
+}
+
+/* The absolute tolerances follow the largest values of the states. */
+PRIVATE void follow_sizes(Block *b, const Study *s) {
+  EACH_PART(b)
+    for (int i = 0; i < N_X; ++i)
+      a->atol[i] = v_smaller(v_larger(a->atol[i], s->atol * v_fabs(a->x[i])), each(b->atol_most[i]));
+}
+
 /* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
 PRIVATE V error_norm(Part *a, double h, const Study *s) {
   V *e5 = a->scratch, *e3 = a->scratch + SIZE(N_X), sum5 = zero(), sum3 = zero();
   errors(a, h, e5, e3);
   for (int i = 0; i < N_X; ++i) {
-    V scale = 1.0 / (s->atol + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->x_new[i])));
+    V scale = 1.0 / (a->atol[i] + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->x_new[i])));
     e5[i] *= scale;
     e3[i] *= scale;
     sum5 += e5[i] * e5[i];
@@ -36,7 +51,7 @@ PRIVATE double first_step(Block *b, const Study *s) {
   EACH_PART(b) {
     V d0 = zero(), d1 = zero();
     for (int i = 0; i < N_X; ++i) {
-      V scale = 1.0 / (s->atol + s->rtol * v_fabs(a->x[i])), d = slope(a->x, a->k, i) * scale;
+      V scale = 1.0 / (a->atol[i] + s->rtol * v_fabs(a->x[i])), d = slope(a->x, a->k, i) * scale;
       d0 += a->x[i] * scale * a->x[i] * scale;
       d1 += d * d;
     }
@@ -50,7 +65,7 @@ PRIVATE double first_step(Block *b, const Study *s) {
     for (int i = 0; i < N_X; ++i) x1[i] = a->x[i] + h0 * slope(a->x, a->k, i);
     rates(x1, a->c, each(between_stops(b, b->t + h0)), k1);
     for (int i = 0; i < N_X; ++i) {
-      V d = (slope(x1, k1, i) - slope(a->x, a->k, i)) / (s->atol + s->rtol * v_fabs(a->x[i]));
+      V d = (slope(x1, k1, i) - slope(a->x, a->k, i)) / (a->atol[i] + s->rtol * v_fabs(a->x[i]));
       d2 += d * d;
     }
     n2 = larger(sqrt(largest_lane(d2) / N_X) / h0, n2);
@@ -125,6 +140,8 @@ PRIVATE int run(Block *b, Study *s) {
   const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
   if (s->n_t == 1) return 1;
   b->steps = 0;
+  begin_tolerances(b, s);
+  follow_sizes(b, s);
   find_stop(b, s);
   settle(b);
   restart(b, s);
@@ -158,6 +175,7 @@ PRIVATE int run(Block *b, Study *s) {
       memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
       move_onto_constraints(a, a->x_new, b->t_new, a->x);
     }
+    follow_sizes(b, s);
     b->t = b->t_new;
     b->h = b->h_next;
     const int at_stop = b->t >= b->stop_time && find_stop(b, s);

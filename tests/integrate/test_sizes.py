@@ -1,0 +1,60 @@
+"""Absolute tolerances follow the size of each state: small motions beside large ones, against closed forms."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.special import ellipj, ellipk
+
+import symmb as mb
+from symmb.codegen import build
+
+GROUND = mb.Ground()
+TOLERANCES = [None, mb.CVODES(), mb.CVODES(stiff=True), mb.DormandPrince(), mb.IDAS(), mb.StabilizedIndex2()]
+TOLERANCES += [mb.StateSpace(), mb.Rosenbrock(), mb.EventDriven()]
+
+
+def two_oscillators(large: float, small: float, rate: float, span: float) -> mb.Scene:
+    """x'' = -x from `large`, and y'' = -rate^2 y from `small`, of particles that do not act on each other."""
+    a, b = (mb.Body(name, 1.0, 0.0, mb.Particle()) for name in "ab")
+    springs = [mb.Force("slow", a.point(0, 0), (-a.x, 0)), mb.Force("fast", b.point(0, 0), (-(rate**2) * b.x, 0))]
+    return mb.Scene(
+        mb.System(a, b, *springs), {"a.x": large, "b.x": small}, np.linspace(0, span, 41), {"x": a.x, "y": b.x}
+    )
+
+
+@pytest.mark.parametrize(("large", "small", "rate"), [(10.0, 1e-9, 3.0), (1e3, 1e-7, 0.5), (1e-3, 1e-12, 2.0)])
+@pytest.mark.parametrize("solver", TOLERANCES, ids=repr)
+def test_a_small_motion_beside_a_large_one_is_as_accurate(solver, large, small, rate):
+    run = mb.simulate(two_oscillators(large, small, rate, 20.0), solver)
+    assert_allclose(run["x"] / large, np.cos(run.t), rtol=0, atol=1e-6)
+    coarse = isinstance(solver, mb.Rosenbrock | mb.StabilizedIndex2)  # of low order, with errors of this size alone
+    assert_allclose(run["y"] / small, np.cos(rate * run.t), rtol=0, atol=2e-5 if coarse else 1e-6)
+
+
+def test_without_a_compiler_too(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    build._compiler.cache_clear()
+    run = mb.simulate(two_oscillators(10.0, 1e-9, 3.0, 20.0), mb.DormandPrince())
+    build._compiler.cache_clear()
+    assert_allclose(run["y"] / 1e-9, np.cos(3 * run.t), rtol=0, atol=1e-6)
+
+
+def test_a_given_absolute_tolerance_holds_for_all():
+    run = mb.simulate(two_oscillators(10.0, 1e-9, 3.0, 20.0), mb.DormandPrince(atol=1e-6))
+    assert 1e-5 < np.abs(run["y"] / 1e-9 - np.cos(3 * run.t)).max() < 1e-3
+
+
+@pytest.mark.parametrize("amplitude", [1e-3, 1e-6])
+def test_a_small_swing_of_a_large_pendulum_is_accurate(amplitude):
+    """Its height is 1 m, and its swing follows from Jacobi's elliptic functions."""
+    rod = mb.Body("rod", 1.0, 0.0)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 1.0))
+    scene = mb.Scene(
+        mb.System(rod, hinge, mb.Gravity(0, -9.81)), {"rod.theta": amplitude}, np.linspace(0, 10, 41),
+        {"theta": rod.theta},
+    )  # fmt: skip
+    k = np.sin(amplitude / 2)
+    sn = ellipj(ellipk(k**2) - np.sqrt(9.81) * scene.times, k**2)[0]
+    run = mb.simulate(scene, mb.DormandPrince())
+    assert_allclose(run["theta"] / amplitude, 2 * np.arcsin(k * sn) / amplitude, rtol=0, atol=1e-5)
