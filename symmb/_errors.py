@@ -1,4 +1,7 @@
-"""The errors a user meets, one for each stage that can fail."""
+"""The errors a user meets, one for each stage that can fail, and the warning."""
+
+import warnings
+from collections.abc import Sequence
 
 
 class SymmbError(Exception):
@@ -23,3 +26,9 @@ class PropagationError(SymmbError, ValueError):
 
 class SymmbWarning(UserWarning):
     """Something that the user should know about a result, or about how it is computed."""
+
+
+def warn_of(doubts: Sequence[str], subject: str) -> None:
+    """One SymmbWarning about what is doubtful in a result, at the user's line that called the caller."""
+    if doubts:
+        warnings.warn(f"{subject}: {' '.join(doubts)}", SymmbWarning, stacklevel=3)

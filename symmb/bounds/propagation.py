@@ -1,5 +1,8 @@
 """Bounds of a simulator by a method."""
 
+from dataclasses import replace
+
+from symmb._errors import warn_of
 from symmb._types import Executor
 from symmb.bounds.method import Method, require_method
 from symmb.bounds.result import Bounds
@@ -31,7 +34,7 @@ def propagate(
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y).
+        ``lower`` and ``upper`` (n_t, n_y). What is doubtful about them stands in ``doubts``, and is a SymmbWarning.
 
     Raises
     ------
@@ -51,4 +54,7 @@ def propagate(
     """
     require_method("propagate", method)
     simulator, box = simulator_of(scene_or_simulator, box, solver)
-    return method.bounds(simulator, box, executor=executor, progress=progress)
+    bounds = method.bounds(simulator, box, executor=executor, progress=progress)
+    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *getattr(simulator, "doubts", ())))
+    warn_of(bounds.doubts, f"Bounds by {bounds.method}")
+    return bounds

@@ -42,6 +42,7 @@ class Bounds:
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
     caution : from when on the method is not valid, and why; empty if it is valid
+    run_doubts : what cannot be trusted about the runs, in sentences; `doubts` are all
 
     Examples
     --------
@@ -63,6 +64,19 @@ class Bounds:
     seconds: float = field(default=float("nan"))
     expansion: Expansion | None = None
     caution: str = ""
+    run_doubts: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
+        found = list(self.run_doubts)
+        if self.failed:
+            found.append(f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others.")
+        if since := [f"{name} from {t:g} s" for name, t in self.doubtful().items()]:
+            found.append(f"The estimated error is above 10 % of the width: {', '.join(since)}.")
+        if self.caution:
+            found.append(f"The bounds are {self.caution}.")
+        return tuple(found)
 
     @property
     def outer(self) -> tuple[Array, Array]:
@@ -149,6 +163,8 @@ class Bounds:
             "failed": [asdict(run) for run in self.failed],
             "seconds": self.seconds,
             "caution": self.caution,
+            "run_doubts": self.run_doubts,
+            "doubts": self.doubts,
             "parameters": self.expansion and self.expansion.parameters,
             "alpha": self.expansion and self.expansion.alpha,
             "coefficients": self.expansion and self.expansion.coefficients,
@@ -176,6 +192,7 @@ class Bounds:
             seconds=record.number("seconds"),
             expansion=_expansion(record, *shape) if "alpha" in record else None,
             caution=record.text("caution", default=""),
+            run_doubts=record.texts("run_doubts", default=()),
         )
 
     def _table(self) -> files.Table:
@@ -220,7 +237,7 @@ class Bounds:
         )
 
     def __str__(self) -> str:
-        failed = f"{len(self.failed)} failed; the bounds are those of the other runs:" if self.failed else "none failed"
+        failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
         lines = [
             f"Bounds by {self.method}, {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s",
             f"  kind         {self.kind} ({MEANING[self.kind]})",
@@ -228,11 +245,7 @@ class Bounds:
         ]
         if self.failed:
             lines.append(failure_text(self.failed, 3, indent="    "))
-        doubtful = [f"{name} from {since:g} s" for name, since in self.doubtful().items()]
-        if doubtful:
-            lines.append(f"  doubtful     estimated error above 10 % of the width: {', '.join(doubtful)}")
-        if self.caution:
-            lines.append(f"  caution      {self.caution}")
+        lines += [f"  doubtful     {doubt}" for doubt in self.doubts]
         table = widest_bounds(self.t, self.names, self.lower, self.upper, self.estimate)
         return "\n".join([*lines, *(f"  {line}" for line in aligned(table))])
 

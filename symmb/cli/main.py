@@ -29,6 +29,8 @@ from symmb.files import require_suffix, save_json
 from symmb.plot import PICTURES
 
 _SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
+_DOUBTFUL = 3
+"""Exit status of a command whose result cannot be trusted."""
 _ROUNDING = 1e-12, 1e-30
 """Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
 
@@ -38,15 +40,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    int     0; 1 if a simulation broke down, 2 on bad input, each with one sentence on stderr; 130 if interrupted
+    int     0; 1 if a simulation broke down, 2 on bad input, each with one sentence on stderr; 3 if the result is
+            doubtful; 130 if interrupted
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
     options = _parser().parse_args(arguments)
     _tell_on_stderr(options.command)
     try:
-        options.run(options)
+        doubts = options.run(options)
         sys.stdout.flush()
+        return _DOUBTFUL if doubts else 0
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, SimulationError) else 2
@@ -87,7 +91,7 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
             print(f"symmb {options.command}: interrupted. What was found so far is in {path}.", file=sys.stderr)
 
 
-def _compare(options: argparse.Namespace) -> None:
+def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     methods = None if options.methods is None else [specs.method(text) for text in options.methods]
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, picture = _file(options.json, ".json"), _file(options.plot, *PICTURES)
@@ -103,9 +107,10 @@ def _compare(options: argparse.Namespace) -> None:
         save_json(json_file, comparison.to_json())
     if picture:
         comparison.plot(picture)
+    return comparison.doubts
 
 
-def _simulate(options: argparse.Namespace) -> None:
+def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, csv_file, picture = (
         _file(options.json, ".json"),
@@ -123,6 +128,7 @@ def _simulate(options: argparse.Namespace) -> None:
         trajectory.save(csv_file)
     if picture:
         trajectory.plot(picture)
+    return trajectory.doubts
 
 
 def _stability(options: argparse.Namespace) -> None:

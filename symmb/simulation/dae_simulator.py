@@ -25,6 +25,7 @@ from symmb.integrate import (
     impacts_text,
 )
 from symmb.model import DAE, Scene, compile_dae, unit_of
+from symmb.simulation.certainty import error_doubts
 from symmb.simulation.ensembles import IRREGULAR_OUTPUT, CompiledEnsemble, ensemble_of_runs, failure_texts
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
@@ -64,6 +65,7 @@ class DAESimulator:
     reason : str                   why symmb chose this solver, if none was given
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
+    doubts : tuple of str          what cannot be trusted, from a nominal run and one at a tenth of the tolerance
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -174,6 +176,7 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
+        self._doubts: tuple[str, ...] | None = None
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
@@ -191,6 +194,17 @@ class DAESimulator:
             late = ensemble.t_failed[~ensemble.ok] > self.times[0]  # no solver can start the others
             message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
         return Pilot(message, steps, seconds, steps > MANY)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What cannot be trusted about runs at the nominal parameters, by a second one at a tenth of the tolerance."""
+        if self._doubts is None:
+            P = self.dae.p_nominal[None]
+            first, second = self.run(P), self.tighter().run(P)
+            known = bool(first.ok[0] and second.ok[0])
+            error = np.abs(first.Y[0] - second.Y[0]) if known else np.zeros(first.Y.shape[1:])
+            self._doubts = error_doubts(self.times, self.outputs, first.Y[0], error) if known else ()
+        return self._doubts
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""

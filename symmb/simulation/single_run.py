@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from symmb._errors import DeclarationError, SimulationError
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number
 from symmb._types import Array, Expr
@@ -11,6 +13,7 @@ from symmb.events import kinks
 from symmb.integrate import Solver
 from symmb.model import Scene
 from symmb.simulation.pilot_runs import PilotRuns
+from symmb.simulation.run_quality import unreached
 from symmb.simulation.solver_choice import choose, for_one_run
 from symmb.simulation.subject import require_scene, require_solver
 from symmb.simulation.trajectory import Trajectory
@@ -21,6 +24,7 @@ def simulate(
     solver: Solver | None = None,
     parameters: Mapping[str, float] | None = None,
     *,
+    check: bool = False,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Trajectory:
@@ -33,17 +37,19 @@ def simulate(
                                CVODES with AugmentedLagrangian() if these fail; EventDriven() with impacts.
                                `trajectory.reason` gives the reason
     parameters : mapping       values instead of the nominal ones
+    check : bool               run a second time at a tenth of the tolerance; `trajectory.error` (n_t, n_y) is the
+                               difference, and the doubts tell from when on digits are lost
     times, outputs             instead of those of the scene
 
     Returns
     -------
-    Trajectory
+    Trajectory                 what is doubtful about it stands in `doubts`, and is a SymmbWarning
 
     Raises
     ------
     DeclarationError           if a parameter is unknown or not finite
     AssemblyError              if the scene cannot be started
-    SimulationError            if the run breaks down, with time and parameters
+    SimulationError            if the run breaks down, leaves its constraints, or has an output that is not finite
 
     Examples
     --------
@@ -76,7 +82,33 @@ def simulate(
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     count = switches.met(run.X, runs.p, runs.simulator.times) if switches else 0
-    return replace(trajectory, reason=f"{reason}; {switches} met {count} times or more" if count else reason)
+    trajectory = replace(trajectory, reason=f"{reason}; {switches} met {count} times or more" if count else reason)
+    _require_sound(runs, trajectory)
+    trajectory = _checked(runs, solver, trajectory) if check else trajectory
+    warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
+    return trajectory
+
+
+def _require_sound(runs: PilotRuns, trajectory: Trajectory) -> None:
+    """SimulationError if the run has left its constraints, or has outputs that are not finite."""
+    about = f"{runs.scene.name} ({runs.text}) by {trajectory.solver}"
+    fault = unreached(trajectory.t, trajectory.drift.position, runs.simulator.dae.scales.length)
+    irregular = ~np.isfinite(trajectory.values)
+    if irregular.any():
+        k, i = np.argwhere(irregular)[0]
+        fault = f"output {trajectory.names[i]!r} is {trajectory.values[k, i]} at t = {trajectory.t[k]:g} s"
+    if fault:
+        raise SimulationError(f"{about}: {fault}.")
+
+
+def _checked(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> Trajectory:
+    """The trajectory with errors from a second run."""
+    tighter = solver.tighter()
+    message = runs.run(tighter).message
+    run, other = runs.done[tighter]
+    doubt = f"A run at a tenth of the tolerance breaks down at t = {run.t_failed:g} s: {message}."
+    doubts = (*trajectory.run_doubts, *([doubt] if message else []))
+    return replace(trajectory, error=np.abs(other.values - trajectory.values), run_doubts=doubts)
 
 
 def _parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:

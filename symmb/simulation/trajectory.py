@@ -18,11 +18,19 @@ from symmb._options import require_instance
 from symmb._types import Array, Expr
 from symmb.events import Event, longest_step
 from symmb.model import Scene
+from symmb.simulation.certainty import error_doubts
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.outputs import output_function
+from symmb.simulation.run_quality import (
+    closest_singularity,
+    drift_doubts,
+    largest_kinetic_energy,
+    pulse_doubts,
+    unexplained,
+)
 from symmb.simulation.trajectory_file import Drift, Energy, of_record, of_table
-from symmb.simulation.trajectory_text import doubt_lines, event_lines, pulse_lines, start_lines, unexplained
-from symmb.start import Singularity, singularity
+from symmb.simulation.trajectory_text import doubt_lines, event_lines, pulse_lines, start_lines
+from symmb.start import Singularity
 from symmb.symbolic import batch
 
 
@@ -44,6 +52,8 @@ class Trajectory:
     statistics : dict          counts of the integrator, and a report on the start
     setup_seconds, run_seconds : float
     events : tuple of Event    impacts, and contacts that close and open, in order
+    error : (n_t, n_y)         estimated error of the outputs, of a run with check=True; None for others
+    run_doubts : tuple of str  what the start and the solver cannot vouch for; `doubts` are all
     """
 
     scene: Scene | None = field(repr=False)
@@ -58,6 +68,8 @@ class Trajectory:
     setup_seconds: float
     run_seconds: float
     events: tuple[Event, ...] = field(default=(), repr=False)
+    error: Array | None = field(default=None, repr=False)
+    run_doubts: tuple[str, ...] = field(default=(), repr=False)
 
     @property
     def _p(self) -> Array:
@@ -176,22 +188,8 @@ class Trajectory:
     @cached_property
     def singularity(self) -> Singularity | None:
         """The time closest to a singular position, if one is close. Runs that fail or drift are examined closely."""
-        simulator = self._model[1]
-        dae, X, times = simulator.dae, self.x, self.t
-        near, failed = self._closest(X, times), bool(np.isnan(X[-1]).any())
-        if near or dae.G is None or not (failed or unexplained(self.energy_drift, self._rtol)):
-            return near
-        number = int(np.clip(_WORK / dae.n_v**3, 2, _TIMES))
-        for _ in range(_CLOSER if failed else 1):
-            lost = int(np.argmax(np.isnan(X).any(axis=1)))  # 0 if it does not fail
-            times = np.unique(np.append(self.t[0], np.linspace(times[max(lost - 1, 0)], times[lost or -1], number)))
-            X = simulator.solver.integration(dae, times).run(self.x[:1], self._p[None])[0].X
-            near = near or self._closest(X, times)
-        return near
-
-    def _closest(self, X: Array, times: Array) -> Singularity | None:
-        known = np.isfinite(X).all(axis=1)
-        return singularity(self._model[1].dae, X[known], self._p, times[known])
+        examine = unexplained(self.energy_drift, self._rtol)
+        return closest_singularity(self._model[1], self.x, self._p, self.t, examine)
 
     @property
     def _rtol(self) -> float | None:
@@ -222,16 +220,23 @@ class Trajectory:
         balance = T + V - W
         change, largest = float(np.abs(balance - balance[0]).max(initial=0.0)), float(T.max(initial=0.0))
         if change > _EXAMINED * largest > 0:  # all output times may be those at which it rests
-            largest = max(largest, self._largest_kinetic_energy())
+            span = float(self.t[0]), float(self.t[-1])
+            largest = max(largest, largest_kinetic_energy(self._model[1], self.x[0], self._p, *span))
         return change / largest if largest > 0 else math.nan
 
-    def _largest_kinetic_energy(self) -> float:
-        """Over a second run with output times that are close together."""
-        simulator, times = self._model[1], np.linspace(self.t[0], self.t[-1], _TIMES)
-        X = simulator.solver.integration(simulator.dae, times).run(self.x[:1], self._p[None])[0].X
-        q, v, s = np.split(X, np.cumsum([len(names) for names in self.state_names])[:2], axis=1)
-        (T, _) = batch(simulator.dae.energy, q, v, *((s,) if s.shape[1] else ()), self._p, times[:, None])
-        return float(np.nanmax(T, initial=0.0))
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
+        simulator = self._model[1]
+        position = self.position_drift / simulator.dae.scales.length
+        found = [
+            *self.run_doubts,
+            *drift_doubts(position, self.energy_drift, self.singularity is not None, self._rtol),
+            *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
+        ]
+        if self.error is not None:
+            found += error_doubts(self.t, self.names, self.values, self.error)
+        return tuple(found)
 
     def __str__(self) -> str:
         return self._text
@@ -239,10 +244,8 @@ class Trajectory:
     @cached_property
     def _text(self) -> str:
         dae = self._model[1].dae
-        drifts = (
-            f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, energy {self.energy_drift:.1e}"
-        )
-        position = self.position_drift / dae.scales.length
+        energy = "nothing moves" if math.isnan(self.energy_drift) else f"energy {self.energy_drift:.1e}"
+        drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, {energy}"
         return "\n".join(
             [
                 f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
@@ -253,7 +256,7 @@ class Trajectory:
                 *event_lines(self.events),
                 *([f"  drift       {drifts}"] if self.x.shape[1] else []),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
-                *doubt_lines(position, self.energy_drift, self.singularity is not None, self._rtol),
+                *doubt_lines(self.doubts),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
@@ -326,6 +329,8 @@ class Trajectory:
             "statistics": self.statistics,
             "setup_seconds": self.setup_seconds,
             "run_seconds": self.run_seconds,
+            "error": self.error,
+            "doubts": self.doubts,
             "text": str(self),
         }
 
@@ -336,6 +341,3 @@ class Trajectory:
 
 _EXAMINED = 1e-6
 """Drift of energy over the largest kinetic energy at output times above which that between them is computed."""
-_TIMES, _WORK, _CLOSER = 2000, 2e9, 2
-"""A run that drifts is examined at so many times, but times (number of velocities)^3 stays below `_WORK`, which takes
-seconds. A run that fails is examined so often, each time closer to its failure."""

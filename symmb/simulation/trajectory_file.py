@@ -55,6 +55,7 @@ def of_record(record: Record) -> Contents:
         "setup_seconds": record.number("setup_seconds"),
         "run_seconds": record.number("run_seconds"),
         "events": tuple(_event(event) for event in record.records("events")),
+        "error": record.array("error", len(t), len(names), finite=False) if "error" in record else None,
     }
     derived = {
         "name": record.text("scene"),
@@ -67,6 +68,7 @@ def of_record(record: Record) -> Contents:
         "drift": drift,
         "energy": energy,
         "energy_drift": record.number("energy_drift"),
+        "doubts": record.texts("doubts") if "doubts" in record else (),
         "_text": record.text("text"),
     }
     return known, derived

@@ -6,16 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from symmb.events import Event
 
-_LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
-"""Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
-Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
-tests/test_problems.py"""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
-
-
-def unexplained(drift: float, rtol: float | None, usual: float = _USUAL) -> bool:
-    """Whether a relative drift is larger than the tolerance explains. Solvers of fixed steps have no tolerance."""
-    return rtol is not None and drift > max(_LEAST, usual * rtol)
 
 
 def start_lines(start: Mapping[str, list[str]]) -> list[str]:
@@ -46,16 +37,9 @@ def event_lines(events: Sequence[Event]) -> list[str]:
     return [f"  impacts     {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {work:.4g} J"]
 
 
-def doubt_lines(position: float, energy: float, is_singular: bool, rtol: float | None) -> list[str]:
-    """What drifts above the tolerance suggest. Energy drifts also at singular positions, where branches meet."""
-    if unexplained(position, rtol):
-        return ["  doubtful    constraints are left: they contradict each other, or a position is nearly singular"]
-    if not unexplained(energy, rtol, _NEAR if is_singular else _USUAL):
-        return []
-    doubt = f"energy drifts by more than rtol = {rtol:g} explains"
-    if is_singular:
-        return [f"  doubtful    {doubt}; another branch may be taken: try stabilization=AugmentedLagrangian()"]
-    return [f"  doubtful    {doubt}: try a smaller one"]
+def doubt_lines(doubts: Sequence[str]) -> list[str]:
+    """One line for each doubt."""
+    return [f"  doubtful    {doubt}" for doubt in doubts]
 
 
 def _listed(names: list[str]) -> str:

@@ -1,8 +1,10 @@
 """Comparison of a scene or a simulator in one call."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
+from symmb._errors import warn_of
 from symmb._options import require_callable
 from symmb._types import Array, Executor, Expr
 from symmb.bounds import Bounds, Method, require_method
@@ -67,7 +69,7 @@ def compare(
         return compare_simulator(
             simulator, chosen, box, reference, executor=executor, progress=progress, scene=repr(simulator)
         )
-    return compare_simulator(
+    comparison = compare_simulator(
         simulator,
         chosen,
         box,
@@ -82,6 +84,8 @@ def compare(
         executor=executor,
         progress=progress,
     )
+    warn_of(simulator.doubts, f"Comparison of {simulator.name}")
+    return replace(comparison, doubts=simulator.doubts)
 
 
 def _methods(given: Any) -> tuple[Method, ...]:

@@ -38,6 +38,7 @@ class Comparison:
     threads, repeats : int or None  for run_seconds
     units : tuple of n_y str        units of the outputs, '' where they are not known
     reason : str                    why symmb chose this solver, if it did
+    doubts : tuple of str           what cannot be trusted about the runs, in sentences
     """
 
     scene: str
@@ -54,6 +55,7 @@ class Comparison:
     repeats: int | None = None
     units: tuple[str, ...] = ()
     reason: str = ""
+    doubts: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Comparison({self.scene!r}, {len(self.rows)} methods, {len(self.outputs)} outputs)"
@@ -68,6 +70,7 @@ class Comparison:
                 "",
                 *report.not_run(self.not_run),
                 *report.failed(self.rows),
+                *(report.wrapped(f"doubtful: {doubt}") for doubt in self.doubts),
                 *report.cautions(self.rows),
                 *report.zero_width(self.rows, yardstick, self.outputs),
                 "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
@@ -116,6 +119,7 @@ class Comparison:
             "repeats": self.repeats,
             "units": self.units,
             "reason": self.reason,
+            "doubts": self.doubts,
         }
 
     @classmethod
@@ -140,6 +144,7 @@ class Comparison:
             repeats=record.whole("repeats") if "repeats" in record else None,
             units=record.texts("units", ()),
             reason=record.text("reason", default=""),
+            doubts=record.texts("doubts", default=()),
         )
 
     def plot(self, path: str | Path | None = None) -> "Figure":

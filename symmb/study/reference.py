@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor
-from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Vertex, propagate
+from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Vertex
 from symmb.files import Record
 from symmb.model import Box
 from symmb.nodes import Sobol
@@ -107,10 +107,10 @@ def find_reference(
         return _of_bounds(_fitting(reference, simulator), seconds=None)
     start = time.perf_counter()
     if reference is not None:
-        bounds = propagate(simulator, reference, box, executor=executor, progress=progress)
+        bounds = reference.bounds(simulator, box, executor=executor, progress=progress)
         return _of_bounds(bounds, seconds=time.perf_counter() - start)
     coarse, fine, *shared = [
-        propagate(simulator, method, box, executor=executor, progress=progress)
+        method.bounds(simulator, box, executor=executor, progress=progress)
         for method in _resolutions(len(box.names), runs)
     ]
     lower, upper = _hull([coarse, fine, *shared])

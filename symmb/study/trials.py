@@ -2,6 +2,7 @@
 
 import multiprocessing
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from symmb._cleanup import end_group, lead_group, note_group
-from symmb._errors import SymmbError
+from symmb._errors import SymmbError, SymmbWarning
 from symmb._types import Array
 from symmb.files import Record
 from symmb.integrate import Solver
@@ -110,7 +111,9 @@ class Job:
         for k, (_, solver) in enumerate(self.solvers):
             try:
                 scene = self.make() if scene is None else scene
-                run = simulate(scene, solver)
+                with warnings.catch_warnings():  # the study judges the run itself
+                    warnings.simplefilter("ignore", SymmbWarning)
+                    run = simulate(scene, solver)
             except SymmbError as error:
                 reason = str(error).splitlines()[0]
                 yield self.trial(k, reason=reason.removeprefix(f"{scene.name}: ") if scene else reason)
