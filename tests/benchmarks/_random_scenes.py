@@ -1,0 +1,371 @@
+"""Random mechanisms for `random_scenes`: oscillators, chains, loops, redundant loops, drives and bodies in space.
+
+Their geometry is drawn in units of length, mass and time of each scene's own. They give all their coordinates at the
+start, and places where a force may act along a coordinate.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+import symmb as mb
+from symmb.mechanics import Rotation
+from symmb.mechanics.body import Point
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a scene, in SI."""
+
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @property
+    def force(self) -> float:
+        return self.mass * self.length / self.time**2
+
+    @property
+    def torque(self) -> float:
+        return self.force * self.length
+
+    @property
+    def inertia(self) -> float:
+        return self.mass * self.length**2
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A coordinate along which a force can act.
+
+    Attributes
+    ----------
+    value : SX                 the coordinate
+    size, inertia : float      its natural size, and the inertia of the body along it, SI
+    push : (name, SX) -> force element along it
+    point, axis                of a linear coordinate
+    """
+
+    value: ca.SX
+    size: float
+    inertia: float
+    push: Callable[[str, ca.SX], object]
+    point: Point | None = None
+    axis: tuple[float, ...] = ()
+
+
+@dataclass
+class Mechanism:
+    """Bodies, joints and forces of a scene under construction.
+
+    Attributes
+    ----------
+    start, pose            listed values of the scene, and its other coordinates
+    sizes                  body -> size of its motion over the unit of length, where it is not 1
+    span                   seconds over the unit of time
+    redundant, turns       whether rows are redundant, and whether joint angles leave -pi ... pi
+    """
+
+    kind: str
+    rng: np.random.Generator
+    units: Units
+    spatial: bool = False
+    elements: list[object] = field(default_factory=list)
+    sensors: list[Sensor] = field(default_factory=list)
+    start: dict[str, object] = field(default_factory=dict)
+    pose: dict[str, object] = field(default_factory=dict)
+    sizes: dict[str, float] = field(default_factory=dict)
+    span: float = 4.0
+    redundant: bool = False
+    turns: bool = False
+
+    def values(self) -> dict[str, float]:
+        """All coordinates at the start, and the listed velocities, by the names of the states."""
+        known: dict[str, float] = {}
+        for key, value in (self.pose | self.start).items():
+            if isinstance(value, Rotation):
+                quaternion = ca.evalf(value.quaternion).full().ravel()
+                known |= {f"{key.removesuffix('rotation')}e{i}": float(e) for i, e in enumerate(quaternion)}
+            elif isinstance(value, tuple):
+                known |= {f"{key}_{axis}": float(rate) for axis, rate in zip("xyz", value, strict=True)}
+            else:
+                known[key] = float(value)  # pyright: ignore
+        return known
+
+    def at(self, body: mb.Body | mb.Ground, x: float, y: float, z: float = 0.0) -> Point:
+        return body.point(*(c * self.units.length for c in ((x, y, z) if self.spatial else (x, y))))
+
+    def body(self, name: str, place: tuple[float, ...], angle: float = 0.0, length: float = 1.0) -> mb.Body:
+        """A body of random mass whose centre and angle about z are given."""
+        units, mass = self.units, self.rng.uniform(0.5, 2.0)
+        inertia = mass * length**2 * self.rng.uniform(0.07, 0.15)
+        if self.spatial:
+            moments = tuple(inertia * c * units.inertia for c in (1.0, *self.rng.uniform(1.0, 1.7, 2)))
+            body = mb.Body(name, mass * units.mass, moments, mb.Spatial())
+            self.pose[f"{name}.rotation"] = mb.rotation((0, 0, 1), angle)
+        else:
+            body = mb.Body(name, mass * units.mass, inertia * units.inertia, mb.Planar())
+            self.pose[f"{name}.theta"] = angle
+        self.pose |= {f"{name}.{c}": r * units.length for c, r in zip("xyz", (*place, 0.0), strict=False)}
+        if not self.spatial:
+            self.pose.pop(f"{name}.z", None)
+        self.elements.append(body)
+        return body
+
+    def rod(self, name: str, begin: Place, end: Place, turns: int = 0) -> mb.Body:
+        """A body whose x axis goes from one place to another, its centre halfway."""
+        d = np.subtract(end, begin)
+        angle = float(np.arctan2(d[1], d[0])) + 2 * np.pi * turns
+        body = self.body(name, tuple((np.add(begin, end) / 2).tolist()), angle, float(np.hypot(*d)))
+        self.feel(body)
+        return body
+
+    def hinge(self, name: str, a: Point, b: Point) -> mb.Revolute:
+        joint = mb.Revolute(name, a, b)
+        self.elements.append(joint)
+        return joint
+
+    def gravity(self, g: float = 1.0) -> None:
+        g *= self.units.length / self.units.time**2
+        self.elements.append(mb.Gravity(0, -g, 0) if self.spatial else mb.Gravity(0, -g))
+
+    def launch(self, name: str, omega: float, *, held: bool = True) -> None:
+        """List a body's angle and angular velocity."""
+        key = f"{name}.rotation" if self.spatial else f"{name}.theta"
+        if held:
+            self.start[key] = self.pose.pop(key)
+        rate = omega / self.units.time
+        self.start[f"{name}.omega"] = (0.0, 0.0, rate) if self.spatial else rate
+
+    def feel(self, body: mb.Body) -> None:
+        """Let forces act on a body."""
+        units, mass = self.units, float(body.mass)
+        self.sensors += [self.linear(body, k, mass) for k in range(2)]
+        if isinstance(body.pose, mb.Planar):
+            push = lambda name, torque: mb.Torque(name, body, torque)  # noqa: E731
+            self.sensors.append(Sensor(body.theta, 1.0, mass * units.length**2, push))
+
+    def linear(self, body: mb.Body, k: int, mass: float, size: float = 1.0) -> Sensor:
+        """The sensor of coordinate k of the centre of a body."""
+        point, axis = self.at(body, 0, 0), tuple(float(i == k) for i in range(3 if self.spatial else 2))
+
+        def push(name: str, force: ca.SX) -> object:
+            return mb.Force(name, point, tuple(force * a if a else 0 for a in axis))
+
+        return Sensor((body.x, body.y)[k], size * self.units.length, mass, push, point, axis)
+
+
+def oscillators(m: Mechanism) -> None:
+    """Particles that swing along x, each by itself or coupled weakly, with amplitudes that may differ much."""
+    rng, units = m.rng, m.units
+    n, apart = int(rng.integers(1, 4)), rng.random() < 0.5
+    bodies: list[mb.Body] = []
+    for i in range(n):
+        size, omega, phase = 10.0 ** rng.uniform(-9, 0) if apart and i else 1.0, rng.uniform(0.7, 3), rng.uniform(0, 6)
+        body = mb.Body(f"b{i}", rng.uniform(0.5, 2) * units.mass, pose=mb.Particle())
+        k = float(body.mass) * (omega / units.time) ** 2
+        m.elements += [body, mb.Force(f"spring{i}", body.point(0, 0), (-k * body.x, 0))]
+        m.start |= {
+            f"b{i}.x": size * units.length * np.cos(phase),
+            f"b{i}.vx": -size * omega * units.length / units.time * np.sin(phase),
+        }
+        m.sizes[f"b{i}"] = size
+        m.sensors.append(m.linear(body, 0, float(body.mass), size))
+        bodies.append(body)
+    if n > 1 and not apart:
+        k = rng.uniform(0.1, 1) * units.mass / units.time**2
+        force = k * (bodies[1].x - bodies[0].x)
+        m.elements += [
+            mb.Force("pull", bodies[0].point(0, 0), (force, 0)),
+            mb.Force("back", bodies[1].point(0, 0), (-force, 0)),
+        ]
+    m.span = rng.uniform(5, 15)
+
+
+def chain(m: Mechanism) -> None:
+    """Rods that hang from each other, springs in their joints, in a plane."""
+    rng, units = m.rng, m.units
+    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
+    for i in range(int(rng.integers(1, 4))):
+        angle, length, omega = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2), rng.uniform(-4, 4)
+        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
+        body = m.rod(f"b{i}", at, tip, 0 if m.spatial else int(rng.integers(-2, 3)))
+        m.hinge(f"j{i}", m.at(base, shift, 0), m.at(body, -length / 2, 0))
+        if rng.random() < 0.5:
+            k, rest = rng.uniform(0.2, 2) * units.torque, rng.uniform(-6, 6)
+            m.elements.append(mb.TorsionSpring(f"t{i}", base, body, k, 0.1 * k * units.time, rest))
+        m.launch(f"b{i}", omega)
+        base, at, shift = body, tip, length / 2
+    m.gravity()
+    m.span, m.turns = rng.uniform(2, 5), True
+
+
+def four_bar(m: Mechanism) -> None:
+    """A crank that turns round, in a plane; of spatial bodies it has three rows too many."""
+    rng = m.rng
+    crank, rod, rocker, frame = rng.uniform(0.3, 0.5), rng.uniform(1.0, 1.3), rng.uniform(0.9, 1.1), 1.2
+    angle = rng.uniform(-np.pi, np.pi)
+    a, d = np.array([crank * np.cos(angle), crank * np.sin(angle)]), np.array([frame, 0.0])
+    reach = float(np.hypot(*(d - a)))
+    along = (rod**2 - rocker**2 + reach**2) / (2 * reach)
+    toward = (d - a) / reach
+    b = a + along * toward + np.sqrt(rod**2 - along**2) * np.array([-toward[1], toward[0]])
+    ground = mb.Ground()
+    first, second, third = m.rod("crank", (0.0, 0.0), tuple(a)), m.rod("rod", tuple(a), tuple(b)), m.rod(
+        "rocker", tuple(d), tuple(b)
+    )  # fmt: skip
+    m.hinge("A", m.at(ground, 0, 0), m.at(first, -crank / 2, 0))
+    m.hinge("B", m.at(first, crank / 2, 0), m.at(second, -rod / 2, 0))
+    m.hinge("C", m.at(second, rod / 2, 0), m.at(third, rocker / 2, 0))
+    m.hinge("D", m.at(ground, frame, 0), m.at(third, -rocker / 2, 0))
+    m.launch("crank", rng.choice([-1, 1]) * rng.uniform(2, 6))
+    m.gravity(0.5)
+    m.span, m.turns, m.redundant = rng.uniform(2, 6), True, m.spatial
+
+
+def slider_crank(m: Mechanism) -> None:
+    """Crank, rod and slider; of spatial bodies it has three rows too many."""
+    rng = m.rng
+    crank, rod, angle = rng.uniform(0.3, 0.6), rng.uniform(1.0, 1.5), rng.uniform(-np.pi, np.pi)
+    a = (crank * np.cos(angle), crank * np.sin(angle))
+    b = (a[0] + np.sqrt(rod**2 - a[1] ** 2), 0.0)
+    ground, first, second = mb.Ground(), m.rod("crank", (0.0, 0.0), a), m.rod("rod", a, b)
+    slider = m.body("slider", b)
+    m.feel(slider)
+    m.hinge("A", m.at(ground, 0, 0), m.at(first, -crank / 2, 0))
+    m.hinge("B", m.at(first, crank / 2, 0), m.at(second, -rod / 2, 0))
+    m.hinge("C", m.at(second, rod / 2, 0), m.at(slider, 0, 0))
+    m.elements.append(mb.Prismatic("guide", m.at(ground, 0, 0), m.at(slider, 0, 0), axis=(1, 0, 0)))
+    m.launch("crank", rng.choice([-1, 1]) * rng.uniform(2, 6))
+    m.gravity(0.5)
+    m.span, m.turns, m.redundant = rng.uniform(2, 6), True, m.spatial
+
+
+def parallelogram(m: Mechanism) -> None:
+    """A plate on three or four equal cranks, whose pins are not on one line: one or two rows too many."""
+    rng = m.rng
+    r, angle, ground = rng.uniform(0.4, 0.8), rng.uniform(-np.pi, np.pi), mb.Ground()
+    d = (r * np.cos(angle), r * np.sin(angle))
+    plate = m.body("plate", d)
+    m.feel(plate)
+    pins = [(0.0, 0.0), (1.0, rng.uniform(-0.3, 0.3)), (rng.uniform(0.2, 0.8), rng.uniform(0.6, 1.2)), (0.3, -0.9)]
+    for i, pin in enumerate(pins[: int(rng.integers(3, 5))]):
+        end = (pin[0] + d[0], pin[1] + d[1])
+        if rng.random() < 0.5 or i == 0:
+            crank = m.rod(f"c{i}", pin, end)
+            m.hinge(f"A{i}", m.at(ground, *pin), m.at(crank, -r / 2, 0))
+            m.hinge(f"B{i}", m.at(crank, r / 2, 0), m.at(plate, *pin))
+        else:
+            m.elements.append(mb.Distance(f"bar{i}", m.at(ground, *pin), m.at(plate, *pin), r * m.units.length))
+    m.launch("c0", rng.choice([-1, 1]) * rng.uniform(1, 5))
+    m.gravity()
+    m.span, m.turns, m.redundant = rng.uniform(2, 6), True, True
+
+
+def trammel(m: Mechanism) -> None:
+    """A rod whose ends slide on two lines, and a bar to its centre: any two rows depend on each other somewhere."""
+    rng, units = m.rng, m.units
+    half, angle, ground = rng.uniform(0.4, 0.8), rng.uniform(-np.pi, np.pi), mb.Ground()
+    d = (half * np.cos(angle), half * np.sin(angle))
+    body = m.rod("rod", (0.0, 2 * d[1]), (2 * d[0], 0.0))
+    rows = [
+        mb.PointOnLine("upright", m.at(ground, 0, 0), m.at(body, -half, 0), axis=(0, 1, 0)),
+        mb.PointOnLine("level", m.at(ground, 0, 0), m.at(body, half, 0), axis=(1, 0, 0)),
+        mb.Distance("bar", m.at(ground, 0, 0), m.at(body, 0, 0), half * units.length),
+    ]
+    m.elements += [rows[k] for k in rng.permutation(3)]
+    m.launch("rod", rng.choice([-1, 1]) * rng.uniform(1, 4))
+    m.gravity()
+    m.span, m.turns, m.redundant = rng.uniform(2, 8), True, True
+
+
+def bricard(m: Mechanism) -> None:
+    """Six rods along the edges of a cube, hinged at right angles, one of them the ground: one row too many."""
+    rng, units = m.rng, m.units
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 0, 1)], dtype=float)
+    centres = (corners + np.roll(corners, -1, axis=0)) / 2
+    bodies: list[mb.Body | mb.Ground] = [m.body(f"b{i}", tuple(centres[i])) for i in range(5)] + [mb.Ground()]
+    m.sensors += [m.linear(body, k, float(body.mass)) for body in bodies[1:4] for k in range(2)]
+    centres[5] = 0
+    axes = np.eye(3)[[1, 2, 0, 1, 2, 0]]
+    for i in range(6):
+        a, b = (i - 1) % 6, i
+        points = m.at(bodies[a], *(corners[i] - centres[a])), m.at(bodies[b], *(corners[i] - centres[b]))
+        m.elements.append(mb.Revolute(f"j{i}", *points, axis=tuple(axes[i])))
+    m.start["b0.rotation"] = m.pose.pop("b0.rotation")
+    m.start["b0.omega"] = (0.0, rng.choice([-1, 1]) * rng.uniform(0.3, 1) / units.time, 0.0)
+    m.gravity()
+    m.span, m.redundant = rng.uniform(1.5, 4), True
+
+
+def door(m: Mechanism) -> None:
+    """Leaves on two hinges each about one axis, with a spring wound by more than a turn: five rows too many a leaf."""
+    rng, units = m.rng, m.units
+    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
+    for i in range(int(rng.integers(1, 3))):
+        angle, length = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2)
+        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
+        body = m.rod(f"b{i}", at, tip)
+        for k, z in enumerate((0.0, 0.4)):
+            m.hinge(f"j{i}{k}", m.at(base, shift, 0, z), m.at(body, -length / 2, 0, z))
+        k = rng.uniform(0.5, 2) * units.torque
+        m.elements.append(mb.TorsionSpring(f"t{i}", base, body, k, angle=rng.choice([-1, 1]) * rng.uniform(4, 9)))
+        m.launch(f"b{i}", rng.uniform(-4, 4))
+        base, at, shift = body, tip, length / 2
+    m.gravity()
+    m.span, m.turns, m.redundant = rng.uniform(2, 4), True, True
+
+
+def top(m: Mechanism) -> None:
+    """A spinning body on a ball joint, perhaps with a second one on it."""
+    rng, units = m.rng, m.units
+    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
+    for i in range(int(rng.integers(1, 3))):
+        angle, length = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2)
+        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
+        body = m.rod(f"b{i}", at, tip)
+        m.elements.append(mb.Spherical(f"j{i}", m.at(base, shift, 0), m.at(body, -length / 2, 0)))
+        m.launch(f"b{i}", 0.0)
+        m.start[f"b{i}.omega"] = tuple(rng.uniform(-4, 4, 3) / units.time)
+        base, at, shift = body, tip, length / 2
+    m.gravity()
+    m.span = rng.uniform(2, 4)
+
+
+def driven(m: Mechanism) -> None:
+    """A crank driven from beyond pi, and a pendulum that hangs on it."""
+    rng, units = m.rng, m.units
+    begin, rate, r = rng.uniform(3.3, 9), rng.uniform(-2, 2), rng.uniform(0.2, 0.6)
+    a = (r * np.cos(begin), r * np.sin(begin))
+    ground, crank = mb.Ground(), m.rod("crank", (0.0, 0.0), a)
+    m.pose["crank.theta"] = begin
+    hung = rng.uniform(-np.pi, np.pi)
+    tip = (a[0] + np.cos(hung), a[1] + np.sin(hung))
+    bob = m.rod("bob", a, tip)
+    hinge = m.hinge("drive", m.at(ground, 0, 0), m.at(crank, -r / 2, 0))
+    m.hinge("hang", m.at(crank, r / 2, 0), m.at(bob, -0.5, 0))
+    tau = mb.t / units.time
+    m.elements.append(mb.Motion("motor", hinge.angle, begin + rate * tau + 0.3 * (1 - ca.cos(tau))))
+    m.launch("bob", rng.uniform(-3, 3))
+    m.sensors = m.sensors[3:]  # those of the crank would do nothing
+    m.gravity()
+    m.span, m.turns = rng.uniform(2, 6), True
+
+
+PLANAR, SPATIAL = (oscillators, trammel, driven), (bricard, door, top)
+EITHER = (chain, four_bar, slider_crank, parallelogram)
+
+
+def draw(rng: np.random.Generator) -> Mechanism:
+    """A mechanism; half of them in units of their own from 1e-6 to 1e6."""
+    make = rng.choice([*PLANAR, *SPATIAL, *EITHER])  # pyright: ignore
+    units = Units(*(10.0 ** rng.uniform(-6, 6, 3)).tolist()) if rng.random() < 0.5 else Units()
+    spatial = make in SPATIAL or (make in EITHER and rng.random() < 0.3)
+    kind = make.__name__ + (" in space" if make in EITHER and spatial else "")
+    m = Mechanism(kind, rng, units, spatial)
+    make(m)
+    return m
