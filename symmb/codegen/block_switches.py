@@ -125,5 +125,6 @@ class BlockSwitches:
         self._sides[:, lanes] = sides = np.where(changed, -sides, sides)
         c = self._prepare(x, self.parameters[:, lanes], t)
         self._u[:, lanes] = u = self._on_sides(x, c, t, sides)
-        sticks = changed & (0.1 * h * u[m:] < -_REVERSAL * self._hysteresis)
+        margin = _REVERSAL * self._hysteresis  # a switch beyond it has jumped with another one: it does not come back
+        sticks = changed & (u[:m] < margin) & (0.1 * h * u[m:] < -margin)
         return c, sticks.any(axis=0).reshape(-1, WIDTH)

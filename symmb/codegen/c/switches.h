@@ -169,7 +169,8 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     prepare(a->p, a->c);
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u);
     for (int k = 0; k < N_S; ++k) {
-      const M sticks = passed[k] & (M)(0.1 * b->h * a->u[N_S + k] < -REVERSAL * hysteresis[k]);
+      const V margin = each(REVERSAL * hysteresis[k]);
+      const M sticks = passed[k] & (M)(a->u[k] < margin) & (M)(0.1 * b->h * a->u[N_S + k] < -margin);
       for (int l = 0; l < W; ++l)
         if (sticks[l] && (a - b->part) * W + l < b->live) {
           fail_sample(b, s, (a - b->part) * W + l, b->t_new, STICKS);
