@@ -138,7 +138,9 @@ class Reference:
                 raise UnusableError("too many switches")
             sides = self._sides(t, z)
             curve, end, passed, steps = self._piece(t, z, float(times[-1]), rtol, sides)
-            while passed is not None and steps < LEAST_STEPS:  # so long that what acts here was not seen
+            while (
+                passed is not None and steps < LEAST_STEPS and end - t > 1e-14
+            ):  # so long that what acts here was not seen
                 until, longest = min(2 * end - t, float(times[-1])), (end - t) / LEAST_STEPS
                 curve, end, passed, steps = self._piece(t, z, until, rtol, sides, longest)
             inside = times[(times > t) & (times <= end)]
