@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._types import Array, Expr
+from symmb._types import Array, Expr, Mask
 from symmb.symbolic import SOFT, Kind, lookup, symbols_in
 
 
@@ -70,24 +70,32 @@ class Table:
             at = ca.SX(at)
         except (NotImplementedError, TypeError):
             raise DeclarationError(f"Table: {at!r} is no number and no CasADi SX expression.") from None
-        spans = np.diff(self.x)
         records = (lookup(symbol) for symbol in symbols_in(at))
         over_state = any(record is not None and record.kind is not Kind.PARAMETER for record in records)
-        # Steps follow a smooth curve over the state without an end at each point of it.
-        is_soft = over_state and spans.min() > _NARROW * np.median(spans)
 
-        def before(end: float) -> ca.SX:
-            return at - end < -SOFT if is_soft else at < end
+        def before(end: float, bends: bool) -> ca.SX:
+            return at < end if bends or not over_state else at - end < -SOFT
 
         curve = ca.SX(float(self.y[-1]))
-        for begin, end, a, b, c, d in self._pieces[::-1].tolist():
+        bends = _bends(np.array(self.x, dtype=float), np.array(self.y, dtype=float))
+        for (begin, end, a, b, c, d), bend in zip(self._pieces[::-1].tolist(), bends[:0:-1].tolist(), strict=True):
             u = at - begin
-            curve = ca.if_else(before(end), a + u * (b + u * (c + u * d)), curve)
-        return ca.if_else(before(float(self.x[0])), float(self.y[0]), curve)
+            curve = ca.if_else(before(end, bend), a + u * (b + u * (c + u * d)), curve)
+        return ca.if_else(before(float(self.x[0]), True), float(self.y[0]), curve)
 
 
-_NARROW = 0.1
-"""Share of the median distance of points below which two points make a front or a pulse that a step could pass over."""
+_BEND = 0.5
+"""Change of the slope at a point, over the steeper of both slopes, from which on steps over the state end there."""
+
+
+def _bends(x: Array, y: Array) -> Mask:
+    """Points (n,) where a front, a pulse or the table itself begins or ends. A step might otherwise pass over it.
+
+    Steps follow a smooth part of the curve without an end at each point of it.
+    """
+    slope = np.diff(y) / np.diff(x)
+    steeper = np.maximum(np.abs(slope[1:]), np.abs(slope[:-1]))
+    return np.concatenate([[True], np.abs(np.diff(slope)) > _BEND * steeper, [True]])
 
 
 def _slopes(h: Array, slope: Array) -> Array:

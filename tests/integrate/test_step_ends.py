@@ -234,3 +234,15 @@ def test_tables_over_the_state_cost_no_step_ends_unless_they_are_steep():
     assert run.statistics["integrator"]["steps"] < 100
     run = mb.simulate(pushed(lambda p, m: steep(m.x)), mb.DormandPrince())
     assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-5])
+@pytest.mark.parametrize("knots, heights, area", [
+    ([0, 0.5, 1], [0, 1, 0], 2 / 3),  # a parabola
+    ([-2, 0, 0.5, 1, 3], [0, 0, 1, 0, 0], 1 / 2),  # level where it begins and ends
+    ([0, 1, 2], [0, 1, 2], 2.0),  # a ramp
+])  # fmt: skip
+def test_tables_that_are_narrow_as_a_whole_do_their_work(engine, knots, heights, area, width):
+    table = mb.Table(2 + width * np.array(knots), np.array(heights) / width)
+    run = mb.simulate(pushed(lambda p, m: ca.if_else(m.x < 2 + 2 * width, table(m.x), 0)), mb.DormandPrince())
+    assert_allclose(run["v"][1:], np.sqrt(1 + 2 * area), rtol=0, atol=1e-6)
