@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from _random_scenes import Mechanism, Sensor
+from _drawing import Mechanism, Sensor
 
 import symmb as mb
 from symmb._types import Array

@@ -21,8 +21,9 @@ from importlib import import_module
 
 import casadi as ca
 import numpy as np
+from _drawing import Mechanism, Units
 from _isolated import outcomes
-from _random_scenes import Mechanism, Units, draw
+from _random_scenes import draw
 from _random_switches import Switch, place
 from _reference import Motion, Reference, UnusableError
 
