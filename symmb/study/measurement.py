@@ -11,7 +11,7 @@ import numpy as np
 from symmb._errors import PropagationError, SimulationError
 from symmb._interrupts import carry
 from symmb._types import Array, Executor
-from symmb.bounds import METHODS, Bounds, Method, propagate
+from symmb.bounds import METHODS, Bounds, Method
 from symmb.model import Box
 from symmb.simulation import Simulator
 from symmb.study.comparison_result import Comparison
@@ -82,7 +82,7 @@ def compare_simulator(
     for number, method in enumerate(methods):
         label = _labelled(progress, repr(method))
         try:
-            bounds, seconds = _timed(partial(propagate, simulator, method, box, executor=executor, progress=label))
+            bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=label))
         except (PropagationError, SimulationError) as error:
             not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
         except KeyboardInterrupt as interrupt:
