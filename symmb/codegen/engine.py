@@ -19,21 +19,20 @@ from symmb.schemes import MOST_STEPS
 class Tolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
 
-    The absolute tolerance of a state is `atol` times the largest value that it has had, but at most times its `sizes`
-    (n_x,), 1 if left out, and at least times the share `least` of them.
+    The absolute tolerance of a state is `atol` times its `sizes` (n_x,), 1 if left out. With explicit steps it follows
+    the state: it is `growth` times the largest value so far, and at least the share `least` of that.
     """
 
     rtol: float
     atol: float
     longest: float = 0.0
     sizes: tuple[float, ...] = ()
+    growth: float = 0.0
     least: float = 1.0
 
-    def limits(self, n_x: int) -> tuple[Array, Array]:
-        """Least and largest absolute tolerances of the states, (n_x,) each."""
-        largest = np.full(n_x, self.atol)
-        largest[: len(self.sizes)] *= self.sizes
-        return self.least * largest, largest
+    def absolute(self, n_x: int) -> Array:
+        """Absolute tolerances (n_x,) by the sizes of the states."""
+        return self.atol * np.array([*self.sizes, *[1.0] * (n_x - len(self.sizes))])
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,8 @@ class _Study(ctypes.Structure):
         ("n", ctypes.c_long),
         ("n_t", ctypes.c_long),
         ("rtol", ctypes.c_double),
-        ("atol", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("atol_least", "atol_most")),
+        ("growth", ctypes.c_double),
+        ("atol", ctypes.c_void_p),
         ("longest", ctypes.c_double),
         ("newton", ctypes.c_double),
         ("most_steps", ctypes.c_long),
@@ -128,7 +127,7 @@ class Engine:
         self.starts = "start" in f.name_out()
         self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
         self.times, self.control = times, control
-        self.newton = scheme.newton if scheme else 0.0
+        self.newton, self._implicit = (scheme.newton, True) if scheme else (0.0, False)
         self.counts = Counts(0, 0, 0)
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
@@ -175,9 +174,10 @@ class Engine:
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
         stops = None if self._stops is None else np.ascontiguousarray(self._stops(p))
         control = self.control
-        rtol, atol, limits = 0.0, 0.0, np.zeros((2, self.n_x))
+        rtol, growth, atol = 0.0, 0.0, np.zeros(self.n_x)
         if isinstance(control, Tolerances):
-            rtol, atol, limits = control.rtol, control.atol, np.array(control.limits(self.n_x))
+            rtol, growth = control.rtol, control.growth
+            atol = control.absolute(self.n_x) * (1.0 if self._implicit else control.least)
         study = _Study(
             x0.ctypes.data,
             p.ctypes.data,
@@ -185,9 +185,8 @@ class Engine:
             N,
             len(self._times),
             rtol,
-            atol,
-            limits[0].ctypes.data,
-            limits[1].ctypes.data,
+            growth,
+            atol.ctypes.data,
             control.longest,
             self.newton,
             MOST_STEPS,

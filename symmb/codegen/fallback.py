@@ -135,8 +135,8 @@ class _BlockRuns:
         self._switches.find_stops(t, np.arange(B))
         self._c = engine.prepare(x, self._switches.parameters, _by_lane(t))
         self._x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, self._c, _by_lane(t))
-        least, self._atol_most = (limit[:, None] for limit in engine.control.limits(len(x)))
-        self._atol = self._grown(np.repeat(least, x.shape[1], axis=1), self._x)
+        atol = engine.control.least * engine.control.absolute(len(x))
+        self._atol = self._grown(np.repeat(atol[:, None], x.shape[1], axis=1), self._x)
         self._next = np.ones(B, dtype=int)  # output time to come
         engine.outputs(self._x, self._c, _by_lane(t), self.Y[0])
         self._slope = np.empty_like(self._x)
@@ -145,8 +145,8 @@ class _BlockRuns:
         self._restart(np.ones(B, dtype=bool), settle=np.ones(B, dtype=bool))
 
     def _grown(self, atol: Array, x: Array) -> Array:
-        """Absolute tolerances that follow the sizes of the states."""
-        return np.minimum(np.maximum(atol, self._engine.control.atol * np.abs(x)), self._atol_most)
+        """Absolute tolerances that follow the largest values of the states."""
+        return np.maximum(atol, self._engine.control.growth * np.abs(x))
 
     def _rates(self, c: Array, blocks: Indices) -> Callable[[Array, Array], Array]:
         low, high = (_by_lane(a[blocks]) for a in (self._switches.after, self._switches.before))

@@ -44,7 +44,7 @@ class EventIntegration(Integration):
 
     def __init__(self, dae: DAE, impacts: Impacts, times: Array, tolerances: Tolerances, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
-        self.rtol, self.atol = tolerances.rtol, tolerances.limits(self.n_x + self.n_quad)[1][:, None]
+        self.rtol, self.atol = tolerances.rtol, tolerances.absolute(self.n_x + self.n_quad)[:, None]
         problem = build_problem(dae, Projection(), algebraic=False, work=work, one_step=True, projections=1)
         quad = problem.quad if problem.quad.numel() else ca.SX.zeros(self.n_quad)
         y = ca.vertcat(problem.x, ca.SX.sym("work", self.n_quad))

@@ -82,8 +82,9 @@ class Solver(ABC):
         atol: float | None = getattr(self, "atol", None)
         if atol is not None:
             return Tolerances(rtol, atol)
-        sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.size] * n_quad]
-        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), least=min(1.0, max(LEAST_SIZE, NOISE / rtol)))
+        sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
+        least = min(1.0, max(LEAST_SIZE, NOISE / rtol))
+        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least)
 
     def tighter(self, factor: float = 10.0) -> Self:
         """The same solver with errors about `factor` times smaller."""

@@ -47,7 +47,7 @@ class StateSpace(Solver):
         if not dae.n_v:
             return CVODES().integration(dae, times, work=work)
         with_work = work and dae.power is not None
-        _, atol = self.tolerances(dae, n_quad=int(with_work)).limits(dae.n_q + dae.n_v + dae.n_s + int(with_work))
+        atol = self.tolerances(dae, n_quad=int(with_work)).absolute(dae.n_q + dae.n_v + dae.n_s + int(with_work))
         return _Partitioned(dae, times, self.rtol, atol[:, None], longest_step(dae, times), with_work)
 
 

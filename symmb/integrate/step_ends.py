@@ -52,7 +52,7 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
 
 def _hysteresis(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
     """Above the rounding of each switch, at states of the scene's size."""
-    size = np.concatenate([dae.coordinate_scales, np.full(dae.n_v + dae.n_s, max(dae.scales.size, 1e-300))])
+    size = np.concatenate([dae.coordinate_scales, np.maximum(dae.state_sizes[dae.n_q :], 1e-300)])
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
     values = change(size, dae.p_nominal, 0.0, 1.0).full().ravel()
     return tuple(float(_HYSTERESIS * value) if 0 < value < np.inf else _HYSTERESIS for value in values)

@@ -51,23 +51,31 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
     return np.abs(at[1]) * span + np.abs(dae.rhs(*at)[1].full().ravel()) * span**2 / 2
 
 
-def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> Array:
-    """Sizes of the states (n_x,), at most 1: those of each part of the scene that acts on no other.
+def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> tuple[Array, float]:
+    """Sizes of the states (n_x,), those of each part of the scene that acts on no other, and the largest rate [1/s].
 
-    `size` is that of the whole scene. It stands where a part is so small that its motion may be rounding.
+    Lengths above 1 m, and rates, count by their coarse scales: usual ones are 1. `size` is that of the whole scene. It
+    stands where a part is so small that its motion may be rounding.
     """
     labels = _parts(dae)
-    sizes = np.full(len(labels), size)
-    for label in np.unique(labels) if labels.any() else ():
+    sizes, rates = np.full(len(labels), size), [1.0]
+    own_v = slice(dae.n_q, dae.n_q + dae.n_v)
+    accelerations = np.abs(dae.rhs(*at)[1].full().ravel())
+    for label in np.unique(labels):
         part = labels == label
+        own, linear = part[own_v], _is_linear(dae.v_names)
         length = length_of(dae, at[0], G, part)
         if not length:
-            own = part[dae.n_q : dae.n_q + dae.n_v]
             angles = np.abs(at[0][part[: dae.n_q] & ~_is_linear(dae.q_names)]).max(initial=0.0)
             length = float(max(angles, distances(dae, at, span)[own].max(initial=0.0)))
-        if length > _PART_ROUNDING * size:
+        if labels.any() and length > _PART_ROUNDING * size:
             sizes[part] = min(1.0, power_of_two(length))
-    return sizes
+        sizes[part] *= coarse(max(1.0, length))
+        arms = np.where(linear, length or 1.0, 1.0)
+        speeds = np.maximum(np.abs(at[1]) / arms, np.sqrt(accelerations / arms))[own]
+        rates.append(coarse(float(speeds.max(initial=1.0 / span if span else 1.0))))
+        sizes[own_v][own] *= rates[-1]
+    return sizes, max(rates)
 
 
 def _parts(dae: DAE) -> Indices:
@@ -99,10 +107,11 @@ def power_of_two(value: float) -> float:
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
     """The DAE with scales at coordinates q (n_q,), at rest, which are 1 in scenes of usual size."""
     G = evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
-    scaled = replace(dae, scales=Scales(_coarse(length_of(dae, q, G))))
-    rows = np.array([_coarse(row) for row in np.abs(G * scaled.displacement_scales).max(axis=1, initial=0.0)])
+    scaled = replace(dae, scales=Scales(coarse(length_of(dae, q, G))))
+    rows = np.array([coarse(row) for row in np.abs(G * scaled.displacement_scales).max(axis=1, initial=0.0)])
     return replace(scaled, scales=Scales(scaled.scales.length, rows=rows))
 
 
-def _coarse(size: float) -> float:
+def coarse(size: float) -> float:
+    """The coarse scale of a size, 1 if it is not positive or not finite."""
     return 2.0 ** (_STEP_BITS * round(math.log2(size) / _STEP_BITS)) if 0 < size < math.inf else 1.0

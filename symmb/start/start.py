@@ -117,8 +117,8 @@ class Start:
         scaled = replace(dae, scales=Scales(length)).displacement_scales
         energy = power_of_two(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)
-        states = sizes_of_parts(dae, x, G, span, Scales(length).size)
-        return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states)
+        states, rate = sizes_of_parts(dae, x, G, span, Scales(length).size)
+        return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states, rate)
 
     @property
     def state_scales(self) -> Array:

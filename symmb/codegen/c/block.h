@@ -16,8 +16,8 @@ enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block 
 typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
-  double rtol, atol; /* of steps with control; atol of a state of size 1 */
-  const double *atol_least, *atol_most; /* (N_X,) of each state */
+  double rtol, growth; /* of steps with control; absolute tolerance over the largest value of a state */
+  const double *atol;  /* (N_X,) absolute tolerances, or the least ones if they grow */
   double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;
@@ -48,7 +48,6 @@ typedef struct {
 typedef struct {
   Part part[PARTS];
   double t, t_new, h, h_next;
-  double atol_most[SIZE(N_X)];
   double before; /* logarithm of the error of the step before */
   long number, next, live, sample[WIDTH];
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */

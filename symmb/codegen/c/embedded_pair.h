@@ -13,17 +13,14 @@ enum { REJECTED, ACCEPTED, FAILED };
 
 /* The absolute tolerances where the motion begins. */
 PRIVATE void begin_tolerances(Block *b, const Study *s) {
-  for (int i = 0; i < N_X; ++i) {
-    b->atol_most[place[i]] = s->atol_most[i];
-    EACH_PART(b) a->atol[place[i]] = each(s->atol_least[i]);
-  }
+  EACH_PART(b)
+    for (int i = 0; i < N_X; ++i) a->atol[place[i]] = each(s->atol[i]);
 }
 
 /* The absolute tolerances follow the largest values of the states. */
 PRIVATE void follow_sizes(Block *b, const Study *s) {
   EACH_PART(b)
-    for (int i = 0; i < N_X; ++i)
-      a->atol[i] = v_smaller(v_larger(a->atol[i], s->atol * v_fabs(a->x[i])), each(b->atol_most[i]));
+    for (int i = 0; i < N_X; ++i) a->atol[i] = v_larger(a->atol[i], s->growth * v_fabs(a->x[i]));
 }
 
 /* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */

@@ -47,7 +47,7 @@ PRIVATE double largest_error(Block *b, const Study *s, M *large) {
   EACH_PART(b) {
     V sum = zero();
     for (int i = 0; i < N_E; ++i) {
-      const V r = a->k[N_W + i] / (s->atol_most[i] + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->k[i])));
+      const V r = a->k[N_W + i] / (s->atol[i] + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->k[i])));
       sum += r * r;
     }
     sum = v_sqrt(sum / (double)SIZE(N_E));
