@@ -5,7 +5,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.integrate.integration import Integration
-from symmb.integrate.marching import Advance, Marching
+from symmb.integrate.marching import Advance, Marching, interval_steps
 from symmb.integrate.problem import Problem
 from symmb.schemes import Step, runge_kutta
 
@@ -28,8 +28,7 @@ def fixed_step_integration(
     guess = ca.Function("guess", [ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
     if not n_x or len(times) == 1:
         return Integration(times, n_x, advance.n_quad, None, None, guess)
-    spans = np.diff(times)
-    counts = np.maximum(np.ceil(spans / length - 1e-9).astype(np.intp), 1)
+    counts = interval_steps(times, length)
     between = _interval(advance, int(counts.max()))
     if project is None:
         whole = _all_steps(advance, times, counts)

@@ -10,6 +10,11 @@ from symmb._types import Array, Indices
 from symmb.symbolic import batch
 
 
+def interval_steps(times: Array, length: float) -> Indices:
+    """Numbers (n_t - 1,) of equal steps, no longer than a length [s], from each output time to the next."""
+    return np.maximum(np.ceil(np.diff(times) / length - 1e-9).astype(np.intp), 1)
+
+
 @dataclass(frozen=True)
 class Advance:
     """One step of a scheme on its history w, which begins with the state x (n_x,) and the quadrature (n_quad,).

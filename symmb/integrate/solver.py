@@ -11,6 +11,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
 from symmb.codegen import Tolerances, with_compiler
 from symmb.integrate.integration import Integration
+from symmb.integrate.marching import interval_steps
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 from symmb.model import DAE
 
@@ -86,15 +87,22 @@ class Solver(ABC):
         least = min(1.0, max(LEAST_SIZE, NOISE / rtol))
         return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least)
 
-    def tighter(self, factor: float = 10.0) -> Self:
-        """The same solver with errors about `factor` times smaller."""
+    def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
+        """The same solver with errors about `factor` times smaller.
+
+        Output times limit fixed steps. Given the times (n_t,) [s], the steps become shorter than those really taken.
+        """
         values = {f.name: getattr(self, f.name) for f in fields(self)}  # pyright: ignore[reportArgumentType]
+        changes: dict[str, Any] = {}
         if self.controls_step:
-            changes: dict[str, Any] = {name: values[name] / factor for name in ("rtol", "atol") if values.get(name)}
-        elif "steps" in values:
-            changes = {"steps": int(np.ceil(values["steps"] * factor ** (1 / self.order)))}
-        else:
-            changes = {"step": values["step"] / factor ** (1 / self.order)}
+            changes = {name: values[name] / factor for name in ("rtol", "atol") if values.get(name)}
+        shorter = factor ** (1 / self.order)
+        horizon = 1.0 if times is None else float(times[-1] - times[0])
+        if "steps" in values:
+            taken = _longest_taken(horizon / values["steps"], times)
+            changes["steps"] = int(np.ceil(shorter * horizon / taken - 1e-9))
+        elif values.get("step"):
+            changes["step"] = _longest_taken(values["step"], times) / shorter
         return replace(self, **changes)  # pyright: ignore[reportArgumentType]
 
     def __post_init__(self) -> None:
@@ -125,3 +133,10 @@ class Solver(ABC):
         default = type(self)()
         options = [f.name for f in fields(self) if getattr(self, f.name) != getattr(default, f.name)]  # pyright: ignore[reportArgumentType]
         return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in options)})"
+
+
+def _longest_taken(step: float, times: Array | None) -> float:
+    """The longest of the steps that a given one becomes between output times."""
+    if times is None or len(times) < 2:
+        return step
+    return float((np.diff(times) / interval_steps(times, step)).max())

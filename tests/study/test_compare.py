@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from mechanisms import explosion
+from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
 from symmb import (
@@ -203,3 +203,34 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
     assert result.reference.evaluations < 1000
     assert f"{result.reference.evaluations} runs for the reference" in told
     assert "The reference would take 3002 if they were faster." in told
+
+
+@pytest.mark.parametrize(
+    ("solver", "number"),
+    [
+        (mb.RungeKutta(steps=1), 101),
+        (mb.RungeKutta(steps=110), 101),
+        (mb.Collocation(degree=2, steps=1), 101),
+        (mb.NSTIFFSI2(step=1.0), 501),
+        (mb.NSTIFFSI2(step=1.0, rtol=0.1), 501),
+        (mb.Rosenbrock(rtol=1e-2), 1001),
+    ],
+    ids=repr,
+)
+def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solver, number):
+    scene = double_pendulum(np.linspace(0.0, 3.0, number), box=Box(l1=(0.95, 1.05), l2=(0.76, 0.84)))
+    found = mb.compare(scene, [Vertex()], reference=Vertex(), solver=solver)
+    points = np.array([found.box.center, found.box.lower, found.box.upper])
+    exact = np.array([double_pendulum_by_hand(p, scene.times) for p in points])
+    own = mb.DAESimulator(scene, solver).run(points).Y
+    true = found.reference.yardstick.relative(own - exact)
+    assert (true > 1e-7).all()
+    np.testing.assert_allclose(found.solver_error, true, rtol=0.3)
+
+
+def test_a_motion_that_every_setting_follows_exactly_has_no_solver_error():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    p = mb.Parameters(a=1.0)
+    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.x": p.a}, T, {"x": ball.x}, box=Box(a=(0.5, 1.5)))
+    for solver in (mb.RungeKutta(steps=1), mb.DormandPrince(), mb.CVODES()):
+        assert mb.compare(scene, [Vertex()], reference=Vertex(), solver=solver).solver_error == [0.0]
