@@ -134,4 +134,6 @@ def _changed(element: Any, changes: Mapping[str, Any]) -> Any:
 
 
 def _with(scene: Scene, elements: Sequence[Any]) -> Scene:
-    return replace(scene, system=System(*elements, parameters=scene.system.parameters))
+    system = System(*elements, parameters=scene.system.parameters)
+    system.lam, system.vdot = scene.system.lam, scene.system.vdot  # outputs may contain these symbols
+    return replace(scene, system=system)

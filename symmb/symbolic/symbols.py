@@ -72,6 +72,10 @@ _STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
 
 
 def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX) -> Symbol:
+    """The record of a symbol that was read or copied. A symbol that is still in use keeps its record."""
+    known = _TABLE.get(sx.element_hash())
+    if known is not None:
+        return known
     record = _TABLE[sx.element_hash()] = Symbol(name, kind, sx, rate, value)
     return record
 
