@@ -38,7 +38,7 @@ def plot_stability(
 
     Parameters
     ----------
-    points : solver -> (run time [s], error) of each setting
+    points : solver -> (run time [s], error) of each setting; none where errors are not known
     drift : solver -> (n_t,) of one setting
     stress : solver -> what was done to the scene -> error
     """
@@ -46,7 +46,7 @@ def plot_stability(
     left, right, under = figure.subplots(1, 3)
     for k, name in enumerate(points):
         style = {"color": cyclic(COLOURS, k), "linestyle": cyclic(DASHES, k // len(COLOURS)), "linewidth": 1.1}
-        seconds, errors = zip(*points[name], strict=True)
+        seconds, errors = np.reshape(points[name], (-1, 2)).T
         left.loglog(
             seconds, np.clip(errors, LEAST_ERROR, LARGEST_ERROR), marker=cyclic(MARKERS, k), label=name, **style
         )

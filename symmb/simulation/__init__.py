@@ -8,3 +8,4 @@ from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.simulator import Jets, Kinked, March, Progress, Reduction, Samples, Simulator, run_blocks
 from symmb.simulation.single_run import simulate
 from symmb.simulation.subject import require_scene, simulator_of
+from symmb.simulation.trajectory import Trajectory

@@ -1,72 +1,97 @@
-"""Advice on solvers from the trials of a scene."""
+"""Advice on solvers from the trials of a scene: a list of sentences, and a line for each stress."""
 
-import textwrap
 from collections.abc import Mapping, Sequence
 
 from symmb.integrate import STIFF, Stiffness
-from symmb.study.trials import LEFT_OUT, Trial
+from symmb.study.ladders import FIXED
+from symmb.study.standard import Standard
+from symmb.study.trials import LEFT_OUT, Trial, by_reason, named
 
 GOOD, STABLE = 1e-3, 0.1
 """Relative errors below which a run is accurate enough for most purposes, and below which it is not useless."""
 _FAR = 1e-5
 """Violation of position rows above which the report mentions it [m, -]."""
 
+Standards = Mapping[str, Standard]
+"""What the runs of each scene are measured with, by the name of the stress, "" for the scene itself."""
+
 
 def advice(
     trials: Sequence[Trial],
     stress: Sequence[Trial],
-    errors: Mapping[str, float],
+    standards: Standards,
     corners: Mapping[float, tuple[int, int]],
     fastest: Stiffness,
     span: float,
 ) -> str:
-    """The best solver, the largest steps of the others, and variants that fail; errors by the key of a trial.
+    """The best solver, the largest steps of the others, and the best solver under each stress, or why there is none.
 
-    Trials without time are left out.
+    Only settings are named whose error, with the uncertainty of what it is measured with, and whose drift of energy are
+    small enough. Trials without time are left out.
     """
-    trials, stress = ([t for t in some if t.reason != LEFT_OUT] for some in (trials, stress))
-    good = sorted((t for t in trials if errors.get(t.key, 1.0) <= GOOD), key=lambda t: t.seconds)
-    sentences = [
-        _choice(good),
+    trials = [t for t in trials if t.reason != LEFT_OUT]
+    standard = standards[""]
+    good = _good(trials, standard)
+    lines = [
+        _choice(good, standard),
         _stiffness(fastest, span),
-        *_steps(trials, errors),
+        *(_steps(trials, standard) if not standard.fault else ()),
         *_drift(good),
-        *_stress(stress, errors),
+        *_under_stress(stress, standards),
     ]
     broken = [f"{failed} of {of} at {width:.0%}" for width, (failed, of) in corners.items() if failed]
     if broken:
-        sentences.append(f"Corners of wider boxes fail: {', '.join(broken)}; bounds there rest on the other runs.")
-    return textwrap.fill(" ".join(filter(None, sentences)), 110)
+        lines.append(f"Corners of wider boxes fail: {', '.join(broken)}; bounds there rest on the other runs.")
+    return "\n".join(lines)
 
 
-def _choice(good: Sequence[Trial]) -> str:
+def is_within(trial: Trial, standard: Standard, limit: float) -> bool:
+    """Whether a run is known to err less than the limit, and keeps its energy."""
+    error = standard.error(trial)
+    return error is not None and error + standard.uncertainty <= limit and not trial.energy > GOOD
+
+
+def _good(trials: Sequence[Trial], standard: Standard) -> list[Trial]:
+    """The runs that are accurate enough, the fastest first."""
+    return sorted((t for t in trials if is_within(t, standard, GOOD)), key=lambda t: t.seconds)
+
+
+def _choice(good: Sequence[Trial], standard: Standard) -> str:
+    if standard.fault:
+        return f"No setting is known to be good, for want of a reference: {standard.fault}."
     if not good:
         return f"No setting reached an error of {GOOD:g}: take finer ones, or a shorter horizon."
     first = good[0]
     other = next((t for t in good if t.family != first.family), None)
-    also = f", then {other.solver} ({1e3 * other.seconds:.2g} ms)" if other else ""
-    return f"To {GOOD:g} of the motion the fastest is {first.solver} ({1e3 * first.seconds:.2g} ms){also}."
+    also = f", then {_timed(other)}" if other else ""
+    return f"To {GOOD:g} of the motion the fastest is {_timed(first)}{also}."
+
+
+def _timed(trial: Trial) -> str:
+    seconds = f"{1e3 * trial.seconds:.2g} ms" if trial.seconds < 0.0995 else f"{trial.seconds:.2g} s"
+    return f"{trial.solver} ({seconds})"
 
 
 def _stiffness(fastest: Stiffness, span: float) -> str:
     text = f"what dies away fastest does so at {fastest.decay:.1e} 1/s, "
     text += f"what swings fastest at {fastest.frequency:.1e} rad/s"
     if fastest.is_stiff(span):
-        return f"It is stiff: {text}. Explicit steps have to follow the first, implicit ones need not."
+        return f"It is stiff: {text}.\nExplicit steps have to follow the first, implicit ones need not."
     if fastest.rate * span > STIFF:
-        return f"It swings fast for long: {text}. Only methods that damp it can take steps longer than that."
+        return f"It swings fast for long: {text}.\nOnly methods that damp it can take steps longer than that."
     return f"It is not stiff: {text}. Explicit steps do."
 
 
-def _steps(trials: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
+def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
     largest: dict[str, float] = {}
-    for trial in trials:
-        if "step" in trial.solver and errors.get(trial.key, 1.0) <= STABLE:
+    fixed = [trial for trial in trials if trial.family in FIXED]
+    for trial in fixed:
+        if is_within(trial, standard, STABLE):
             largest[trial.family] = max(trial.setting, largest.get(trial.family, 0.0))
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
-    without = dict.fromkeys(t.family for t in trials if "step" in t.solver and t.family not in largest)
-    sentences = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {text}."] if text else []
-    return [*sentences, f"None of {', '.join(without)} was small enough."] if without else sentences
+    without = dict.fromkeys(t.family for t in fixed if t.family not in largest)
+    lines = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {text}."] if text else []
+    return [*lines, f"No step of {', '.join(without)} was small enough."] if without else lines
 
 
 def _drift(good: Sequence[Trial]) -> list[str]:
@@ -79,16 +104,23 @@ def _drift(good: Sequence[Trial]) -> list[str]:
     return [f"{worst.solver} leaves its position constraints by {worst.position.max():.1g}: give it {remedy}."]
 
 
-def _stress(stress: Sequence[Trial], errors: Mapping[str, float]) -> list[str]:
-    sentences = []
-    for name in dict.fromkeys(trial.scene for trial in stress):
-        some = [t for t in stress if t.scene == name]
-        # The reference has no error, and is the tightest.
-        done = sorted((t for t in some if not t.reason and errors.get(t.key, 0.0) <= GOOD), key=lambda t: t.seconds)
-        bad = dict.fromkeys(t.family for t in some if t not in done)
-        if not done:
-            sentences.append(f"With {name} no setting tried is good.")
-        elif bad:
-            fastest = f"{done[0].solver} ({1e3 * done[0].seconds:.2g} ms)"
-            sentences.append(f"With {name} {', '.join(bad)} at these settings are not good enough; {fastest} is.")
-    return sentences
+def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
+    """A heading and a line for each stress."""
+    names = list(dict.fromkeys(trial.scene for trial in stress))
+    if not names:
+        return []
+    width = max(map(len, names))
+    lines = [f"  {name:{width}}  {_verdict([t for t in stress if t.scene == name], standards[name])}" for name in names]
+    return [f"To {GOOD:g} of the motion under stress:", *lines]
+
+
+def _verdict(trials: Sequence[Trial], standard: Standard) -> str:
+    """The fastest good setting, and the families without one; or why no setting is known to be good."""
+    if standard.fault:
+        return f"none is known to be good: {standard.fault}"
+    good = _good(trials, standard)
+    others = [t for t in trials if t.family not in {g.family for g in good}]
+    finished = [t for t in others if not t.reason]
+    failed = by_reason([t for t in others if t.family not in {f.family for f in finished}])
+    parts = filter(None, [f"inaccurate: {named(finished)}" if finished else "", failed])
+    return "; ".join([_timed(good[0]) if good else "none tried is good", *parts])

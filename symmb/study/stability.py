@@ -2,8 +2,9 @@
 
 import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +15,23 @@ from symmb._errors import SimulationError
 from symmb._interrupts import carry
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.integrate import CVODES, IDAS, NSTIFFSI2, SOLVERS, Rosenbrock, Solver, StabilizedIndex2, stiffness
+from symmb.integrate import CVODES, Stiffness, stiffness
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator, require_scene
 from symmb.study.advice import advice
+from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
+from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""
-TOLERANCES = (1e-4, 1e-6, 1e-8)
-"""Relative tolerances that are tried: coarse, usual and fine."""
-STEPS = (50, 200, 800, 3200)
-"""Numbers of fixed steps over the horizon that are tried."""
-_LIMIT, _REFERENCE_LIMIT, _ALL = 3.0, 10.0, 45.0
-"""Most time for a trial, most time for a reference, and time after which no trial begins [s]: the command takes about a
-minute."""
+_LIMIT, _REFERENCE_LIMIT = 3.0, 5.0
+"""Most time for a trial, and for a reference [s]."""
+_TRIALS_END, _STRESS_END = 35.0, 70.0
+"""Times after which no trial of the scene begins, and none of its harder variants [s]."""
+_STRESS_STEPS = 800
+"""Fixed steps over the horizon of the scene, from which the steps under stress follow."""
 _WIDTHS = 0.1, 0.2, 0.5
 """Half widths of wider boxes, as shares of the nominal values."""
 
@@ -43,8 +45,9 @@ class Stability:
     scene : str
     times : (n_t,) array
     trials, stress : runs of the scene, and of its harder variants
-    errors : dict              key of a trial -> root mean square error, over that of the deviation from the mean
-    uncertainty : float        of the reference, in the same measure
+    errors : dict              key of a trial -> root mean square error, over that of the deviation from the mean; none
+                               where there is no reference, on which two tolerances of a solver agree
+    uncertainty : float        of the reference of the scene, in the same measure; nan if there is none
     corners : dict             relative half width of the box -> (corners that fail, corners)
     advice : str
     """
@@ -60,9 +63,9 @@ class Stability:
 
     def __str__(self) -> str:
         head = ["solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome"]
+        known = "errors are not known" if np.isnan(self.uncertainty) else f"errors to {self.uncertainty:.0e}"
         lines = [
-            f"{self.scene}: {len(self.trials)} runs from {self.times[0]:g} to {self.times[-1]:g} s, "
-            f"errors to {self.uncertainty:.0e}",
+            f"{self.scene}: {len(self.trials)} runs from {self.times[0]:g} to {self.times[-1]:g} s, {known}",
             *aligned([head, *(self._cells(trial) for trial in self.trials)], left=(0, 7)),
         ]
         if self.stress:
@@ -123,8 +126,8 @@ class Stability:
         return cls(
             scene=record.text("scene"),
             times=t,
-            trials=_parted(trials)[0],
-            stress=_parted(trials)[1],
+            trials=tuple(_parted(trials)[0]),
+            stress=tuple(_parted(trials)[1]),
             errors={
                 trial.key: part.number("error") for trial, part in zip(trials, parts, strict=True) if "error" in part
             },
@@ -136,29 +139,35 @@ class Stability:
     def plot(self, path: str | Path) -> None:
         """Draw error against run time, the drift of positions over time, and errors of the harder variants."""
         finished = [trial for trial in self.trials if not trial.reason]
+        families = dict.fromkeys(trial.family for trial in finished)
         points = {
-            family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family]
-            for family in dict.fromkeys(trial.family for trial in finished)
+            family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family and t.key in self.errors]
+            for family in families
         }
         drift = {
-            family: min(
-                (t for t in finished if t.family == family), key=lambda t: abs(np.log10(self.errors[t.key]) + 4)
-            ).position
-            for family in points
+            family: min((t for t in finished if t.family == family), key=self._far_from_usual).position
+            for family in families
         }
         stress = {
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
-            for family in points
+            for family in families
         }
         plot.plot_stability(self.times, points, drift, stress, path, title=self.scene)
 
+    def _far_from_usual(self, trial: Trial) -> float:
+        """Orders of magnitude from an error of 1e-4."""
+        return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
+
 
 def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:
-    """Try every solver on a scene and on harder variants, each run within 3 s and all within a minute.
+    """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
 
     The variants have springs 100 and 10,000 times as stiff, a lightest body 100 and 10,000 times as light, a time scale
     a tenth and ten times as long (of laws of time, start velocities and gravity, not of springs and dampers), and
     horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
+
+    Fixed steps follow the horizon and the fastest motion. Errors are those against a solution on which two tolerances
+    of a solver agree, and whose energy holds. Where there is none, errors are not known and no setting is advised.
 
     Parameters
     ----------
@@ -172,93 +181,105 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
     require_scene(scene)
-    begin = time.monotonic()
-    times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
-    if scene.system.collected.impacts:
-        raise SimulationError(f"{scene.name} has impacts, which only EventDriven() locates: no solvers to compare.")
-    dae = DAESimulator(scene, CVODES()).dae
-    if len(scene.times) < 2 or not dae.n_v:
-        raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
-    scene_at_times = scene.with_times(times)
-    jobs = [Job("", lambda: scene_at_times, family, ladder) for family, ladder in _ladders(float(times[-1] - times[0]))]
-    under = [Job(name, make, family, [one]) for name, make in stresses(scene_at_times) for family, one in _few(times)]
-    total = sum(len(job.solvers) for job in (*jobs, *under))
-    done: list[Trial] = []
-
-    def collect(some: Sequence[Job], limit: float) -> list[Trial]:
-        order = [(job.scene, job.family) for job in some]
-        first = len(done)
-        for trial in run_jobs(some, limit, begin + _ALL):
-            done.append(trial)
-            if progress is not None:
-                progress(trial.family, len(done), total + len(_REFERENCES))
-        return sorted(done[first:], key=lambda t: order.index((t.scene, t.family)))  # stable
-
-    references = collect(
-        [Job("", lambda: scene_at_times, name, [one]) for name, one in _REFERENCES.items()], _REFERENCE_LIMIT
-    )
-    best, uncertainty = _reference(references)
-    if best is None:
-        raise SimulationError(f"{scene.name}: no solver finishes. {references[0].reason}")
-    some = slice(None, None, max(1, TIMES // 10))
-    fastest = stiffness(dae, best.states[some], dae.p_nominal, times[some])
+    study = _Study(scene, progress)
+    study.collect(study.jobs(references()), _REFERENCE_LIMIT, _TRIALS_END)
+    known = list(study.done)
+    fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
+    jobs = study.jobs(ladders(horizon, fastest.rate))
+    harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, horizon)]
+    study.announce(jobs, harder)
     try:
-        trials, stress = collect(jobs, _LIMIT), collect(under, _LIMIT)
+        study.collect(jobs, _LIMIT, _TRIALS_END)
+        study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), _LIMIT, _STRESS_END)
         corners = _corners(scene)
     except KeyboardInterrupt as interrupt:
-        parts = _parted(done[len(references) :])
-        text = f"Interrupted after {len(done)} of {total + len(_REFERENCES)} runs."
-        errors = _errors(*parts, best.values)
-        carry(interrupt, Stability(scene.name, times, *parts, errors, uncertainty, {}, text))
+        text = f"Interrupted after {len(study.done)} of {study.total} runs."
+        carry(interrupt, study.result(len(known), {}, lambda *_: text))
         raise
-    errors = _errors(trials, stress, best.values)
-    text = advice(trials, stress, errors, corners, fastest, float(times[-1] - times[0]))
-    return Stability(scene.name, times, tuple(trials), tuple(stress), errors, uncertainty, corners, text)
+    if all(trial.reason for trial in study.done if not trial.scene):
+        raise SimulationError(f"{scene.name}: no solver finishes. {known[0].reason}")
+    return study.result(len(known), corners, partial(advice, corners=corners, fastest=fastest, span=horizon))
 
 
-def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
+_STRESSED = list(under_stress(1.0))
+"""The families under stress. All variants run by one family before the next, so that none waits for all others."""
+
+
+class _Study:
+    """A scene, and its runs so far."""
+
+    def __init__(self, scene: Scene, progress: Callable[[str, int, int], None] | None) -> None:
+        self._begin, self._progress = time.monotonic(), progress
+        self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
+        if scene.system.collected.impacts:
+            raise SimulationError(f"{scene.name} has impacts, which only EventDriven() locates: no solvers to compare.")
+        self._simulator = DAESimulator(scene, CVODES())
+        if len(scene.times) < 2 or not self._simulator.dae.n_v:
+            raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
+        self.scene, self.done, self._order = scene.with_times(self.times), [], []
+        self.total = sum(map(len, references().values()))
+
+    def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
+        """The scene itself, by all solvers of the families."""
+        return [Job("", lambda: self.scene, family, ladder) for family, ladder in families.items()]
+
+    def announce(self, *jobs: Sequence[Job]) -> None:
+        """Note the jobs in the order of the report."""
+        self._order = [(job.scene, job.family) for some in jobs for job in some]
+        self.total += sum(len(job.solvers) for some in jobs for job in some)
+
+    def collect(self, jobs: Sequence[Job], limit: float, end: float) -> None:
+        """Run jobs, each trial within a limit, and none that would begin after the end [s]."""
+        for trial in run_jobs(jobs, limit, self._begin + end):
+            self.done.append(trial)
+            if self._progress is not None:
+                self._progress(trial.family, len(self.done), max(self.total, len(self.done)))
+
+    def fastest(self) -> Stiffness:
+        """The fastest rates along a run that finished, or at the start if there is none."""
+        dae, some = self._simulator.dae, slice(None, None, max(1, TIMES // 10))
+        states, _ = self._simulator.start.states(dae.p_nominal[None])
+        states = next((trial.states[some] for trial in reversed(self.done) if not trial.reason), states)
+        return stiffness(dae, states, dae.p_nominal, self.times[some][: len(states)])
+
+    def result(
+        self,
+        n_known: int,
+        corners: dict[float, tuple[int, int]],
+        text: Callable[[list[Trial], list[Trial], dict[str, Standard]], str],
+    ) -> Stability:
+        """The runs so far, of which the first are for the reference of the scene."""
+        known, rest = self.done[:n_known], self.done[n_known:]
+        rest = sorted(rest, key=lambda t: self._order.index((t.scene, t.family)))  # stable
+        trials, stress = _parted(rest)
+        standards = {
+            name: standard_of([t for t in (*known, *stress) if t.scene == name], self._simulator.units)
+            for name in dict.fromkeys(t.scene for t in (*known, *stress))
+        }
+        errors = {trial.key: standards[trial.scene].error(trial) for trial in rest}
+        return Stability(
+            self.scene.name,
+            self.times,
+            tuple(trials),
+            tuple(stress),
+            {key: error for key, error in errors.items() if error is not None},
+            standards[""].uncertainty,
+            corners,
+            text(trials, stress, standards),
+        )
+
+
+def _parted(trials: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
     """Runs of the scene, and of its harder variants."""
-    return tuple(trial for trial in trials if not trial.scene), tuple(trial for trial in trials if trial.scene)
+    return [trial for trial in trials if not trial.scene], [trial for trial in trials if trial.scene]
 
 
-def _errors(trials: Sequence[Trial], stress: Sequence[Trial], true: Array) -> dict[str, float]:
-    """Errors of the runs of the scene, and of its harder variants, whose reference is the best of their own runs."""
-    errors = {trial.key: _error(trial.values, true) for trial in trials if not trial.reason}
-    for name in dict.fromkeys(trial.scene for trial in stress):
-        finished = [trial for trial in stress if trial.scene == name and not trial.reason]
-        best, _ = _reference(finished)
-        if best is not None:
-            errors |= {trial.key: _error(trial.values, best.values) for trial in finished if trial is not best}
-    return errors
-
-
-_REFERENCES: dict[str, tuple[float, Solver]] = {
-    "IDAS()": (1e-11, IDAS()),
-    "CVODES(stiff=True)": (1e-11, CVODES(stiff=True)),
-    "CVODES(rtol=1e-12)": (1e-12, CVODES(rtol=1e-12)),
-}
-
-
-def _ladders(horizon: float) -> list[tuple[str, list[tuple[float, Solver]]]]:
-    """Families of solvers with their settings: relative tolerance or step [s], and solver, from fast to slow."""
-    families = []
-    for entry in SOLVERS:
-        if entry.ladder is not None:
-            numbers = TOLERANCES if entry.tolerances else STEPS
-            settings = [(r if entry.tolerances else horizon / r, entry.ladder(r, horizon)) for r in numbers]
-            families.append((entry.family, settings))
-    return families
-
-
-def _few(times: Array) -> list[tuple[str, tuple[float, Solver]]]:
-    """A setting of each of the most different solvers, the tightest last, with the same steps for all horizons."""
-    step = float(times[-1] - times[0]) / 800
+def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
+    """Fixed steps are the same for all horizons, and follow the fastest motion of each variant besides."""
+    step = horizon / _STRESS_STEPS
     return [
-        ("NSTIFFSI2", (step, NSTIFFSI2(step=step))),
-        ("Rosenbrock", (step, Rosenbrock(step=step))),
-        ("StabilizedIndex2", (1e-6, StabilizedIndex2(rtol=1e-6))),
-        ("CVODES, stiff", (1e-10, CVODES(rtol=1e-10, stiff=True))),
-        ("CVODES", (1e-11, CVODES(rtol=1e-11))),
+        Job(name, make, family, ladder, None if family in CONTROLLED else partial(finer_steps, longest=step))
+        for family, ladder in under_stress(step).items()
     ]
 
 
@@ -275,22 +296,3 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
         P[:, [order.index(name) for name in box.names]] = corners
         failures[width] = int((~simulator.run(P).ok).sum()), len(corners)
     return failures
-
-
-def _reference(trials: Sequence[Trial]) -> tuple[Trial | None, float]:
-    """The second of the two closest runs, and the distance between both."""
-    done = [trial for trial in trials if not trial.reason]
-    if len(done) < 2:
-        return (done[0], float("nan")) if done else (None, float("nan"))
-    apart, which = min((_error(done[i].values, done[j].values), j) for j in range(len(done)) for i in range(j))
-    return done[which], apart
-
-
-def _error(values: Array, true: Array) -> float:
-    """Largest over outputs of the root mean square error over that of the deviation from the mean."""
-    largest = np.abs(true).max(axis=0)
-    deviation = np.std(true, axis=0)
-    deviation = np.where(deviation > 1e-12 * largest, deviation, np.maximum(largest, 1e-300))
-    with np.errstate(over="ignore", invalid="ignore"):
-        error = np.sqrt(np.mean(np.square(values - true), axis=0)) / deviation
-    return float(np.nan_to_num(error, nan=np.inf, posinf=np.inf).max(initial=0.0))

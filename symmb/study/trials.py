@@ -1,24 +1,38 @@
 """Runs that may break down or take too long, each family of solvers in a process of its own."""
 
 import multiprocessing
+import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 import numpy as np
 
 from symmb._cleanup import end_group, lead_group, note_group
-from symmb._errors import SymmbError, SymmbWarning
+from symmb._errors import SimulationError, SymmbError
 from symmb._types import Array
 from symmb.files import Record
 from symmb.integrate import Solver
 from symmb.model import Scene
-from symmb.simulation import simulate
+from symmb.simulation import Trajectory, simulate
 
 LEFT_OUT = "left out for want of time"
+_TOO_LONG, _LONGER, _MANY_STEPS = "took longer than", "a longer step took too long", "has taken too many steps at"
+SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _MANY_STEPS)
+"""How the reasons begin of runs that were not finished for want of time."""
+_LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
+"""Parts of the messages of solvers whose number of steps is limited."""
+_CLOSER = 100
+"""Output times are so many times closer where a solver limits the number of steps from one to the next."""
+_ENERGY = "the energy"
+"""How the reasons begin of runs whose energy is wrong."""
+WRONG_ENERGY = 0.5
+"""Drift of energy, over the largest kinetic energy, above which a run is a failure: half of the motion is lost, or came
+from nowhere."""
 _TICK = 0.2
 """Time between two looks at the running trials [s]: short beside a trial, long beside a look."""
 _SETUP = 8.0
@@ -39,6 +53,7 @@ class Trial:
     seconds : float            of the run alone
     position, velocity : (n_t,) arrays     largest violation of a row, at every time
     energy : float             largest imbalance over the largest kinetic energy
+    times : (n_t,) array       [s]
     values : (n_t, n_y) array  outputs
     states : (n_t, n_x) array
     """
@@ -52,11 +67,12 @@ class Trial:
     position: Array = field(default_factory=lambda: np.empty(0), repr=False)
     velocity: Array = field(default_factory=lambda: np.empty(0), repr=False)
     energy: float = float("nan")
+    times: Array = field(default_factory=lambda: np.empty(0), repr=False)
     values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     states: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
 
     def record(self) -> dict[str, Any]:
-        """The trial for a file, without outputs and states."""
+        """The trial for a file, without times, outputs and states."""
         return {
             "stress": self.scene,
             "solver": self.solver,
@@ -91,44 +107,120 @@ class Trial:
         """Its key in a study."""
         return f"{self.scene}|{self.solver}"
 
+    @property
+    def slow(self) -> bool:
+        """Whether it was not finished for want of time."""
+        return self.reason.startswith(SLOW)
+
+
+def by_reason(trials: Sequence[Trial]) -> str:
+    """The families of trials that failed, by the kind of their failure."""
+    kinds = {
+        LEFT_OUT: [t for t in trials if t.reason == LEFT_OUT],
+        "too slow": [t for t in trials if t.slow and t.reason != LEFT_OUT],
+        "wrong energy": [t for t in trials if t.reason.startswith(_ENERGY)],
+        "breaks down": [t for t in trials if t.reason and not t.reason.startswith((*SLOW, _ENERGY))],
+    }
+    return "; ".join(f"{kind}: {named(some)}" for kind, some in kinds.items() if some)
+
+
+def named(trials: Sequence[Trial]) -> str:
+    """The families of trials as a list of words."""
+    return ", ".join(" ".join(reversed(family.split(", "))) for family in dict.fromkeys(t.family for t in trials))
+
 
 @dataclass(frozen=True)
 class Job:
-    """Settings of one solver to run one after the other, from fast to slow."""
+    """Settings of one solver to run one after the other, from fast to slow.
+
+    Attributes
+    ----------
+    scene : str                        the variant
+    make : callable                    makes the scene
+    family : str
+    solvers : sequence                 setting and solver
+    follow : scene -> sequence         further settings, which follow from the scene; optional
+    """
 
     scene: str
     make: Callable[[], Scene]
     family: str
     solvers: Sequence[tuple[float, Solver]]
+    follow: Callable[[Scene], Sequence[tuple[float, Solver]]] | None = None
 
     def trial(self, k: int, **results: Any) -> Trial:
         setting, solver = self.solvers[k]
         return Trial(self.scene, repr(solver), self.family, setting, **results)
 
+    def begin(self) -> "Job":
+        """The job with all its settings and its scene, made in this process."""
+        try:
+            scene = self.make()
+            further = self.follow(scene) if self.follow else ()
+        except SymmbError as error:
+            return replace(self, make=partial(_raise, error), follow=None)
+        return replace(self, make=lambda: scene, solvers=[*self.solvers, *further], follow=None)
+
     def run(self) -> Iterator[Trial]:
         """All trials in this process."""
-        scene = None
         for k, (_, solver) in enumerate(self.solvers):
             try:
-                scene = self.make() if scene is None else scene
-                with warnings.catch_warnings():  # the study judges the run itself
-                    warnings.simplefilter("ignore", SymmbWarning)
-                    run = simulate(scene, solver)
+                scene = self.make()
             except SymmbError as error:
-                reason = str(error).splitlines()[0]
-                yield self.trial(k, reason=reason.removeprefix(f"{scene.name}: ") if scene else reason)
+                yield self.trial(k, reason=str(error).splitlines()[0])
                 continue
-            finite = bool(np.isfinite(run.values).all())
-            yield self.trial(
-                k,
-                reason="" if finite else "outputs are not finite",
-                seconds=run.run_seconds,
-                position=run.drift.position,
-                velocity=run.drift.velocity,
-                energy=run.energy_drift,
-                values=run.values,
-                states=run.x,
-            )
+            try:
+                yield self.trial(k, **_results(scene, solver))
+            except SymmbError as error:
+                reason = str(error).splitlines()[0].removeprefix(f"{scene.name}: ")
+                if any(part in reason for part in _LIMITED):
+                    reason = " ".join([_MANY_STEPS, *re.findall(r"at (t = \S+ s)", reason)[:1]])
+                yield self.trial(k, reason=reason)
+
+
+def _raise(error: SymmbError) -> Scene:
+    raise error
+
+
+def _results(scene: Scene, solver: Solver) -> dict[str, Any]:
+    """The attributes of the trial of a run that finishes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the trial tells what is wrong with the run
+        run, every = _simulated(scene, solver)
+        return {
+            "reason": _fault(run),
+            "seconds": run.run_seconds,
+            "position": run.drift.position[::every],
+            "velocity": run.drift.velocity[::every],
+            "energy": run.energy_drift,
+            "times": run.t[::every],
+            "values": run.values[::every],
+            "states": run.x[::every],
+        }
+
+
+def _fault(run: Trajectory) -> str:
+    """Why a run that finished is a failure; empty if it is none."""
+    if not (np.isfinite(run.values).all() and np.isfinite(run.x).all()):
+        return "outputs are not finite"
+    T, V, W = run.energy
+    if not np.isfinite(T + V - W).all():
+        return f"{_ENERGY} is not finite"
+    if run.energy_drift > WRONG_ENERGY:
+        return f"{_ENERGY} is off by {run.energy_drift:.1g} of the largest kinetic energy"
+    return ""
+
+
+def _simulated(scene: Scene, solver: Solver) -> tuple[Trajectory, int]:
+    """A run, and how many of its times lie from one time of the scene to the next."""
+    try:
+        return simulate(scene, solver), 1
+    except SimulationError as error:
+        if _LIMITED[0] not in str(error):
+            raise
+    n = len(scene.times)
+    closer = np.interp(np.arange((n - 1) * _CLOSER + 1) / _CLOSER, np.arange(n), scene.times)
+    return simulate(scene.with_times(closer), solver), _CLOSER
 
 
 @dataclass
@@ -149,7 +241,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
-            yield from job.run() if time.monotonic() < deadline else _left(job, 0, LEFT_OUT)
+            yield from job.begin().run() if time.monotonic() < deadline else _left(job, 0, LEFT_OUT)
         return
     pending: list[Job] = list(jobs)
     running: list[_Running] = []
@@ -174,8 +266,13 @@ def _forked(
         for r in list(running):
             if r.pipe in ready:
                 try:
-                    yield r.pipe.recv()
-                    r.done, r.since = r.done + 1, time.monotonic()
+                    message = r.pipe.recv()
+                    if isinstance(message, Trial):
+                        yield message
+                        r.done += 1
+                    else:
+                        r.job = replace(r.job, solvers=message)
+                    r.since = time.monotonic()
                     ended = r.done == len(r.job.solvers)
                 except EOFError:
                     ended = True
@@ -183,7 +280,7 @@ def _forked(
             else:
                 ended = time.monotonic() - r.since > (limit if r.done else limit + _SETUP)
                 if ended:
-                    yield from _left(r.job, r.done, f"took longer than {limit:g} s", "a longer step took too long")
+                    yield from _left(r.job, r.done, f"{_TOO_LONG} {limit:g} s", _LONGER)
             if ended:
                 _end(r)
                 running.remove(r)
@@ -207,7 +304,9 @@ def _end(running: _Running) -> None:
 
 def _send(job: Job, pipe: Connection) -> None:
     lead_group()
-    for trial in job.run():
+    begun = job.begin()
+    pipe.send(begun.solvers)
+    for trial in begun.run():
         pipe.send(trial)
     pipe.close()
 

@@ -1,0 +1,75 @@
+"""The settings of solvers that a stability study tries, from fast to slow."""
+
+from collections.abc import Sequence
+
+from symmb.integrate import CVODES, NSTIFFSI2, SOLVERS, DormandPrince, Rosenbrock, Solver, StabilizedIndex2, stiffness
+from symmb.model import Scene
+from symmb.simulation import DAESimulator
+
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+"""Relative tolerances that are tried: coarse, usual and fine."""
+STEPS = (50, 200, 800, 3200)
+"""Numbers of fixed steps over the horizon that are tried."""
+_STEPS_PER_RADIAN = (0.5, 4.0, 32.0)
+"""Fixed steps for each radian of the fastest motion, tried where those over the horizon are longer: explicit methods
+are stable with the first, and resolve the motion with the others."""
+_MOST = 1_000_000
+"""Most fixed steps that are tried: they take a second or more."""
+CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
+"""Families that run with tolerances for a reference, or under stress."""
+FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
+"""Families with fixed steps."""
+
+Ladder = Sequence[tuple[float, Solver]]
+"""Relative tolerance or step [s], and solver."""
+
+
+def references() -> dict[str, Ladder]:
+    """Two tolerances of very different solvers, by family."""
+    return {
+        "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-9, 1e-12)],
+        "CVODES, stiff": [(r, CVODES(rtol=r, stiff=True)) for r in (1e-9, 1e-11)],
+    }
+
+
+def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
+    """All solvers, by family. Fixed steps follow the horizon [s] and the rate of the fastest motion [rad/s, 1/s]."""
+    families: dict[str, Ladder] = {}
+    for entry in SOLVERS:
+        if entry.ladder is not None:
+            numbers = TOLERANCES if entry.tolerances else (*STEPS, *finer_numbers(STEPS[-1], horizon * rate))
+            settings = numbers if entry.tolerances else [horizon / n for n in numbers]
+            families[entry.family] = [(s, entry.ladder(n, horizon)) for s, n in zip(settings, numbers, strict=True)]
+    return families
+
+
+def under_stress(step: float) -> dict[str, Ladder]:
+    """Some of the most different solvers, by family; two tolerances of one can be compared."""
+    return {
+        "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10)],
+        "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-5, 1e-7, 1e-9)],
+        "CVODES, stiff": [(r, CVODES(rtol=r, stiff=True)) for r in (1e-8, 1e-10)],
+        "NSTIFFSI2": [(step, NSTIFFSI2(step=step))],
+        "StabilizedIndex2": [(r, StabilizedIndex2(rtol=r)) for r in (1e-6, 1e-8)],
+        "CVODES": [(r, CVODES(rtol=r)) for r in (1e-9, 1e-12)],
+    }
+
+
+def finer_numbers(most: float, radians: float) -> list[int]:
+    """Numbers of fixed steps, above the given one, that follow the fastest motion over so many radians."""
+    return [round(n * radians) for n in _STEPS_PER_RADIAN if most < n * radians <= _MOST]
+
+
+def finer_steps(scene: Scene, longest: float) -> Ladder:
+    """Steps shorter than the longest [s] that follow the fastest motion of a scene at its start."""
+    horizon = float(scene.times[-1] - scene.times[0])
+    numbers = finer_numbers(horizon / longest, horizon * start_rate(scene))
+    return [(horizon / n, NSTIFFSI2(step=horizon / n)) for n in numbers]
+
+
+def start_rate(scene: Scene) -> float:
+    """Rate of the fastest motion of the equations linearised at the start [rad/s, 1/s]."""
+    simulator = DAESimulator(scene, CVODES())
+    p = simulator.dae.p_nominal
+    states, _ = simulator.start.states(p[None])
+    return stiffness(simulator.dae, states, p, simulator.times[:1]).rate
