@@ -10,11 +10,11 @@ TOLERANCES = (1e-4, 1e-6, 1e-8)
 """Relative tolerances that are tried: coarse, usual and fine."""
 STEPS = (50, 200, 800, 3200)
 """Numbers of fixed steps over the horizon that are tried."""
-_STEPS_PER_RADIAN = (0.5, 4.0, 32.0)
+_STEPS_PER_RADIAN = (0.5, 2.0, 8.0, 32.0)
 """Fixed steps for each radian of the fastest motion, tried where those over the horizon are longer: explicit methods
 are stable with the first, and resolve the motion with the others."""
-_MOST = 1_000_000
-"""Most fixed steps that are tried: they take a second or more."""
+_MOST = 200_000
+"""Most fixed steps that are tried: they take a tenth of a second or more, and RungeKutta's some seconds to compile."""
 CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
 """Families that run with tolerances for a reference, or under stress."""
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
