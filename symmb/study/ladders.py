@@ -46,7 +46,7 @@ def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
 def under_stress(step: float) -> dict[str, Ladder]:
     """Some of the most different solvers, by family; two tolerances of one can be compared."""
     return {
-        "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10)],
+        "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10, 1e-12)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-5, 1e-7, 1e-9)],
         "CVODES, stiff": [(r, CVODES(rtol=r, stiff=True)) for r in (1e-8, 1e-10)],
         "NSTIFFSI2": [(step, NSTIFFSI2(step=step))],

@@ -61,6 +61,9 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
     """
     trials = [trial for trial in trials if trial.family in CONTROLLED]
     pairs = [pair for family in dict.fromkeys(t.family for t in trials) for pair in _pairs(trials, family, units)]
+    reasons = {trial.reason for trial in trials}
+    if len(reasons) == 1 and reasons != {""}:  # the scene itself is at fault
+        return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
     pairs.sort(key=lambda pair: pair.apart)

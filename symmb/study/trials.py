@@ -35,7 +35,7 @@ WRONG_ENERGY = 0.5
 from nowhere."""
 _TICK = 0.2
 """Time between two looks at the running trials [s]: short beside a trial, long beside a look."""
-_SETUP = 8.0
+_SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 
 
@@ -115,11 +115,13 @@ class Trial:
 
 def by_reason(trials: Sequence[Trial]) -> str:
     """The families of trials that failed, by the kind of their failure."""
+    broken = [t for t in trials if t.reason and not t.reason.startswith((*SLOW, _ENERGY))]
+    at = [float(time) for t in broken for time in re.findall(r" at t = (\S+) s", t.reason)]
     kinds = {
         LEFT_OUT: [t for t in trials if t.reason == LEFT_OUT],
         "too slow": [t for t in trials if t.slow and t.reason != LEFT_OUT],
         "wrong energy": [t for t in trials if t.reason.startswith(_ENERGY)],
-        "breaks down": [t for t in trials if t.reason and not t.reason.startswith((*SLOW, _ENERGY))],
+        f"breaks down at t = {min(at):.3g} s" if at else "breaks down": broken,
     }
     return "; ".join(f"{kind}: {named(some)}" for kind, some in kinds.items() if some)
 
@@ -278,9 +280,10 @@ def _forked(
                     ended = True
                     yield from _left(r.job, r.done, "the process broke down")
             else:
+                most = f"{limit:g} s" if r.done else f"{limit + _SETUP:g} s with its set-up"
                 ended = time.monotonic() - r.since > (limit if r.done else limit + _SETUP)
                 if ended:
-                    yield from _left(r.job, r.done, f"{_TOO_LONG} {limit:g} s", _LONGER)
+                    yield from _left(r.job, r.done, f"{_TOO_LONG} {most}", _LONGER)
             if ended:
                 _end(r)
                 running.remove(r)

@@ -101,6 +101,22 @@ def test_a_run_without_time_is_slow_and_a_run_that_breaks_down_is_not():
     assert singular.reason and not singular.slow
 
 
+def test_why_nothing_finishes_is_told():
+    """A ball flies off as exp(1000 t), another swings too often, and a scene does not start."""
+    done = [
+        *runs(sprung(-1e6), mb.CVODES()),
+        *runs(sprung(1e12, times=[0.0, 10.0]), mb.DormandPrince(), family="DormandPrince"),
+    ]
+    fault = standard_of(done, ("m", "m/s")).fault
+    assert fault.startswith("no solver finishes at two tolerances (too slow: DormandPrince; breaks down at t = 0.")
+
+    def unable():
+        raise mb.AssemblyError("No static equilibrium is found near the guess.\nMore.")
+
+    trials = [*Job("hard", unable, "CVODES", [(1e-6, mb.CVODES()), (1e-8, mb.CVODES())]).run()]
+    assert standard_of(trials, ("m",)).fault == "No static equilibrium is found near the guess."
+
+
 def test_two_tolerances_have_to_agree():
     chaotic = np.where(T > 1.0, 0.1 * (T - 1.0), 0.0)
     apart = [trial("CVODES(rtol=1e-06)", np.cos(T), 1e-6, "CVODES")]

@@ -1,0 +1,210 @@
+"""Whether `stability` is fooled: all settings that its advice names, against solutions that symmb did not compute.
+
+Each solution is SciPy's DOP853 at 1e-12 on the equations of motion in terms of M, Q, G and gamma, whose multipliers
+follow by least squares. Of the pendulum on a spring they are written by hand. Solutions that take longer than a minute
+are left out, and the setting is then not checked.
+
+    PYTHONPATH=.:tests python tests/benchmarks/stability_advice.py [part of a scene's name ...]
+"""
+
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import ode
+
+import symmb as mb
+from models import car_axis, heavy_top, stick_slip
+from symmb.simulation import DAESimulator
+from symmb.study.stability import TIMES, Stability
+from symmb.study.stress import lighter, stresses
+from symmb.study.trials import Trial
+
+GRAVITY, ANGLE = 9.81, 1.0
+"""Of the pendulum on a spring, and its angle from the downward vertical at the start [rad]."""
+LIMITS = {"To 0.001": 1e-3, "Largest": 0.1, "  ": 1e-3}
+"""The errors that the lines of the advice promise, by how they begin."""
+ENERGY, PATIENCE = 1e-3, 60.0
+
+
+def main(parts: list[str]) -> None:
+    for name, make, by_hand in scenes():
+        if not parts or any(part in name for part in parts):
+            begin = time.monotonic()
+            found = mb.stability(make())
+            print(f"\n{name} ({time.monotonic() - begin:.0f} s)\n{found.advice}")
+            for line in verdicts(found, make().with_times(found.times), by_hand):
+                print(f"    {line}", flush=True)
+
+
+def scenes() -> Iterator[tuple[str, Callable[[], mb.Scene], Callable[[str], Callable] | None]]:
+    for k in (1e2, 1e4, 1e6, 1e8, 1e10):
+        for place, stretch in (("on", GRAVITY * np.cos(ANGLE) / k), ("off", 0.0)):
+            yield (
+                f"spring pendulum, k = {k:.0e}, {place} the slow manifold",
+                lambda k=k, stretch=stretch: spring_pendulum(k, stretch),
+                lambda stress, k=k: spring_pendulum_by_hand(k, stress),
+            )
+    yield "bricard", bricard, None
+    yield "heavy top", heavy_top.scene, None
+    yield "car axis", car_axis.scene, None
+    yield "stick-slip", stick_slip.scene, None
+    yield "mass ratio 1e6", lambda: lighter(double_pendulum(), 1e6), None
+
+
+def spring_pendulum(k: float, stretch: float) -> mb.Scene:
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), ball.point(0, 0), k, 1.0)
+    system = mb.System(ball, spring, mb.Motion("plane", ball.z, 0), mb.Gravity(0, -GRAVITY))
+    x, y = (1 + stretch) * np.sin(ANGLE), -(1 + stretch) * np.cos(ANGLE)
+    outputs = {"x": ball.x, "y": ball.y, "vx": ball.vx, "vy": ball.vy}
+    return mb.Scene(system, {"ball.x": x, "ball.y": y}, np.linspace(0, 10, 101), outputs)
+
+
+def spring_pendulum_by_hand(k: float, stress: str) -> Callable:
+    kind, _, factor = stress.rpartition(" x ")
+    k = k * float(factor) if kind == "stiffness" else k
+    g = GRAVITY / float(factor) ** 2 if kind == "time scale" else GRAVITY
+
+    def rate(_, z):
+        x, y, vx, vy = z
+        pull = k * (1.0 / (x * x + y * y) ** 0.5 - 1.0)
+        return vx, vy, pull * x, pull * y - g
+
+    return rate
+
+
+def bricard() -> mb.Scene:
+    """Six hinges on edges of a cube, five of its six bars of 1 m move; one row of its loop is redundant everywhere."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float)
+    along = np.roll(points, -1, axis=0) - points
+    ground, bars = mb.Ground(), []
+    for i in range(5):
+        inertia = tuple(1 / 12 * (1 - along[i] ** 2) + 1e-4)
+        bars.append(mb.Body(f"bar{i}", 1.0, inertia, mb.Spatial()))
+    centres = points + along / 2
+    chain = [(ground, np.zeros(3)), *zip(bars, centres, strict=False), (ground, np.zeros(3))]
+    joints = []
+    for i in range(6):
+        (a, at_a), (b, at_b), axis = *chain[i : i + 2], tuple(np.cross(along[i - 1], along[i]))
+        joints.append(mb.Revolute(f"hinge{i}", a.point(*(points[i] - at_a)), b.point(*(points[i] - at_b)), axis=axis))
+    system = mb.System(*bars, *joints, mb.Gravity(0, -GRAVITY))
+    guess = {f"bar{i}.{c}": v for i in range(5) for c, v in zip("xyz", centres[i], strict=True)}
+    start = {f"bar0.{c}": guess.pop(f"bar0.{c}") for c in "xyz"}
+    outputs = {c: getattr(bars[2], c) for c in "xyz"}
+    return mb.Scene(system, start, np.linspace(0, 10, 101), outputs, guess=guess, name="bricard")
+
+
+def double_pendulum() -> mb.Scene:
+    upper, lower = (mb.Body(name, 1.0, 1 / 12) for name in ("upper", "lower"))
+    system = mb.System(
+        upper,
+        lower,
+        mb.Revolute("shoulder", mb.Ground().point(0, 0), upper.point(0, 0.5)),
+        mb.Revolute("elbow", upper.point(0, -0.5), lower.point(0, 0.5)),
+        mb.Gravity(0, -GRAVITY),
+    )
+    outputs = {"upper": upper.theta, "lower": lower.theta}
+    return mb.Scene(system, {"upper.theta": 0.9, "lower.theta": -0.4}, np.linspace(0, 5, 101), outputs)
+
+
+def verdicts(found: Stability, scene: mb.Scene, by_hand: Callable[[str], Callable] | None) -> Iterator[str]:
+    """A line for each setting that the advice names."""
+    made = {"": lambda: scene, **dict(stresses(scene))}
+    solutions: dict[str, np.ndarray | None] = {}
+    for trial, limit in named(found):
+        name = trial.scene
+        if name not in solutions:
+            solutions[name] = solution(made[name](), by_hand(name) if by_hand else None)
+        exact = solutions[name]
+        error = np.nan if exact is None else distance(trial.values, exact)
+        fooled = error > limit or trial.energy > ENERGY
+        verdict = "FOOLED" if fooled else "not checked" if exact is None else "right"
+        yield f"{verdict:11}  {name or 'as it is':18} {trial.solver:32} error {error:.1e}, energy {trial.energy:.1e}"
+
+
+def named(found: Stability) -> Iterator[tuple[Trial, float]]:
+    """The settings that the advice names, with the error that it promises."""
+    for line in found.advice.splitlines():
+        limit = next((limit for begin, limit in LIMITS.items() if line.startswith(begin)), None)
+        if limit is None or "none is known" in line:
+            continue
+        stress = re.split(r"  +", line.strip())[0] if line.startswith("  ") else ""
+        for trial in found.stress if stress else found.trials:
+            text = f"{trial.family} {trial.setting:.2g} s" if line.startswith("Largest") else f"{trial.solver} ("
+            if trial.scene == stress and text in line:
+                yield trial, limit
+
+
+def distance(values: np.ndarray, exact: np.ndarray) -> float:
+    """Largest over outputs of the root mean square error over the deviation; of constants, over their size."""
+    size, deviation = np.abs(exact).max(axis=0), exact.std(axis=0)
+    scale = np.where(deviation > 1e-12 * size, deviation, size)
+    counted = size > 1e-12 * size.max()
+    return float((np.sqrt(np.mean((values - exact) ** 2, axis=0)) / scale)[counted].max())
+
+
+def solution(scene: mb.Scene, by_hand: Callable | None) -> np.ndarray | None:
+    """Outputs at the times (n_t, n_y), None if it takes too long."""
+    simulator = DAESimulator(scene, mb.CVODES())
+    system, times, p = scene.system, np.linspace(scene.times[0], scene.times[-1], TIMES), simulator.dae.p_nominal
+    x0 = simulator.start.states(p[None])[0][0]
+    if by_hand:
+        return integrated(by_hand, first_outputs(scene, x0), times)
+    symbols = [system.q, system.v, system.s, system.p, mb.t]
+    parts = ca.Function("parts", symbols, [system.qdot, system.s_rate, system.M, system.Q, system.G, system.gamma])
+    outputs = ca.Function("outputs", [*symbols, system.lam, system.vdot], [scene.y])
+    n_q, n_v = system.q.numel(), system.v.numel()
+
+    def solved(t, x):
+        state = x[:n_q], x[n_q : n_q + n_v], x[n_q + n_v :]
+        q_rate, s_rate, M, Q, G, gamma = (part.full() for part in parts.call([*state, p, t]))
+        zero = np.zeros((len(gamma), len(gamma)))
+        both = np.linalg.lstsq(np.block([[M, G.T], [G, zero]]), np.concatenate([Q, gamma])[:, 0], rcond=1e-11)[0]
+        return state, np.concatenate([q_rate[:, 0], both[:n_v], s_rate[:, 0]]), both
+
+    states = integrated(lambda t, x: solved(t, x)[1], x0, times)
+    if states is None:
+        return None
+    rows = []
+    for t, x in zip(times, states, strict=True):
+        state, _, both = solved(t, x)
+        rows.append(outputs(*state, p, t, both[n_v:], both[:n_v]).full()[:, 0])
+    return np.array(rows)
+
+
+def first_outputs(scene: mb.Scene, x0: np.ndarray) -> np.ndarray:
+    """The outputs of the pendulum on a spring, which are its states, at the start."""
+    f = ca.Function("outputs", [scene.system.q, scene.system.v], [scene.y])
+    n_q = scene.system.q.numel()
+    return f(x0[:n_q], x0[n_q:]).full()[:, 0]
+
+
+def integrated(rate: Callable, x0, times: np.ndarray) -> np.ndarray | None:
+    end = time.monotonic() + PATIENCE
+
+    class Late(Exception):
+        pass
+
+    def timed(t, x, calls=[0]):  # noqa: B006
+        calls[0] += 1
+        if not calls[0] % 1000 and time.monotonic() > end:
+            raise Late
+        return rate(t, x)
+
+    solver = ode(timed).set_integrator("dop853", rtol=1e-12, atol=1e-14, nsteps=10**9)
+    solver.set_initial_value(x0, times[0])
+    states = [np.array(x0)]
+    try:
+        for t in times[1:]:
+            states.append(solver.integrate(t))
+    except Late:
+        return None
+    return np.array(states) if solver.successful() else None
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
