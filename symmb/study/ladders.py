@@ -56,8 +56,8 @@ def under_stress(step: float) -> dict[str, Ladder]:
 
 
 def finer_numbers(most: float, radians: float) -> list[int]:
-    """Numbers of fixed steps, above the given one, that follow the fastest motion over so many radians."""
-    return [round(n * radians) for n in _STEPS_PER_RADIAN if most < n * radians <= _MOST]
+    """Numbers of fixed steps, clearly above the given one, that follow the fastest motion over so many radians."""
+    return [round(n * radians) for n in _STEPS_PER_RADIAN if 1.5 * most < n * radians <= _MOST]
 
 
 def finer_steps(scene: Scene, longest: float) -> Ladder:
