@@ -218,3 +218,16 @@ def test_variants_leave_the_scene_itself_whole():
     for _ in range(2):
         lighter(scene, 100.0)
     np.testing.assert_array_equal(mb.simulate(scene.with_times(scene.times)).values, before)
+
+
+def test_a_study_without_a_reference_is_told_saved_and_drawn(tmp_path):
+    apart = [trial("CVODES(rtol=1e-06)", np.cos(T), 1e-6, "CVODES"), trial("CVODES", np.sin(T), 1e-8)]
+    found = mb.Stability("lost", T, tuple(apart), (), {}, float("nan"), {}, told(apart))
+    text = str(found)
+    assert "lost: 2 runs from 0 to 2 s, errors are not known" in text and "for want of a reference" in text
+    assert [line.split()[2] for line in text.splitlines()[2:4]] == ["–", "–"]
+    for name in ("lost.json", "lost.npz"):
+        found.save(tmp_path / name)
+        assert str(mb.Stability.load(tmp_path / name)) == text
+    found.plot(tmp_path / "lost.png")
+    assert (tmp_path / "lost.png").stat().st_size > 10_000
