@@ -28,6 +28,7 @@ def references() -> dict[str, Ladder]:
     """Two tolerances of very different solvers, by family."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-9, 1e-12)],
+        "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-6, 1e-8)],
         "CVODES, stiff": [(r, CVODES(rtol=r, stiff=True)) for r in (1e-9, 1e-11)],
     }
 
