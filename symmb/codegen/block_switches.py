@@ -28,13 +28,20 @@ class BlockSwitches:
     """
 
     def __init__(
-        self, prepare: Program, switches: Program | None, ends: StepEnds | None, times: Array, p: Array, B: int
+        self,
+        prepare: Program,
+        switches: Program | None,
+        ends: StepEnds | None,
+        times: Array,
+        x: Array,
+        p: Array,
+        B: int,
     ) -> None:
         self._prepare, self._switches, self._p = prepare, switches, np.ascontiguousarray(p)
         self._hysteresis = np.array(ends.hysteresis if ends else (), dtype=float)[:, None]
         self._sides = np.ones((len(self._hysteresis), p.shape[1]))
         self._u = np.zeros((2 * len(self._sides), p.shape[1]))
-        stops = ends.stops(p.T) if ends and ends.stops else np.empty((p.shape[1], 0))
+        stops = ends.stops(x.T, p.T) if ends and ends.stops else np.empty((p.shape[1], 0))
         self._stops = np.sort(stops.reshape(B, -1), axis=1)
         self._horizon, self._least = float(times[-1]), 1e-3 * float(np.ptp(times))
         self.after, self.before = np.full(B, -np.inf), np.full(B, np.inf)

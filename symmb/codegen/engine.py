@@ -20,7 +20,8 @@ class Tolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
 
     The absolute tolerance of a state is `atol` times its `sizes` (n_x,), 1 if left out. With explicit steps it follows
-    the state: it is `growth` times the largest value so far, and at least the share `least` of that.
+    the state: it is `growth` times the largest value so far, or the one that a slope leads to in the time `ahead`, and at
+    least the share `least` of that.
     """
 
     rtol: float
@@ -29,6 +30,7 @@ class Tolerances:
     sizes: tuple[float, ...] = ()
     growth: float = 0.0
     least: float = 1.0
+    ahead: float = 0.0
 
     def absolute(self, n_x: int) -> Array:
         """Absolute tolerances (n_x,) by the sizes of the states."""
@@ -49,11 +51,15 @@ class StepEnds:
     Attributes
     ----------
     hysteresis : m numbers         by which each switch of the state must be passed, above its rounding
-    stops : p (N, n_p) -> (N, k)   switches of time of N samples in order, infinite behind the last one [s], or None
+    stops : x0, p -> (N, k)        where steps of N samples end in order, infinite behind the last one [s], or None
     """
 
     hysteresis: tuple[float, ...] = ()
-    stops: Callable[[Array], Array] | None = None
+    stops: Callable[[Array, Array], Array] | None = None
+
+
+MOST_PASSES = 1000
+"""Passes of switches of a sample that are noted: with more, other solvers end their steps at the first ones only."""
 
 
 class _Study(ctypes.Structure):
@@ -65,6 +71,7 @@ class _Study(ctypes.Structure):
         ("n_t", ctypes.c_long),
         ("rtol", ctypes.c_double),
         ("growth", ctypes.c_double),
+        ("ahead", ctypes.c_double),
         ("atol", ctypes.c_void_p),
         ("longest", ctypes.c_double),
         ("newton", ctypes.c_double),
@@ -73,6 +80,8 @@ class _Study(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "x_failed", "Y")),
         ("stops", ctypes.c_void_p),
         ("n_stops", ctypes.c_long),
+        ("passes", ctypes.c_void_p),
+        ("most_passes", ctypes.c_long),
         *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
     ]
 
@@ -81,12 +90,14 @@ class _Study(ctypes.Structure):
 class FailedSamples:
     """Failed samples: t_failed (N,) [s], nan for others, and the failure (N,), an index of `REASONS`.
 
-    The first columns of x_failed (N, ...) are the states where the last steps of failed samples began.
+    The first columns of x_failed (N, ...) are the states where the last steps of failed samples began. `passes` are the
+    first times (N, MOST_PASSES) at which samples pass switches of the state [s], nan behind the last one; None without.
     """
 
     t_failed: Array
     failure: NDArray[np.int8]
     x_failed: Array
+    passes: Array | None = None
 
     @property
     def reasons(self) -> list[str]:
@@ -128,10 +139,10 @@ class Engine:
         self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
         self.times, self.control = times, control
         self.newton, self._implicit = (scheme.newton, True) if scheme else (0.0, False)
-        self.counts = Counts(0, 0, 0)
+        self.counts, self.most_steps = Counts(0, 0, 0), MOST_STEPS
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
-        self._stops = ends.stops if ends else None
+        self._stops, self._switches = (ends.stops, len(ends.hysteresis) > 0) if ends else (None, False)
         self.source = source_of(f, fixed, scheme, ends.hysteresis if ends else ())
         self._open()
 
@@ -171,12 +182,13 @@ class Engine:
         if not self.starts and x0.shape[1] < self.n_x:  # the history follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)))
-        stops = None if self._stops is None else np.ascontiguousarray(self._stops(p))
+        passes = np.full((N, MOST_PASSES), np.nan) if Y is not None and self._switches else None
+        failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
+        stops = None if self._stops is None else np.ascontiguousarray(self._stops(x0, p))
         control = self.control
-        rtol, growth, atol = 0.0, 0.0, np.zeros(self.n_x)
+        rtol, growth, ahead, atol = 0.0, 0.0, 0.0, np.zeros(self.n_x)
         if isinstance(control, Tolerances):
-            rtol, growth = control.rtol, control.growth
+            rtol, growth, ahead = control.rtol, control.growth, control.ahead
             atol = control.absolute(self.n_x) * (1.0 if self._implicit else control.least)
         study = _Study(
             x0.ctypes.data,
@@ -186,10 +198,11 @@ class Engine:
             len(self._times),
             rtol,
             growth,
+            ahead,
             atol.ctypes.data,
             control.longest,
             self.newton,
-            MOST_STEPS,
+            self.most_steps,
             0,
             failed_samples.t_failed.ctypes.data,
             failed_samples.failure.ctypes.data,
@@ -197,6 +210,8 @@ class Engine:
             None if Y is None else Y.ctypes.data,
             None if stops is None else stops.ctypes.data,
             0 if stops is None else stops.shape[1],
+            None if passes is None else passes.ctypes.data,
+            MOST_PASSES,
             0,
             0,
             0,

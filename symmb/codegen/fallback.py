@@ -8,10 +8,19 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.arrays import programs
 from symmb.codegen.block_switches import BEYOND, LATE, WIDTH, BlockSwitches
-from symmb.codegen.engine import Counts, FailedSamples, StepEnds, Tolerances
+from symmb.codegen.engine import MOST_PASSES, Counts, FailedSamples, StepEnds, Tolerances
 from symmb.codegen.graph import graph_of
 from symmb.codegen.model_source import FailureCode
-from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolated, stages
+from symmb.schemes import (
+    MOST_STEPS,
+    StepControl,
+    error_estimates,
+    error_norm,
+    first_step,
+    interpolant,
+    interpolated,
+    stages,
+)
 
 _TOGETHER = 128
 """Blocks that advance together: enough for long arrays, few enough for the processor's cache."""
@@ -30,6 +39,7 @@ class ArrayEngine:
     def __init__(self, f: ca.Function, times: Array, control: Tolerances, ends: StepEnds | None = None) -> None:
         self.n_y = f.numel_out("outputs")
         self.times, self.control, self.ends = times, control, ends
+        self.most_steps = MOST_STEPS
         self.prepare, functions = programs(graph_of(f))
         by_name = dict(zip(f.name_out(), functions, strict=True))
         self.rates, self.outputs = by_name["rates"], by_name["outputs"]
@@ -66,7 +76,10 @@ class ArrayEngine:
     def _run(self, x0: Array, p: Array, keep: Callable[[Array, Indices, Mask], None]) -> FailedSamples:
         """Run blocks, fixed by sample index. `keep` gets values (n_t, n_y, m), the m samples, and their success."""
         N = len(x0)
-        failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.full(x0.shape, np.nan))
+        passes = np.full((N, MOST_PASSES), np.nan) if self.switches is not None else None
+        failed_samples = FailedSamples(
+            np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.full(x0.shape, np.nan), passes
+        )
         failed_samples.t_failed[~np.isfinite(x0).all(axis=1)] = self.times[0]
         blocks = [np.arange(start, min(start + WIDTH, N)) for start in range(0, N, WIDTH)]
         with np.errstate(all="ignore"):
@@ -104,6 +117,9 @@ class ArrayEngine:
         failed_samples.t_failed[lanes[irregular]] = self.times[np.argmin(finite[:, irregular], axis=0)]
         failed_samples.t_failed[lanes[lost]] = np.broadcast_to(at[:, None], lost.shape)[lost]
         failed_samples.x_failed[lanes[lost]] = x.T[lost.ravel()]
+        if failed_samples.passes is not None:
+            for sample, when in zip(lanes.ravel().tolist(), run.passes, strict=True):
+                failed_samples.passes[sample] = [*when[:MOST_PASSES], *[np.nan] * (MOST_PASSES - len(when))]
         failed = lost | irregular
         again = failed.any(axis=1)
         final = (failed | ~again[:, None]) & (np.arange(WIDTH) < np.array([[b.size] for b in alive]))
@@ -121,6 +137,7 @@ class _BlockRuns:
     t_stopped : (B,)                     when blocks with lost lanes stopped, nan for others [s]
     x_stopped : (n_x, 8 B)               where they did
     code : (B,)                          FailureCode of these
+    passes : 8 B lists                   times at which lanes pass switches of the state [s]
     """
 
     def __init__(self, engine: ArrayEngine, x: Array, p: Array) -> None:
@@ -131,17 +148,19 @@ class _BlockRuns:
         self.code = np.full(B, FailureCode.STEPS, dtype=np.int8)
         self.x_stopped = np.full(x.shape, np.nan)
         t = np.full(B, times[0])
-        self._switches = BlockSwitches(engine.prepare, engine.switches, engine.ends, times, p, B)
+        self._switches = BlockSwitches(engine.prepare, engine.switches, engine.ends, times, x, p, B)
         self._switches.find_stops(t, np.arange(B))
         self._c = engine.prepare(x, self._switches.parameters, _by_lane(t))
         self._x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, self._c, _by_lane(t))
         atol = engine.control.least * engine.control.absolute(len(x))
         self._atol = self._grown(np.repeat(atol[:, None], x.shape[1], axis=1), self._x)
+        self.passes: list[list[float]] = [[] for _ in range(x.shape[1])]
         self._next = np.ones(B, dtype=int)  # output time to come
         engine.outputs(self._x, self._c, _by_lane(t), self.Y[0])
         self._slope = np.empty_like(self._x)
         span = float(times[-1] - times[0])
         self._steps = StepControl(t, np.full(B, span), self._switches.end, span, engine.control.longest)
+        self._steps.most_steps = engine.most_steps
         self._restart(np.ones(B, dtype=bool), settle=np.ones(B, dtype=bool))
 
     def _grown(self, atol: Array, x: Array) -> Array:
@@ -163,7 +182,8 @@ class _BlockRuns:
         rates = self._rates(self._c[:, lanes], blocks)
         self._slope[:, lanes] = slope = rates(x, _by_lane(t))
         left = float(self._engine.times[-1]) - t
-        rtol = self._engine.control.rtol
+        rtol, ahead = self._engine.control.rtol, self._engine.control.ahead
+        self._atol[:, lanes] = self._grown(self._atol[:, lanes], ahead * slope)
         h = first_step(rates, x, slope, _by_lane(t), left, rtol, self._atol[:, lanes], WIDTH)
         steps.restart(t, h, blocks)
 
@@ -238,6 +258,9 @@ class _BlockRuns:
         """Change the sides of switches that lanes passed. Stops and returns the blocks with lanes that stick (b,)."""
         lanes, blocks = _lanes(accepted), self._steps.live[accepted]
         x, c = self._x[:, lanes], self._c[:, lanes]
+        columns = (WIDTH * blocks[:, None] + np.arange(WIDTH)).ravel()
+        for column, time in zip(columns[passed].tolist(), t[passed].tolist(), strict=True):
+            self.passes[column].append(time)
         self._c[:, lanes], stuck = self._switches.change_sides(x, c, t, h, lanes, passed, which)
         sticks: Mask = np.asarray(stuck.any(axis=1), dtype=bool)
         if sticks.any():

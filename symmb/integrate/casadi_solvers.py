@@ -41,7 +41,13 @@ class _Multistep(Solver):
         problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
         options, units = _measures(self.tolerances(dae, order))
         return multistep_integration(
-            problem.jets(order), dae, self.plugin, lambda length: options | self._method(length), times, units
+            problem.jets(order),
+            dae,
+            self.plugin,
+            lambda length: options | self._method(length),
+            times,
+            self.rtol,
+            units,
         )
 
 
@@ -120,7 +126,13 @@ class StabilizedIndex2(Solver):
         first = FIRST_STEP * self.rtol**0.5
         between = first * float(np.diff(times).min(initial=1.0))
         return multistep_integration(
-            problem, dae, "idas", lambda length: {**options, "step0": min(between, first * length)}, times, units
+            problem,
+            dae,
+            "idas",
+            lambda length: {**options, "step0": min(between, first * length)},
+            times,
+            self.rtol,
+            units,
         )
 
 

@@ -7,14 +7,12 @@ import casadi as ca
 
 from symmb._types import Array
 from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, has_compiler, model_function
-from symmb.events import time_switches
-from symmb.integrate.casadi_solvers import CVODES
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
-from symmb.integrate.integration import Integration
+from symmb.integrate.integration import Integration, stateless_integration
 from symmb.integrate.problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.stabilization import Projection, Stabilization
-from symmb.integrate.step_ends import switched
+from symmb.integrate.step_ends import stops_in_time, switched
 from symmb.model import DAE
 from symmb.start import Start
 
@@ -32,7 +30,7 @@ class _Explicit(CompiledSolver):
         ).jets(order)
         outputs, compiled = y(problem.x, problem.p, problem.t), has_compiler()
         frozen = switched(problem, dae, times) if self.controls_step and not order else None
-        ends = frozen.ends if frozen else StepEnds(stops=time_switches(dae, times)) if self.controls_step else None
+        ends = frozen.ends if frozen else StepEnds(stops=stops_in_time(dae, times)) if self.controls_step else None
         problem = frozen.problem if frozen else problem
         control = self.limited_control(dae, times, order, problem.quad.numel())
         n_x = problem.x.numel()
@@ -88,7 +86,7 @@ class DormandPrince(_Explicit):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if not dae.n_q + dae.n_v + dae.n_s:
-            return CVODES().integration(dae, times, order=order, work=work)
+            return stateless_integration(dae, times, order)
         return CompiledIntegration(self, dae, times, order, work)
 
 

@@ -9,13 +9,13 @@ import casadi as ca
 from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.codegen import Engine, FixedStep, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
-from symmb.events import time_switches
 from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.integration import Integration
 from symmb.integrate.problem import build_problem
 from symmb.integrate.rosenbrock_step import rosenbrock
 from symmb.integrate.stabilization import AugmentedLagrangian, Stabilization
+from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
 from symmb.schemes import Step, generalized_alpha, nstiff_si2
 from symmb.start import Start
@@ -60,8 +60,11 @@ class _SchemeSolver(CompiledSolver):
             projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
             start=start.equations(state, step.p) if start is not None and start.compiles else None,
         )
-        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
-        stops = time_switches(dae, times) if isinstance(control, Tolerances) else None
+        quads = slice(n_x, n_x + step.n_quad)
+        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance, quads)
+        stops = None
+        if isinstance(control, Tolerances):
+            stops = SwitchPasses(dae, times, control.rtol, start if start is not None and start.compiles else None)
         return Engine(f, times, control, scheme, StepEnds(stops=stops))
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:

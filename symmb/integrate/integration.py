@@ -13,6 +13,7 @@ from symmb._interrupts import Interrupts
 from symmb._types import Array, Mask
 from symmb.events import Event
 from symmb.integrate.marching import Marching
+from symmb.model import DAE
 from symmb.symbolic import batch
 
 _COUNTED = {
@@ -47,7 +48,7 @@ class Integration:
     guess : Function                     (x, p, t) -> z0
     project : Function, optional         (x, p, t) -> x on the constraints
     marching : Marching, optional        the single steps of a scheme with a fixed step
-    stops : p (N, n_p) -> (N, k)         switches of time, where steps end [s]; optional
+    stops : x0, p -> (N, k)              switches of N samples, where steps end [s]; optional
     units : (n_x,) array, optional       the Functions take and give states over these units
     """
 
@@ -61,7 +62,7 @@ class Integration:
         guess: ca.Function,
         project: ca.Function | None = None,
         marching: Marching | None = None,
-        stops: Callable[[Array], Array] | None = None,
+        stops: Callable[[Array, Array], Array] | None = None,
         units: Array | None = None,
     ) -> None:
         self.times = times
@@ -91,7 +92,9 @@ class Integration:
         if not started.all():
             parts = iter(self._run(x0[started], p[started], threads, interrupts))
             return [next(parts) if ok else self._unstarted() for ok in started]
-        stops = self._stops(p) if self._stops is not None else np.empty((len(p), 0))
+        stops = np.empty((len(p), 0))
+        if self._stops is not None:
+            stops = self._stops(x0 if self._units is None else x0 * self._units, p)
         if self._whole is None or not len(x0) or stops.size:
             return [self._walk(*sample, interrupts) for sample in zip(x0, p, stops, strict=True)]
         try:
@@ -165,6 +168,13 @@ class Integration:
         """Counts of the integrator in its last call over the whole time grid; empty without counts."""
         counted = self._whole.buffer()[0].stats() if self._whole is not None and self._counted else {}
         return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
+
+
+def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration:
+    """Runs of a scene without states, or of its Taylor coefficients up to an order."""
+    n_p = len(dae.p_names) * (2 if order else 1)
+    guess = ca.Function("guess", [ca.SX(0, 1), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
+    return Integration(times, 0, 0, None, None, guess)
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:

@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.events import longest_step, time_switches
+from symmb.events import longest_step
 from symmb.integrate.integration import Integration
 from symmb.integrate.problem import Problem
+from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
@@ -26,12 +27,13 @@ def multistep_integration(
     plugin: str,
     options: Callable[[float], dict[str, Any]],
     times: Array,
+    rtol: float,
     units: Array | None = None,
 ) -> Integration:
     """A problem compiled for CasADi's interface to SUNDIALS; options for an integration over a time of given length.
 
-    Steps end at the switches of time, and are so short that none passes over another pulse of a law of time. Errors of
-    the states (n_x,) are measured by their units.
+    Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of the states
+    (n_x,) are measured by their units.
     """
     problem = problem if units is None else problem.in_units(units)
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
@@ -65,7 +67,7 @@ def multistep_integration(
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = rescaled(begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         between = ca.integrator("between", plugin, part, 0, 1, limited(1.0, float(np.diff(times).max())))
-    n_x, n_quad, stops = problem.x.numel(), problem.quad.numel(), time_switches(dae, times)
+    n_x, n_quad, stops = problem.x.numel(), problem.quad.numel(), SwitchPasses(dae, times, rtol)
     return Integration(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units)
 
 

@@ -18,6 +18,9 @@ from symmb.model import DAE
 LEAST_SIZE, NOISE = 1e-3, 1e-12
 """Least size of a state, over that of its part of the scene, to which absolute tolerances follow it, and the same over
 rtol: forces in balance leave rounding in states that do not move."""
+AHEAD = 0.1
+"""Time over which slopes at the start tell the sizes to come, over that of the fastest part: without, runs from rest take
+seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
 
 
 class Solver(ABC):
@@ -85,7 +88,8 @@ class Solver(ABC):
             return Tolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
         least = min(1.0, max(LEAST_SIZE, NOISE / rtol))
-        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least)
+        ahead = AHEAD / dae.scales.rate
+        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
 
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
         """The same solver with errors about `factor` times smaller.

@@ -10,10 +10,10 @@ from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices
 from symmb.codegen import REASONS, FailureCode
-from symmb.events import longest_step, time_switches
-from symmb.integrate.casadi_solvers import CVODES
-from symmb.integrate.integration import Integration, Run, pieces_between
+from symmb.events import longest_step
+from symmb.integrate.integration import Integration, Run, pieces_between, stateless_integration
 from symmb.integrate.solver import Solver
+from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolated, stages
 from symmb.start import independent_rows_and_columns
@@ -45,7 +45,7 @@ class StateSpace(Solver):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if not dae.n_v:
-            return CVODES().integration(dae, times, work=work)
+            return stateless_integration(dae, times)
         with_work = work and dae.power is not None
         atol = self.tolerances(dae, n_quad=int(with_work)).absolute(dae.n_q + dae.n_v + dae.n_s + int(with_work))
         return _Partitioned(dae, times, self.rtol, atol[:, None], longest_step(dae, times), with_work)
@@ -60,7 +60,7 @@ class _Partitioned(Integration):
     def __init__(self, dae: DAE, times: Array, rtol: float, atol: Array, longest: float, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
         self._dae, self._rtol, self._atol, self._longest = dae, rtol, atol, longest
-        self._switches = time_switches(dae, times)
+        self._stops = SwitchPasses(dae, times, rtol)
         self._counts = {"steps": 0, "choices of coordinates": 0}
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -80,8 +80,7 @@ class _Partitioned(Integration):
         Y = np.full((len(times), n_x + self.n_quad), np.nan)
         Y[0] = y = np.concatenate([x0, np.zeros(self.n_quad)])
         t, stored, message = float(times[0]), 1, ""
-        stops = np.empty(0) if self._switches is None else self._switches(p[None])[0]
-        pieces = [*pieces_between(t, float(times[-1]), stops)]
+        pieces = [*pieces_between(t, float(times[-1]), self._stops(x0[None], p[None])[0])]
         with np.errstate(all="ignore"):
             while stored < len(times) and not message:
                 begin, end = pieces[0]

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.codegen import StepEnds
-from symmb.events import time_switches
+from symmb.events import TimeSwitches, time_switches
 from symmb.integrate.problem import Problem
 from symmb.model import DAE
 from symmb.symbolic import On, branches, has_kinks
@@ -38,7 +38,7 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))], {"cse": True})
     if not has_kinks(f):
         return None
-    stops = time_switches(dae, times)
+    stops = stops_in_time(dae, times)
     branch = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
     if not branch.sides.numel():
         return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
@@ -48,6 +48,22 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
     on_branches = replace(problem, p=ca.vertcat(p, branch.sides), ode=ode, quad=rates[x.numel() :])
     ends = StepEnds(_hysteresis(dae, branch.switches, x, p, t, branch.sides), stops)
     return SwitchedProblem(on_branches, ca.vertcat(branch.switches, slopes), ends)
+
+
+@dataclass(frozen=True)
+class StopsInTime:
+    """Switches of time alone, of samples x0, p."""
+
+    switches: TimeSwitches
+
+    def __call__(self, x0: Array, p: Array) -> Array:
+        return self.switches(p)
+
+
+def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
+    """The switches of time of a DAE; None if it has none."""
+    switches = time_switches(dae, times)
+    return None if switches is None else StopsInTime(switches)
 
 
 def _hysteresis(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:

@@ -14,43 +14,10 @@ from symmb.mechanics import Spatial
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Contacts, Impacts
 from symmb.model.redundancy import redundancy_equations
+from symmb.model.scales import Scales
 from symmb.model.system import System
 from symmb.model.validation import require_inertia
 from symmb.symbolic import t
-
-_SHARE_OF_ENERGY = 1e-2
-"""Share of the energy of a motion to which its work is integrated: works that cancel leave rounding of this energy."""
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Typical sizes of lengths, energies and rows of constraints. They make solvers independent of units.
-
-    Attributes
-    ----------
-    length : float          [m]
-    energy : float          of the unit of velocity: largest inertia times squared displacement [kg m^2]
-    rows : (n_r,) array     rates of the rows at displacements of `of_length`, all 1 if not known
-    states : (n_x,) array   of each state: parts of a scene that do not act on each other have their own; `size` if
-                            not known
-    rate : float            of the fastest part [1/s]
-    """
-
-    length: float = 1.0
-    energy: float = 1.0
-    rows: Array | None = None
-    states: Array | None = None
-    rate: float = 1.0
-
-    @property
-    def work(self) -> float:
-        """Factor of the absolute tolerance of work."""
-        return max(self.size, _SHARE_OF_ENERGY * self.energy * self.rate**2)
-
-    @property
-    def size(self) -> float:
-        """Factor of absolute tolerances: the length, but at most 1."""
-        return min(1.0, self.length)
 
 
 def is_linear(name: str) -> bool:
@@ -121,7 +88,7 @@ class DAE:
     positive: ca.Function
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None
-    scales: Scales = field(default_factory=lambda: Scales())
+    scales: Scales = field(default_factory=Scales)
 
     @property
     def n_q(self) -> int:

@@ -117,6 +117,7 @@ class StepControl:
     ----------
     live : (g,) indices      those that go on
     shortest : float         steps are not shorter [s]
+    most_steps : int         an integration fails with more
     """
 
     def __init__(self, t: Array, h: Array, end: Array | float, horizon: float, longest: float = 0.0) -> None:
@@ -125,7 +126,7 @@ class StepControl:
             end if isinstance(end, np.ndarray) else np.full(t.shape, end)
         )  # the caller may move the ends in arrays
         self.live: Indices = np.arange(len(t))
-        self.steps = np.zeros(len(t), dtype=int)
+        self.steps, self.most_steps = np.zeros(len(t), dtype=int), MOST_STEPS
         self._longest, self.shortest = longest or np.inf, STEP_CONTROL.SHORTEST * horizon
         self._before = np.full(len(t), STEP_CONTROL.ERROR_LEAST)
 
@@ -144,7 +145,7 @@ class StepControl:
         """Which steps of `live` (g,) are accepted, cannot be shorter, and are one too many. Sets the next sizes."""
         s, live = STEP_CONTROL, self.live
         self.steps[live] += 1
-        exhausted = self.steps[live] >= MOST_STEPS
+        exhausted = self.steps[live] >= self.most_steps
         accepted = (error <= 1.0) & ~exhausted
         stuck = ~accepted & (h <= self.shortest * 1.0000001)
         grown = s.SAFETY * error ** (-s.EXPONENT + 0.2 * s.MEMORY) * self._before[live] ** s.MEMORY

@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
 from symmb._options import require_instance
-from symmb._types import Array, Executor, Mask
+from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
 from symmb.integrate import (
@@ -26,10 +26,10 @@ from symmb.integrate import (
 )
 from symmb.model import DAE, Scene, compile_dae, unit_of
 from symmb.simulation.certainty import error_doubts
-from symmb.simulation.ensembles import IRREGULAR_OUTPUT, CompiledEnsemble, ensemble_of_runs, failure_texts
+from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
-from symmb.simulation.simulator import BLOCK, Ensemble, Progress, Reduction, Samples, stream
+from symmb.simulation.simulator import BLOCK, Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies
 from symmb.start import Start, prepare_start
 from symmb.symbolic import batch
@@ -245,7 +245,7 @@ class DAESimulator:
             if lanes is not None:
                 return CompiledEnsemble(self.dae, self.start, lanes, P, float(self.times[0]), self.threads)
             if self._stateless:
-                return self._expressions(P)
+                return ensemble_of_expressions(self.dae, self.y, P, self.times, self.threads)
             x0, reasons = self.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
@@ -265,18 +265,6 @@ class DAESimulator:
     @property
     def _stateless(self) -> bool:
         return self.y.numel_in(0) == 0
-
-    def _expressions(self, P: Array) -> Ensemble:
-        """The outputs of a scene without states, all samples in one call."""
-        N, n_t = len(P), len(self.times)
-        arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(self.times, N)[:, None])
-        Y = batch(self.y, *arguments, threads=self.threads)[0].reshape(N, n_t, -1)
-        finite = np.asarray(np.isfinite(Y).all(axis=2), dtype=bool)
-        ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
-        t_failed = np.where(ok, np.nan, self.times[finite.argmin(axis=1)])
-        no_states = np.zeros((0, 0)), self.times[:0]
-        texts = failure_texts(self.dae, P, t_failed, [IRREGULAR_OUTPUT] * N, lambda k: no_states)
-        return Ensemble(Y, ok, t_failed, texts)
 
     def _evaluate(self, f: ca.Function, runs: list[Run], P: Array) -> Array:
         """A Function of (x, p, t) along N runs, (N, n_t, n)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
+import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
@@ -15,6 +16,7 @@ from symmb.model import DAE
 from symmb.simulation.lock import LOCK
 from symmb.simulation.simulator import Ensemble
 from symmb.start import Start, singularity
+from symmb.symbolic import batch
 
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
@@ -35,6 +37,18 @@ def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array
         events = np.array([np.searchsorted(when, times, "right") for when in event_times], dtype=np.intp)
     texts = failure_texts(dae, P, t_failed, reasons, lambda k: (runs[k].X, times))
     return Ensemble(Y, ok, t_failed, texts, events)
+
+
+def ensemble_of_expressions(dae: DAE, y: ca.Function, P: Array, times: Array, threads: int) -> Ensemble:
+    """The outputs y of a scene without states, for N samples P (N, d), all in one call."""
+    N, n_t = len(P), len(times)
+    arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
+    Y = batch(y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
+    finite = np.asarray(np.isfinite(Y).all(axis=2), dtype=bool)
+    ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
+    t_failed = np.where(ok, np.nan, times[finite.argmin(axis=1)])
+    no_states = np.zeros((0, 0)), times[:0]
+    return Ensemble(Y, ok, t_failed, failure_texts(dae, P, t_failed, [IRREGULAR_OUTPUT] * N, lambda k: no_states))
 
 
 def failure_texts(

@@ -24,7 +24,7 @@ int main(void) {{
   static char failure[{n}];
   static const double atol[] = {{ {atol} }};
   for (int i = 0; i < {n}; ++i) t_failed[i] = NAN;
-  Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, atol, {longest}, {newton}, 100000, 0,
+  Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, {ahead}, atol, {longest}, {newton}, 100000, 0,
              t_failed, failure, x_failed, Y, 0, 0, 0}};
   if (!work(&s, NULL, NULL)) return 1;
   for (int i = 0; i < {n} * {n_t} * N_Y; ++i) printf("%.17g ", Y[i]);
@@ -64,6 +64,7 @@ def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
         "n_t": len(simulator.times),
         "rtol": getattr(engine.control, "rtol", 0.0),
         "growth": getattr(engine.control, "growth", 0.0),
+        "ahead": getattr(engine.control, "ahead", 0.0),
         "atol": ", ".join(map(repr, atol.tolist())),
         "longest": engine.control.longest,
         "newton": engine.newton,

@@ -17,6 +17,7 @@ typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
   double rtol, growth; /* of steps with control; absolute tolerance over the largest value of a state */
+  double ahead;        /* time over which slopes tell the sizes to come */
   const double *atol;  /* (N_X,) absolute tolerances, or the least ones if they grow */
   double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
@@ -28,6 +29,8 @@ typedef struct {
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
   const double *stops; /* (n, n_stops) switches of time in order, infinite behind the last one, or NULL */
   long n_stops;
+  double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN behind the last, or NULL */
+  long most_passes;
   long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
 } Study;
 
@@ -72,6 +75,16 @@ PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why
   for (int j = 0; j < N_X; ++j) s->x_failed[i * N_X + j] = b->part[lane / W].x[place[j]][lane % W];
 }
 
+
+/* Notes that the sample of a lane passes a switch at time t. */
+PRIVATE void note_pass(const Block *b, const Study *s, long lane, double t) {
+  double *own = s->passes + b->sample[lane] * s->most_passes;
+  for (long j = 0; j < s->most_passes; ++j)
+    if (own[j] != own[j]) {
+      own[j] = t;
+      return;
+    }
+}
 
 /* The largest lane, or NaN if one is NaN. */
 PRIVATE double largest_lane(V a) {

@@ -128,7 +128,10 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
 /* The slope and the first step where the motion begins, and behind each switch. */
 PRIVATE void restart(Block *b, const Study *s) {
   b->before = log(ERROR_LEAST);
-  EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
+  EACH_PART(b) {
+    rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
+    for (int i = 0; i < N_X; ++i) a->atol[i] = v_larger(a->atol[i], s->growth * s->ahead * v_fabs(slope(a->x, a->k, i)));
+  }
   b->h = first_step(b, s);
 }
 

@@ -68,6 +68,8 @@ static int begin(Block *b, Study *s) {
     for (long i = b->number * WIDTH; i < b->number * WIDTH + WIDTH && i < s->n; ++i)
       if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
     if (!b->live) return 0;
+    for (long l = 0; l < b->live && s->passes; ++l)
+      for (long j = 0; j < s->most_passes; ++j) s->passes[b->sample[l] * s->most_passes + j] = NAN;
     memset(b->stop, 0, sizeof b->stop);
     b->stop_time = b->to = INFINITY;
     b->from = -INFINITY;

@@ -166,6 +166,8 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
       passed[k] = (M)(a->when <= z) & (M)(a->which == (double)k);
       sides(a)[k] = blend(passed[k], -sides(a)[k], sides(a)[k]);
     }
+    for (long l = 0; l < W && s->passes; ++l)
+      if (a->when[l] <= z && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
     prepare(a->p, a->c);
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u);
     for (int k = 0; k < N_S; ++k) {

@@ -1,0 +1,57 @@
+"""Where steps of solvers end that cannot find switches of the state: runs of DormandPrince tell them when."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.events import time_switches
+from symmb.integrate.compiled import AnyEngine
+from symmb.integrate.explicit import DormandPrince
+from symmb.model import DAE
+from symmb.start import Start
+from symmb.symbolic import has_kinks
+
+_LEAST_RTOL = 1e-12
+"""Least tolerance of these runs: below it, steps are rounding."""
+_MOST_STEPS = 20_000
+"""Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control."""
+
+
+class SwitchPasses:
+    """Switches of time, and passes of switches of the state by a run of DormandPrince. It can be pickled.
+
+    Parameters
+    ----------
+    dae : DAE
+    times : (n_t,) array     output times [s]
+    rtol : float             relative tolerance of the solver
+    start : Start, optional  the engine of the solver computes the start
+    """
+
+    def __init__(self, dae: DAE, times: Array, rtol: float, start: Start | None = None) -> None:
+        self._dae, self._times, self._rtol, self._start = dae, times, max(rtol, _LEAST_RTOL), start
+        self._of_time = time_switches(dae, times)
+        self._engine: AnyEngine | None = None
+        self._of_state = len(times) > 1 and has_kinks(dae.rhs)
+
+    def __call__(self, x0: Array, p: Array) -> Array:
+        """Stops (N, k) in order, infinite behind the last one [s], of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
+        dae, p = self._dae, p[:, : len(self._dae.p_names)]
+        stops = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p)
+        if not self._of_state:
+            return stops
+        passes = self._passes(x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
+        stops = np.sort(np.hstack([stops, np.where(np.isnan(passes), np.inf, passes)]), axis=1)
+        return stops[:, np.isfinite(stops).any(axis=0)]
+
+    def _passes(self, x0: Array, p: Array) -> Array:
+        """Passes (N, k) of switches of the state [s], nan behind the last one."""
+        if self._engine is None:
+            dae = self._dae
+            x, own, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", p.shape[1]), ca.SX.sym("t")
+            nothing = ca.Function("nothing", [x, own, t], [ca.SX(1, 1)])
+            solver, ends = DormandPrince(self._rtol), self._times[[0, -1]]
+            self._engine = solver.engine(dae, ends, nothing, start=self._start)
+            self._engine.most_steps = _MOST_STEPS
+        _, failed_samples = self._engine.values(x0, p)
+        return np.empty((len(p), 0)) if failed_samples.passes is None else failed_samples.passes

@@ -1,0 +1,56 @@
+"""Solvers that cannot find switches of the state end their steps where a run of DormandPrince passes them."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from test_step_ends import CONTROLLED, ULP, bouncing, oscillator, pushed
+
+import symmb as mb
+from symmb.integrate.switch_passes import SwitchPasses
+
+COARSE = mb.StabilizedIndex2 | mb.Rosenbrock | mb.NSTIFFSI2
+"""Solvers whose own errors over three turns are of this size."""
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("solver", CONTROLLED, ids=repr)
+def test_short_contacts_by_every_solver_that_controls_its_steps(solver, gap):
+    times = np.linspace(0, 20, 41)
+    run = mb.simulate(oscillator(1e6, gap, times), solver)
+    error = 1e-3 if isinstance(solver, COARSE) else 1e-6
+    assert_allclose(run["x"], bouncing(1e6, gap, times), rtol=0, atol=error)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-6])
+@pytest.mark.parametrize("solver", CONTROLLED, ids=repr)
+def test_zones_of_position_are_right_or_refused(solver, width):
+    """SUNDIALS gives up where a force jumps with the state, and trapezoids of power leave a doubt about the work."""
+    zone = pushed(lambda p, m: ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), 1 / p.width, 0), width=width)
+    try:
+        run = mb.simulate(zone, solver)
+    except (mb.SimulationError, mb.SymmbWarning):
+        assert isinstance(solver, mb.CVODES | mb.IDAS | mb.StateSpace | mb.NSTIFFSI2)
+    else:
+        error = 1e-4 if isinstance(solver, COARSE) else 1e-6
+        assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=error + 4 * ULP / width)
+
+
+def test_every_sample_has_its_own_passes():
+    times, gaps = np.linspace(0, 20, 41), np.geomspace(1e-2, 1e-5, 11)
+    simulator = mb.DAESimulator(oscillator(1e6, 1e-3, times), mb.Rosenbrock())
+    P = np.tile(simulator.dae.p_nominal, (11, 1))
+    P[:, list(simulator.parameters).index("wall")] = 1 - gaps
+    for y, gap in zip(simulator.run(P).Y, gaps, strict=True):
+        assert_allclose(y[:, 0], bouncing(1e6, gap, times), rtol=0, atol=1e-3)
+
+
+def test_passes_are_those_of_the_closed_form():
+    simulator = mb.DAESimulator(oscillator(1e6, 1e-2, np.linspace(0, 4, 5)))
+    x0, _ = simulator.start.states(simulator.dae.p_nominal[None])
+    passes = SwitchPasses(simulator.dae, simulator.times, 1e-10)(x0, simulator.dae.p_nominal[None])
+    touch = np.arcsin(0.99)
+    assert_allclose(passes[0, 0], touch, rtol=0, atol=1e-8)
+    middle, rate = 0.99 * 1e6 / (1e6 + 1), np.sqrt(1e6 + 1)
+    contact = 2 * np.arctan2(np.cos(touch) / rate, 0.99 - middle) / rate  # symmetric about its turning point
+    assert_allclose(passes[0, 1] - passes[0, 0], contact, rtol=0, atol=1e-8)
