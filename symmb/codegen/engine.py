@@ -20,8 +20,8 @@ class Tolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
 
     The absolute tolerance of a state is `atol` times its `sizes` (n_x,), 1 if left out. With explicit steps it follows
-    the state: it is `growth` times the largest value so far, or the one that a slope leads to in the time `ahead`, and at
-    least the share `least` of that.
+    the state: it is `growth` times the largest value so far, or the one that a slope leads to in the time `ahead`, and
+    at least the share `least` of that.
     """
 
     rtol: float

@@ -13,3 +13,4 @@ from symmb.integrate.registry import SOLVERS, WORDS, read_solver
 from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import AugmentedLagrangian
 from symmb.integrate.stiffness import STIFF, Stiffness, stiffness
+from symmb.integrate.switch_passes import SwitchPasses

@@ -19,8 +19,8 @@ LEAST_SIZE, NOISE = 1e-3, 1e-12
 """Least size of a state, over that of its part of the scene, to which absolute tolerances follow it, and the same over
 rtol: forces in balance leave rounding in states that do not move."""
 AHEAD = 0.1
-"""Time over which slopes at the start tell the sizes to come, over that of the fastest part: without, runs from rest take
-seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
+"""Time over which slopes at the start tell the sizes to come, over that of the fastest part. Without it, runs from rest
+take seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
 
 
 class Solver(ABC):
@@ -96,7 +96,7 @@ class Solver(ABC):
 
         Output times limit fixed steps. Given the times (n_t,) [s], the steps become shorter than those really taken.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)}  # pyright: ignore[reportArgumentType]
+        values = self._values
         changes: dict[str, Any] = {}
         if self.controls_step:
             changes = {name: values[name] / factor for name in ("rtol", "atol") if values.get(name)}
@@ -108,6 +108,17 @@ class Solver(ABC):
         elif values.get("step"):
             changes["step"] = _longest_taken(values["step"], times) / shorter
         return replace(self, **changes)  # pyright: ignore[reportArgumentType]
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}  # pyright: ignore[reportArgumentType]
+
+    def step_taken(self, times: Array) -> float:
+        """The longest step that is taken over output times (n_t,), if steps have a fixed length [s]; 0 otherwise."""
+        if self.controls_step or len(times) < 2:
+            return 0.0
+        values = self._values
+        return _longest_taken(values.get("step") or float(times[-1] - times[0]) / values["steps"], times)
 
     def __post_init__(self) -> None:
         faults = []

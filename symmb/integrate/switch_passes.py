@@ -44,6 +44,15 @@ class SwitchPasses:
         stops = np.sort(np.hstack([stops, np.where(np.isnan(passes), np.inf, passes)]), axis=1)
         return stops[:, np.isfinite(stops).any(axis=0)]
 
+    def closest(self, x0: Array, p: Array) -> tuple[float, float]:
+        """Time and distance [s] of the two stops of one sample, x0 (1, n_x) and p (1, n_p), that follow closest."""
+        stops = self(x0, p)[0]
+        stops = stops[np.isfinite(stops)]
+        if len(stops) < 2:
+            return np.nan, np.inf
+        k = int(np.diff(stops).argmin())
+        return float(stops[k]), float(np.diff(stops)[k])
+
     def _passes(self, x0: Array, p: Array) -> Array:
         """Passes (N, k) of switches of the state [s], nan behind the last one."""
         if self._engine is None:

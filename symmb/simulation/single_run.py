@@ -10,13 +10,14 @@ from symmb._names import did_you_mean
 from symmb._options import is_finite_number
 from symmb._types import Array, Expr
 from symmb.events import kinks
-from symmb.integrate import Solver
+from symmb.integrate import Solver, SwitchPasses
 from symmb.model import Scene
 from symmb.simulation.pilot_runs import PilotRuns
 from symmb.simulation.run_quality import unreached
 from symmb.simulation.solver_choice import choose, for_one_run
 from symmb.simulation.subject import require_scene, require_solver
 from symmb.simulation.trajectory import Trajectory
+from symmb.symbolic import has_kinks
 
 
 def simulate(
@@ -84,6 +85,7 @@ def simulate(
     count = switches.met(run.X, runs.p, runs.simulator.times) if switches else 0
     trajectory = replace(trajectory, reason=f"{reason}; {switches} met {count} times or more" if count else reason)
     _require_sound(runs, trajectory)
+    trajectory = replace(trajectory, run_doubts=_switch_doubts(runs, solver))
     trajectory = _checked(runs, solver, trajectory) if check else trajectory
     warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
     return trajectory
@@ -101,9 +103,24 @@ def _require_sound(runs: PilotRuns, trajectory: Trajectory) -> None:
         raise SimulationError(f"{about}: {fault}.")
 
 
+def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
+    """Whether steps of a fixed length pass over contacts, or over pulses of forces."""
+    simulator = runs.simulator
+    step = solver.step_taken(simulator.times)
+    if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
+        return ()
+    time, distance = SwitchPasses(simulator.dae, simulator.times, _RTOL).closest(runs.x0, runs.p[None])
+    if distance > step:
+        return ()
+    return (
+        f"Two switches of the equations follow each other in {distance:.1g} s at t = {time:.6g} s, and a step is "
+        f"{step:.1g} s long: contacts or pulses may be missed.",
+    )
+
+
 def _checked(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> Trajectory:
     """The trajectory with errors from a second run."""
-    tighter = solver.tighter()
+    tighter = solver.tighter(times=runs.simulator.times)
     message = runs.run(tighter).message
     run, other = runs.done[tighter]
     doubt = f"A run at a tenth of the tolerance breaks down at t = {run.t_failed:g} s: {message}."
@@ -137,4 +154,6 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     return ". ".join(filter(None, parts)) + "."
 
 
+_RTOL = 1e-8
+"""Relative tolerance of a run that tells when switches are passed."""
 _SMOOTH = "where it sticks to one, smooth it, as tanh(v / 1e-3) does sign(v)"

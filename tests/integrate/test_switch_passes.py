@@ -54,3 +54,14 @@ def test_passes_are_those_of_the_closed_form():
     middle, rate = 0.99 * 1e6 / (1e6 + 1), np.sqrt(1e6 + 1)
     contact = 2 * np.arctan2(np.cos(touch) / rate, 0.99 - middle) / rate  # symmetric about its turning point
     assert_allclose(passes[0, 1] - passes[0, 0], contact, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("solver", [mb.RungeKutta(), mb.GeneralizedAlpha(step=5e-3)], ids=repr)
+def test_fixed_steps_that_may_pass_over_a_contact_are_doubtful(solver):
+    times = np.linspace(0, 20, 41)
+    with pytest.warns(mb.SymmbWarning, match="contacts or pulses may be missed"):
+        run = mb.simulate(oscillator(1e6, 1e-4, times), solver)
+    assert any("Two switches of the equations follow each other" in doubt for doubt in run.doubts)
+    run = mb.simulate(oscillator(1e2, 0.1, times), solver)
+    assert run.doubts == ()
+    assert_allclose(run["x"], bouncing(1e2, 0.1, times), rtol=0, atol=2e-2)
