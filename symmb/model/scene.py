@@ -37,7 +37,8 @@ class Scene:
     ----------
     system : System
     start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> number or expression of parameters;
-                           they hold exactly. The others follow from Phi = 0 and its rate. Free velocities are 0
+                           they hold exactly. The others follow from Phi = 0 and its rate. Relative rates of joints
+                           that nothing determines are 0
     times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
                            coordinates and velocities

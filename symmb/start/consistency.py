@@ -7,7 +7,6 @@ from symmb._types import Array
 from symmb.start.labels import constraint_of_row
 from symmb.start.rank import vanishing_combinations
 from symmb.start.start import VIOLATION, Start
-from symmb.symbolic import batch
 
 
 def check_velocities(start: Start, p0: Array) -> None:
@@ -19,12 +18,9 @@ def check_velocities(start: Start, p0: Array) -> None:
     if "positive" in reason:
         raise AssemblyError(f"Start at the nominal parameters: {reason}.")
     q = start.q_nominal
-    v = np.asarray(start.listed_v(p0)).ravel()
     if dae.Phi_dot is None:
         raise AssemblyError("Start could not be solved for at the nominal parameters.")
-    if start.velocity is not None and start.dependent_velocities is not None:
-        w = np.hstack([q, p0])[None]
-        v = batch(start.dependent_velocities, start.velocity.solve(w)[0], w)[0][0]
+    v = np.asarray(start.velocities(q, p0)).ravel()
     s = (np.zeros(dae.n_s),) if dae.n_s else ()
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
     listed = ", ".join(start.listed_velocities)

@@ -15,6 +15,12 @@ from symmb.start.labels import coordinate_of, coordinate_with_value
 from symmb.start.rank import independent_rows, independent_rows_and_columns, nullities, redundant_names
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start
+from symmb.start.velocities import start_velocities
+from symmb.symbolic import batch
+
+_PROBED = 1e-2
+"""Relative distance of parameters at which decisions on velocities must hold as well. A listed speed that is a
+parameter may vanish at its nominal value."""
 
 
 def prepare_start(scene: Scene, dae: DAE) -> Start:
@@ -26,8 +32,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
                                is assembled the wrong way round, or the start is a singular position
     """
     prescribed = scene.prescribed
-    t0, p0, p = float(np.asarray(scene.times)[0]), dae.p_nominal, scene.system.p
-    reference, listed_v = _listed_values(scene, dae)
+    t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
+    reference = _listed_coordinates(scene, dae)
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
     modes = [i for i in free if dae.v_names[i].endswith("_dot") and not scene.guess] if scene.equilibrium else []
     q0 = assemble(scene, dae, reference, _guess(scene, dae), np.setdiff1d(free, modes), t0)
@@ -36,19 +42,15 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows = independent_rows(dae, q0, t0)
     positions = _solve_positions(scene, dae, reference, q0, t0, free, G)
-    velocity, dependent_velocities = _velocities(
-        dae, listed_v, p, [i for i in range(dae.n_v) if i not in prescribed.v], positions.q0, t0
-    )
+    velocities = start_velocities(scene, dae, prescribed.v, _probes(positions, p0), t0)
     start = Start(
         dae,
         t0,
         positions.q0,
         reference,
-        ca.Function("listed_v", [p], [listed_v]),
         positions.place,
         positions.position,
-        velocity,
-        dependent_velocities,
+        velocities,
         listed=tuple(scene.start),
         listed_velocities=tuple(dae.v_names[i] for i in prescribed.v),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
@@ -64,12 +66,11 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     return start
 
 
-def _listed_values(scene: Scene, dae: DAE) -> tuple[ca.Function, ca.SX]:
-    """The Function (p, q) -> q with the listed coordinates, and velocities (n_v,) with the listed ones, others 0."""
+def _listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
+    """The Function (p, q) -> q with the listed coordinates."""
     prescribed, q = scene.prescribed, ca.SX.sym("q_nominal", dae.n_q)
     listed_q = ca.vertcat(*[prescribed.q.get(i, q[i]) for i in range(dae.n_q)]) if dae.n_q else q
-    listed_v = ca.vertcat(*[prescribed.v.get(i, ca.SX(0)) for i in range(dae.n_v)]) if dae.n_v else ca.SX(0, 1)
-    return ca.Function("reference", [scene.system.p, q], [listed_q]), listed_v
+    return ca.Function("reference", [scene.system.p, q], [listed_q])
 
 
 def _guess(scene: Scene, dae: DAE) -> Array:
@@ -87,6 +88,17 @@ class _Positions:
     solved: Indices
     position: ImplicitMap | None
     place: ca.Function
+
+
+def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
+    """Coordinates (k, n_q) at the start for the nominal parameters and others close to them, (k, n_p)."""
+    near = np.random.default_rng(0).uniform(-_PROBED, _PROBED, p0.shape) * np.where(p0 != 0, p0, 1.0)
+    P = np.stack([p0, p0 + near]) if p0.size else p0[None]
+    u, ok = np.zeros((len(P), positions.place.numel_in(0))), np.ones(len(P), dtype=bool)
+    if positions.position is not None:
+        u, ok = positions.position.solve(P)
+    ok[0] = True  # checks that come later tell what is wrong there
+    return batch(positions.place, u, P)[0][ok], P[ok]
 
 
 def _solve_positions(
@@ -115,25 +127,3 @@ def _solve_positions(
         residual = (dae.Phi(*resting(dae, place(u, p)), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)
     return _Positions(q0, solved, position, place)
-
-
-def _velocities(
-    dae: DAE, listed: ca.SX, p: ca.SX, free: list[int], q0: Array, t0: float
-) -> tuple[ImplicitMap | None, ca.Function | None]:
-    """Velocities v = listed + E G' mu with G v + Phi_t = 0: the map to mu, and v of mu. E selects free velocities."""
-    if dae.G is None or dae.Phi_dot is None:
-        return None, None
-    A = (evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales)[:, free]
-    rows, _ = independent_rows_and_columns(A)
-    if not rows.size:
-        return None, None
-    q = ca.SX.sym("q", dae.n_q)
-    mu = ca.SX.sym("mu", len(rows))
-    s = (ca.SX(dae.n_s, 1),) if dae.n_s else ()
-    movable = np.zeros(dae.n_v)
-    movable[free] = dae.displacement_scales[free] ** 2
-    G = dae.G(q, ca.SX(dae.n_v, 1), *s, p, t0) / dae.row_scales
-    v = listed + movable * (G[rows.tolist(), :].T @ mu)
-    w = ca.vertcat(q, p)
-    residual = (dae.Phi_dot(q, v, *s, p, t0) / dae.row_scales)[rows.tolist()]
-    return ImplicitMap.of(residual, mu, w), ca.Function("dependent_velocities", [mu, w], [ca.densify(v)], {"cse": True})

@@ -13,7 +13,7 @@ from symmb.model import DAE
 from symmb.start.scales import evaluate_at_rest
 from symmb.symbolic import batch
 
-_RANK_TOLERANCE = 1e-9
+RANK_TOLERANCE = 1e-9
 """Singular values over the largest one, and over the number of rows or columns, that count as zero."""
 _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
@@ -34,9 +34,17 @@ def independent_rows_and_columns(A: Array) -> tuple[Indices, Indices]:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
     scale = np.linalg.norm(A, axis=1)
     scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
-    rank = int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * max(A.shape)))
+    rank = int(np.linalg.matrix_rank(scaled, tol=RANK_TOLERANCE * max(A.shape)))
     rows = _pivots(scaled.T, rank)
     return rows, _pivots(scaled[rows], rank)
+
+
+def strong_rows(A: Array, weakest: float) -> Indices:
+    """Rows of A, of norm 1 or less, that are independent: as many as there are singular values above `weakest`."""
+    if not A.size:
+        return np.arange(0, dtype=np.intp)
+    sigma = np.linalg.svd(A, compute_uv=False)
+    return _pivots(A.T, int((sigma > max(weakest, RANK_TOLERANCE * max(A.shape))).sum()))
 
 
 def _pivots(B: Array, rank: int) -> Indices:
@@ -57,7 +65,7 @@ def _pivots(B: Array, rank: int) -> Indices:
 def vanishing_combinations(G: Array) -> Array:
     """Orthonormal combinations (n_r, k) of the rows of G that vanish."""
     U, sigma, _ = np.linalg.svd(G)
-    return U[:, int((sigma > _RANK_TOLERANCE * max(G.shape)).sum()) :]
+    return U[:, int((sigma > RANK_TOLERANCE * max(G.shape)).sum()) :]
 
 
 def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[str, ...]:

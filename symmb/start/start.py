@@ -2,7 +2,7 @@
 
 At the nominal parameters the coordinates that are not listed start from their guess and are moved least until Phi =
 0. Which of them the constraints determine is decided there, once; the rest stay where they are. Every sample then
-solves for the same ones from the nominal solution. Velocities are linear: dependent ones follow by minimum norm.
+solves for the same ones from the nominal solution. Velocities follow from positions by linear equations.
 """
 
 import math
@@ -17,7 +17,7 @@ from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, is_linear
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.scales import distances, length_of, power_of_two, sizes_of_parts
-from symmb.symbolic import batch, jet_function, saddle_solver, symmetric_solver
+from symmb.symbolic import batch, jet_function, saddle_solver
 
 MOST_COMPILED_STATES = 100
 """States up to which starts are compiled. With more states runs take much longer than starts, and so do compilers."""
@@ -40,11 +40,9 @@ class Start:
     t0: float
     q_nominal: Array
     reference: ca.Function  # p, q_nominal -> coordinates before they are solved for
-    listed_v: ca.Function  # p -> listed velocities, 0 elsewhere
     place: ca.Function  # u, p -> q
     position: ImplicitMap | None
-    velocity: ImplicitMap | None
-    dependent_velocities: ca.Function | None  # mu, (q, p) -> v
+    velocities: ca.Function  # q, p -> v
     listed: tuple[str, ...]
     listed_velocities: tuple[str, ...]
     solved: tuple[str, ...]
@@ -76,14 +74,7 @@ class Start:
         if self.position is not None:
             u, ok = self.position.solve(P)
         q = _repeat_rows(batch(self.place, u, P)[0], len(P))
-        if self.velocity is not None and self.dependent_velocities is not None:
-            w = np.hstack([q, P])
-            mu, converged = self.velocity.solve(w)
-            v = batch(self.dependent_velocities, mu, w)[0]
-            ok = ok & converged
-        else:
-            v = batch(self.listed_v, P)[0]
-        parts = [q, _repeat_rows(v, len(P))]
+        parts = [q, _repeat_rows(batch(self.velocities, q, P)[0], len(P))]
         if self.dae.s_start is not None:
             parts.append(_repeat_rows(batch(self.dae.s_start, q, P)[0], len(P)))
         x = np.hstack(parts)
@@ -157,13 +148,8 @@ class Start:
             n = J.shape[0]
             newton, _ = saddle_solver(ca.SX.eye(n), J, [1] * n)(ca.SX(n, 1), self.position.residual(u, p))
         q = self.place(u, p)
-        v = self.listed_v(p)
-        if self.velocity is not None and self.dependent_velocities is not None:
-            w, zero = ca.vertcat(q, p), ca.SX(self.velocity.residual.numel_in(0), 1)
-            mu = symmetric_solver(self.velocity.jacobian(zero, w))(self.velocity.residual(zero, w))
-            v = self.dependent_velocities(-mu, w)
         s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
-        state = ca.densify(ca.vertcat(q, v, *s))
+        state = ca.densify(ca.vertcat(q, self.velocities(q, p), *s))
         arguments = self.dae.arguments(state, p, ca.SX(self.t0))
         rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
         rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
@@ -180,12 +166,7 @@ class Start:
         if self.position is not None:
             u = self.position.jets(self.position.solve(P[0])[0], P)
         q = _function_jets(self.place, [u, P])
-        w = [np.hstack(pair) for pair in zip(q, P, strict=True)]
-        if self.velocity is not None and self.dependent_velocities is not None:
-            v = _function_jets(self.dependent_velocities, [self.velocity.jets(self.velocity.solve(w[0])[0], w), w])
-        else:
-            v = _function_jets(self.listed_v, [P])
-        x = [[a, b] for a, b in zip(q, v, strict=True)]
+        x = [[a, b] for a, b in zip(q, _function_jets(self.velocities, [q, P]), strict=True)]
         if self.dae.s_start is not None:
             for parts, s in zip(x, _function_jets(self.dae.s_start, [q, P]), strict=True):
                 parts.append(s)

@@ -21,7 +21,14 @@ from symmb.symbolic.geometry import (
 from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import jet_function, jets
 from symmb.symbolic.latex import latex
-from symmb.symbolic.linear import general_solver, independent, saddle_solver, symmetric_solver, vanishing_rows
+from symmb.symbolic.linear import (
+    general_solver,
+    independent,
+    is_singular,
+    saddle_solver,
+    symmetric_solver,
+    vanishing_rows,
+)
 from symmb.symbolic.pickling import reduction
 from symmb.symbolic.switching import SOFT, On, branches, has_kinks, laws, switching
 from symmb.symbolic.symbols import Kind, Symbol, TruthValueError, ddt, declare, is_time, lookup, rate, symbols_in, t

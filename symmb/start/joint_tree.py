@@ -1,0 +1,71 @@
+"""The tree of joints along which the velocities of a start follow from each other, and the loops that close on it."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+GROUND = -1
+"""Number of the ground beside the numbers of the bodies."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Bodies (numbers) whose velocities are found together, relative to the body `base` that carries them."""
+
+    base: int
+    bodies: tuple[int, ...]
+
+
+class JointTree:
+    """The bodies in an order in which each one follows its carrier, and the groups of those in the same loops.
+
+    Parameters
+    ----------
+    connected : for each row of the constraints, the bodies whose relative motion it restricts
+    roots : all bodies. The first one of those that are not connected with the ground carries the others.
+    """
+
+    def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:
+        rows = set(connected)
+        neighbours: dict[int, set[int]] = {body: set() for body in (GROUND, *roots)}
+        for bodies in rows:
+            for body in bodies:
+                neighbours[body] |= bodies
+        self._carrier: dict[int, int] = {}
+        for root in (GROUND, *roots):
+            if root in self._carrier:
+                continue
+            if root != GROUND:
+                self._carrier[root] = GROUND
+            reached = [root]
+            for body in reached:  # which grows
+                found = sorted(neighbours[body] - self._carrier.keys() - {GROUND})
+                self._carrier |= dict.fromkeys(found, body)
+                reached += found
+        self._order = {body: k for k, body in enumerate((GROUND, *self._carrier))}
+        self._group = {body: (body,) for body in self._carrier}
+        for bodies in rows:
+            first, *others = bodies
+            for other in others:
+                self._join(self._path(first, other))
+
+    def groups(self) -> list[Group]:
+        """The groups, each after the one of its base."""
+        bases = {bodies: self._carrier[min(bodies, key=self._order.__getitem__)] for bodies in self._group.values()}
+        return [Group(base, bodies) for bodies, base in sorted(bases.items(), key=lambda item: self._order[item[1]])]
+
+    def join(self, group: Group) -> None:
+        """Join a group with the one of its base."""
+        self._join([group.bodies[0], group.base])
+
+    def _path(self, a: int, b: int) -> list[int]:
+        """The bodies whose motion relative to their carriers is between bodies a and b."""
+        path = []
+        while a != b:
+            a, b = sorted((a, b), key=self._order.__getitem__)
+            path.append(b)
+            b = self._carrier[b]
+        return path
+
+    def _join(self, bodies: Sequence[int]) -> None:
+        joined = tuple(sorted({member for body in bodies for member in self._group[body]}))
+        self._group |= dict.fromkeys(joined, joined)
