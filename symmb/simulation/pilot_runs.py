@@ -70,7 +70,12 @@ class PilotRuns:
     ) -> Trajectory:
         """The trajectory of a run, at its first `known` times."""
         start = simulator.start
-        names = {"held": start.listed, "solved": start.solved, "free": start.free, "redundant": start.redundant}
+        names = {
+            "held": start.listed,
+            "solved": start.solved + start.solved_velocities,
+            "free": start.free + start.free_velocities,
+            "redundant": start.redundant,
+        }
         times = simulator.times[:known]
         return Trajectory(
             scene=self.scene if known == len(simulator.times) else self.scene.with_times(times),

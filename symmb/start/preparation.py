@@ -43,6 +43,9 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     rows = independent_rows(dae, q0, t0)
     positions = _solve_positions(scene, dae, reference, q0, t0, free, G)
     velocities = start_velocities(scene, dae, prescribed.v, _probes(positions, p0), t0)
+    free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
+    solved_velocities = free_velocities[independent_rows_and_columns(G[:, free_velocities])[1]]
+    v0 = velocities(positions.q0, p0).full().ravel()
     start = Start(
         dae,
         t0,
@@ -55,6 +58,10 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         listed_velocities=tuple(dae.v_names[i] for i in prescribed.v),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
+        solved_velocities=tuple(dae.v_names[i] for i in solved_velocities),
+        free_velocities=tuple(
+            f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.setdiff1d(free_velocities, solved_velocities)
+        ),
         independent_rows=None if rows is None else tuple(rows.tolist()),
         nullities=(0, 0) if rows is None else nullities(dae, q0, t0, rows),
         redundant=() if rows is None else redundant_names(G, dae.rows),

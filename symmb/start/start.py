@@ -30,10 +30,11 @@ class Start:
     """The start of a scene as a map from parameters to states. It can be pickled.
 
     `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
-    assembled values. Where the rows of the constraints `redundant` depend on each other, `independent_rows` are the
-    numbers of rows that do not; it is None elsewhere. `nullities` count the combinations of all rows, and of position
-    rows, that vanish, if these rows do not stay independent. `is_equilibrium` means a start in static equilibrium,
-    which is not compiled.
+    assembled values. `listed_velocities`, `solved_velocities` and `free_velocities` name the velocities that the scene
+    lists, that the constraints determine, and that nothing determines. Where the rows of the constraints `redundant`
+    depend on each other, `independent_rows` are the numbers of rows that do not; it is None elsewhere. `nullities` count
+    the combinations of all rows, and of position rows, that vanish, if these rows do not stay independent.
+    `is_equilibrium` means a start in static equilibrium, which is not compiled.
     """
 
     dae: DAE
@@ -47,6 +48,8 @@ class Start:
     listed_velocities: tuple[str, ...]
     solved: tuple[str, ...]
     free: tuple[str, ...]
+    solved_velocities: tuple[str, ...]
+    free_velocities: tuple[str, ...]
     independent_rows: tuple[int, ...] | None
     nullities: tuple[int, int]
     redundant: tuple[str, ...]

@@ -98,6 +98,17 @@ def test_what_is_left_free_is_told_where_assembly_put_it():
     assert f"left free rod.theta = {run['rod.theta'][0]:.6g}" in str(run)
 
 
+def test_velocities_are_told_as_positions_are():
+    """A rod on a cart: nothing determines its rate, and the rail and the pin determine all others."""
+    cart, rod = mb.Body("cart", 1.0, 1.0), mb.Body("rod", 1.0, 0.1)
+    rail = mb.Prismatic("rail", GROUND.point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
+    system = mb.System(cart, rod, rail, mb.Revolute("pin", cart.point(0, 0), rod.point(0, 0.5)))
+    run = mb.simulate(mb.Scene(system, {"cart.x": 0.0, "cart.vx": 1.0, "rod.theta": 0.3}))
+    line = next(line for line in str(run).split("\n") if line.startswith("  start"))
+    assert "held cart.x, cart.vx, rod.theta; solved for" in line
+    assert line.endswith("rod.y, cart.vy, cart.omega, rod.vx, rod.vy; left free rod.omega = 0")
+
+
 def test_masses_and_lengths_must_be_positive_for_every_sample():
     p = mb.Parameters(m=2.0, L=1.0)
     ball = mb.Body("ball", p.m, pose=mb.Particle())
