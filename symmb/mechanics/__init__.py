@@ -11,4 +11,4 @@ from symmb.mechanics.impact import RESTITUTION, Impact
 from symmb.mechanics.joint import AxisJoint, Joint
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Particle, Planar, Spatial
-from symmb.mechanics.rotation import Rotation
+from symmb.mechanics.rotation import Rotation, rotation

@@ -22,6 +22,10 @@ class JointTree:
     ----------
     connected : for each row of the constraints, the bodies whose relative motion it restricts
     roots : all bodies. The first one of those that are not connected with the ground carries the others.
+
+    Attributes
+    ----------
+    carriers : dict        body -> the body that carries it, each one after its carrier
     """
 
     def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:
@@ -30,19 +34,19 @@ class JointTree:
         for bodies in rows:
             for body in bodies:
                 neighbours[body] |= bodies
-        self._carrier: dict[int, int] = {}
+        self.carriers: dict[int, int] = {}
         for root in (GROUND, *roots):
-            if root in self._carrier:
+            if root in self.carriers:
                 continue
             if root != GROUND:
-                self._carrier[root] = GROUND
+                self.carriers[root] = GROUND
             reached = [root]
             for body in reached:  # which grows
-                found = sorted(neighbours[body] - self._carrier.keys() - {GROUND})
-                self._carrier |= dict.fromkeys(found, body)
+                found = sorted(neighbours[body] - self.carriers.keys() - {GROUND})
+                self.carriers |= dict.fromkeys(found, body)
                 reached += found
-        self._order = {body: k for k, body in enumerate((GROUND, *self._carrier))}
-        self._group = {body: (body,) for body in self._carrier}
+        self._order = {body: k for k, body in enumerate((GROUND, *self.carriers))}
+        self._group = {body: (body,) for body in self.carriers}
         for bodies in rows:
             first, *others = bodies
             for other in others:
@@ -50,7 +54,7 @@ class JointTree:
 
     def groups(self) -> list[Group]:
         """The groups, each after the one of its base."""
-        bases = {bodies: self._carrier[min(bodies, key=self._order.__getitem__)] for bodies in self._group.values()}
+        bases = {bodies: self.carriers[min(bodies, key=self._order.__getitem__)] for bodies in self._group.values()}
         return [Group(base, bodies) for bodies, base in sorted(bases.items(), key=lambda item: self._order[item[1]])]
 
     def join(self, group: Group) -> None:
@@ -63,7 +67,7 @@ class JointTree:
         while a != b:
             a, b = sorted((a, b), key=self._order.__getitem__)
             path.append(b)
-            b = self._carrier[b]
+            b = self.carriers[b]
         return path
 
     def _join(self, bodies: Sequence[int]) -> None:

@@ -10,7 +10,7 @@ from symmb.model import DAE, Scene
 from symmb.start.consistency import check_accelerations, check_velocities
 from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.initial_assembly import assemble, check_assembly_cosines
+from symmb.start.initial_assembly import assemble, listed_coordinates
 from symmb.start.labels import coordinate_of, coordinate_with_value
 from symmb.start.rank import independent_rows, independent_rows_and_columns, nullities, redundant_names
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
@@ -33,11 +33,9 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     """
     prescribed = scene.prescribed
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
-    reference = _listed_coordinates(scene, dae)
+    reference = listed_coordinates(scene, dae)
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
-    modes = [i for i in free if dae.v_names[i].endswith("_dot") and not scene.guess] if scene.equilibrium else []
-    q0 = assemble(scene, dae, reference, _guess(scene, dae), np.setdiff1d(free, modes), t0)
-    check_assembly_cosines(scene, dae, q0)
+    q0 = assemble(scene, dae, t0)
     dae = with_coarse_scales(dae, q0, t0)
     G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows = independent_rows(dae, q0, t0)
@@ -71,20 +69,6 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     if rows is not None:
         check_accelerations(start, G)
     return start
-
-
-def _listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
-    """The Function (p, q) -> q with the listed coordinates."""
-    prescribed, q = scene.prescribed, ca.SX.sym("q_nominal", dae.n_q)
-    listed_q = ca.vertcat(*[prescribed.q.get(i, q[i]) for i in range(dae.n_q)]) if dae.n_q else q
-    return ca.Function("reference", [scene.system.p, q], [listed_q])
-
-
-def _guess(scene: Scene, dae: DAE) -> Array:
-    guess = dae.q_neutral.copy()
-    for i, value in scene.guesses.items():
-        guess[i] = float(ca.Function("guess", [scene.system.p], [value])(dae.p_nominal))
-    return guess
 
 
 @dataclass(frozen=True, eq=False)

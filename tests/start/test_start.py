@@ -203,7 +203,7 @@ CONTRADICTIONS = {
     ),
     "everything": (
         {"rod.theta": 0.3, "rod.x": 0.0, "rod.y": 0.0},
-        r"residual .* in joint 'hinge'\. Leave one of rod\.theta, rod\.x, rod\.y free",
+        r"residual .* in joint 'hinge'\. Leave rod\.theta and rod\.y free",
     ),
     "out of reach": ({"rod.x": 0.7}, r"residual 0\.1 in joint 'hinge'"),
     "velocity": (

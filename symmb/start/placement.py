@@ -1,0 +1,58 @@
+"""A first guess of positions: every body is put on the joint that connects it with the body that carries it."""
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.mechanics import Joint
+from symmb.model import DAE, Scene
+from symmb.start.gauss_newton import PositionRows, SingularRow
+from symmb.start.joint_tree import GROUND, JointTree
+
+
+def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, free: Indices) -> Array:
+    """Coordinates q (n_q,) after the bodies are placed one after the other along the tree of joints.
+
+    A body without guessed position is moved to its joint as it is turned. If that is not enough, or its position is
+    guessed, it is moved and turned least. A body that cannot be placed stays where it is.
+    """
+    connected = _connected(scene, dae)
+    body_of = np.repeat(np.arange(len(scene.system.bodies)), scene.system.block_sizes)
+    guessed = {dae.q_names[i].rpartition(".")[0] for i in scene.guesses if dae.q_names[i][-2:] in (".x", ".y", ".z")}
+    placed = {GROUND}
+    for body, carrier in JointTree(connected, range(len(scene.system.bodies))).carriers.items():
+        placed.add(body)
+        own = free[body_of[free] == body]
+        shifts = np.array([i for i in own if dae.v_names[i][-3:] in (".vx", ".vy", ".vz")], dtype=np.intp)
+        driven = [i for i, bodies in enumerate(connected) if body in bodies and bodies <= {body, carrier, GROUND}]
+        joint = [i for i in driven if connected[i] == {body, carrier}]
+        moves = (own,) if scene.system.bodies[body].name in guessed else (shifts, own)
+        q = _placed(rows, q, [np.array(some, dtype=np.intp) for some in (driven, joint)], moves)
+    return q
+
+
+def _placed(rows: PositionRows, q: Array, targets: list[Indices], moves: tuple[Indices, ...]) -> Array:
+    """Coordinates that satisfy the first target that some displacements can reach."""
+    for target in targets:
+        for move in moves:
+            try:
+                reached = rows.reach(q, target, move)
+            except SingularRow:
+                continue
+            if reached.is_on_constraints:
+                return reached.q
+    return q
+
+
+def _connected(scene: Scene, dae: DAE) -> list[frozenset[int]]:
+    """The bodies of each position row, by their numbers; with the ground where it is no joint between two bodies."""
+    bodies = scene.system.bodies
+    numbers = {id(body): k for k, body in enumerate(bodies)}
+    joints = {e.name: e.bodies() for e in scene.system.elements if isinstance(e, Joint)}
+    body_of = np.repeat(np.arange(len(bodies)), scene.system.block_sizes)
+    pattern = np.array(ca.DM(scene.system.G.sparsity(), 1).full(), dtype=bool)[: dae.n_c]
+    connected = []
+    for name, where in dae.rows.items():
+        ends = [numbers.get(id(end.owner), GROUND) for end in joints.get(name, ())] or [GROUND]
+        connected += [frozenset({*ends, *body_of[row].tolist()}) for row in pattern[where]]
+    return connected

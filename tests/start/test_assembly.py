@@ -1,0 +1,122 @@
+"""Assembly along the joints without guesses, and advice that helps."""
+
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+GROUND = mb.Ground()
+
+
+def assembled(scene):
+    start = mb.DAESimulator(scene).start
+    return dict(zip(start.dae.q_names, start.nominal()["q"].tolist(), strict=True))
+
+
+def closed_chain(seed):
+    """Links with held angles from a pin on the ground, and two free links from their end to another pin, in any order.
+
+    Returns the scene, the pins and middles of the held links, and the lengths of the free ones.
+    """
+    rng = np.random.default_rng(seed)
+    n = rng.integers(1, 4)
+    at, pin = rng.normal(size=2) * 3, None
+    pin, links, hinges, start, middles = GROUND.point(*at), [], [], {}, []
+    for k in range(n):
+        link, length, angle = mb.Body(f"link{k}", 1.0, 0.1), rng.uniform(0.3, 1.5), rng.uniform(-3, 3)
+        hinges.append(mb.Revolute(f"hinge{k}", pin, link.point(-length / 2, 0)))
+        along = length * np.array([np.cos(angle), np.sin(angle)])
+        middles.append(at + along / 2)
+        at, pin = at + along, link.point(length / 2, 0)
+        start[f"link{k}.theta"] = angle
+        links.append(link)
+    end = at + rng.normal(size=2) * 1.5
+    lengths = rng.uniform(0.55, 0.9, 2) * np.hypot(*(end - at))
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", 1.0, 0.1)
+    hinges += [
+        mb.Revolute("knee", pin, a.point(-lengths[0] / 2, 0)),
+        mb.Revolute("middle", a.point(lengths[0] / 2, 0), b.point(lengths[1] / 2, 0)),
+        mb.Revolute("foot", GROUND.point(*end), b.point(-lengths[1] / 2, 0)),
+    ]
+    elements = [*links, a, b, *hinges]
+    system = mb.System(*[elements[i] for i in rng.permutation(len(elements))])
+    return mb.Scene(system, start), middles, (at, end), lengths
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_held_angles_and_pins_need_no_guess(seed):
+    scene, middles, (at, end), lengths = closed_chain(seed)
+    q = assembled(scene)
+    assert_allclose([[q[f"link{k}.x"], q[f"link{k}.y"]] for k in range(len(middles))], middles, atol=1e-9)
+    along = [np.array([np.cos(q[f"{name}.theta"]), np.sin(q[f"{name}.theta"])]) for name in "ab"]
+    assert_allclose(at + lengths[0] * along[0], end + lengths[1] * along[1], atol=1e-9)
+    assert_allclose([q["a.x"], q["a.y"]], at + lengths[0] / 2 * along[0], atol=1e-9)
+
+
+def test_a_pinned_body_is_not_turned_where_nothing_asks_for_it():
+    arm = mb.Body("arm", 1.0, 0.1)
+    q = assembled(mb.Scene(mb.System(arm, mb.Revolute("pin", GROUND.point(3, 4), arm.point(-0.5, 0.2)))))
+    assert_allclose([q["arm.x"], q["arm.y"], q["arm.theta"]], [3.5, 3.8, 0], atol=1e-14)
+
+
+def test_a_guessed_position_turns_a_pinned_body():
+    arm = mb.Body("arm", 1.0, 0.1)
+    system = mb.System(arm, mb.Revolute("pin", GROUND.point(0, 0), arm.point(-1, 0)))
+    q = assembled(mb.Scene(system, guess={"arm.x": 0.6, "arm.y": 0.8}))
+    assert np.arctan2(q["arm.y"], q["arm.x"]) == pytest.approx(q["arm.theta"]) and q["arm.theta"] > 0.3
+
+
+def unassembled():
+    rod = mb.Body("rod", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5))
+    system = mb.System(rod, hinge)
+    yield mb.Scene(system, {"rod.y": -0.4})
+    yield mb.Scene(system, {"rod.x": 0.2, "rod.theta": 1.0})
+    yield mb.Scene(system, {"rod.x": 0.2, "rod.y": 0.1, "rod.theta": 1.0})
+    crank, coupler, rocker = (mb.Body(name, 1.0, 0.1) for name in ("crank", "coupler", "rocker"))
+    four_bar = mb.System(
+        crank, coupler, rocker,
+        mb.Revolute("A", GROUND.point(0, 0), crank.point(0, 0)),
+        mb.Revolute("B", crank.point(0.3, 0), coupler.point(0, 0)),
+        mb.Revolute("C", coupler.point(0.9, 0), rocker.point(0.7, 0)),
+        mb.Revolute("D", GROUND.point(1.0, 0), rocker.point(0, 0)),
+    )  # fmt: skip
+    yield mb.Scene(four_bar, {"crank.theta": 0.0})
+    top = mb.Body("top", 1.0, (1, 1, 1), mb.Spatial())
+    yield mb.Scene(mb.System(top, mb.Revolute("clamp", GROUND.point(0, 0), top.point(0, 0), axis=(1, 0, 0))),
+                   guess={"top.rotation": mb.rotation((0, 0, 1), 3.0)})  # fmt: skip
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    yield mb.Scene(mb.System(ball, mb.Distance("rope", GROUND.point(0, 0), ball.point(0, 0), 2.0)))
+
+
+@pytest.mark.parametrize("scene", [*unassembled()])
+def test_the_advice_of_a_failed_assembly_helps(scene):
+    with pytest.raises(mb.AssemblyError) as error:
+        assembled(scene)
+    text = str(error.value)
+    tried = 0
+    for guess in re.findall(r"guess=(\{.*\})", text):
+        assembled(mb.Scene(scene.system, scene.start, guess={**scene.guess, **eval(guess, {"rotation": mb.rotation})}))
+        tried += 1
+    for together, single in re.findall(r"[Ll]eave (?:(\S+ and \S+)|(?:one of )?(.*?)) free", text):
+        for keys in [together.split(" and ")] if together else [[key] for key in single.split(", ")]:
+            assembled(mb.Scene(scene.system, {k: v for k, v in scene.start.items() if k not in keys}))
+            tried += 1
+    assert tried
+
+
+def test_what_cannot_be_assembled_says_so():
+    bars = [mb.Body(name, 1.0, 0.1) for name in ("a", "b")]
+    system = mb.System(
+        *bars,
+        mb.Revolute("A", GROUND.point(0, 0), bars[0].point(-0.5, 0)),
+        mb.Revolute("B", bars[0].point(0.5, 0), bars[1].point(-0.5, 0)),
+        mb.Revolute("C", GROUND.point(3, 0), bars[1].point(0.5, 0)),
+    )
+    with pytest.raises(
+        mb.AssemblyError, match=r"residual 0\.\d+ in joint '.'\. None of the other guesses that were tried helps"
+    ):
+        assembled(mb.Scene(system))
