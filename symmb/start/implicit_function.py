@@ -13,6 +13,10 @@ _FEW = 40
 """Symbols of a residual up to which its expressions are searched for common ones, which takes longer than it saves."""
 
 
+ROUNDING = 4e-15
+"""Change of the unknowns, over their scales, whose change of the residual is rounding."""
+
+
 @dataclass(frozen=True)
 class ImplicitMap:
     """The solution u (m,) of m equations R(u, w) = 0 near a known one."""
@@ -57,6 +61,8 @@ class ImplicitMap:
             done = np.abs(step).max(axis=1, initial=0.0) <= 1e-9 * np.maximum(
                 np.abs(u[active]).max(axis=1, initial=0.0), 1e-3
             )
+            # Close to singular positions rounding of the residual makes steps that never become small.
+            done = done | (np.abs(r) <= ROUNDING * np.abs(J).sum(axis=2)).all(axis=1)
             ok[active[done]] = True
             active = active[~done]
             if not active.size:

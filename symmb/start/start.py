@@ -15,7 +15,7 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, is_linear
-from symmb.start.implicit_function import ImplicitMap
+from symmb.start.implicit_function import ROUNDING, ImplicitMap
 from symmb.start.scales import distances, length_of, power_of_two, sizes_of_parts
 from symmb.symbolic import batch, jet_function, saddle_solver
 
@@ -149,7 +149,10 @@ class Start:
         if self.position is not None:
             J = self.position.jacobian(u, p)
             n = J.shape[0]
-            newton, _ = saddle_solver(ca.SX.eye(n), J, [1] * n)(ca.SX(n, 1), self.position.residual(u, p))
+            r = self.position.residual(u, p)
+            step, _ = saddle_solver(ca.SX.eye(n), J, [1] * n)(ca.SX(n, 1), r)
+            rounded = ca.fabs(r) <= ROUNDING * ca.sum2(ca.fabs(J))
+            newton = ca.if_else(reduce(ca.logic_and, ca.vertsplit(rounded)), 0, step)
         q = self.place(u, p)
         s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
         state = ca.densify(ca.vertcat(q, self.velocities(q, p), *s))

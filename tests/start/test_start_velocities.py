@@ -222,3 +222,22 @@ def test_bodies_without_mass_start_as_well():
     )  # fmt: skip
     for start in ({"link.omega": 1.5}, {"bob.vx": 3.0}):
         assert_allclose(values(mb.Scene(system, start), "link.omega", "link.vx", "bob.vx"), [1.5, 1.5, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [1e-2, 1e-3, 1e-4, 3e-5, 1e-6])
+def test_a_parallelogram_starts_close_to_its_change_point(angle):
+    """Its cranks turn alike and its coupler does not turn."""
+    cranks = [mb.Body(name, 1.0, 0.1) for name in ("left", "right")]
+    coupler = mb.Body("coupler", 1.0, 0.1)
+    system = mb.System(
+        cranks[0], coupler, cranks[1],
+        mb.Revolute("A", GROUND.point(0, 0), cranks[0].point(-0.5, 0)),
+        mb.Revolute("B", cranks[0].point(0.5, 0), coupler.point(-1, 0)),
+        mb.Revolute("C", coupler.point(1, 0), cranks[1].point(0.5, 0)),
+        mb.Revolute("D", GROUND.point(2, 0), cranks[1].point(-0.5, 0)),
+    )  # fmt: skip
+    scene = mb.Scene(system, {"left.theta": angle, "left.omega": 1.0}, [0.0, 0.1], guess={"right.theta": angle})
+    expected = [1, 1, 0, -np.sin(angle), np.cos(angle)]
+    names = ("left.omega", "right.omega", "coupler.omega", "coupler.vx", "coupler.vy")
+    assert_allclose(values(scene, *names), expected, rtol=0, atol=1e-7)
+    assert mb.DAESimulator(scene, mb.DormandPrince()).run(np.zeros((3, 0))).ok.all()
