@@ -15,8 +15,9 @@ SMALL = 1e-12
 """Share of the terms of a sum below which the sum is zero but for rounding."""
 _MOST_IMPACTS = 1000
 """Impacts at one instant. Impacts that lose energy die away long before. tests/events/test_impacts.py"""
-_PENETRATION = 1e-9
-"""Negative gap at the start, over the scene's size, that is rounding."""
+_PENETRATION, _SHORT_WAY = 1e-9, 1e-7
+"""Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
+gap lead until the end. The gap itself may be all that is known of the size."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +85,15 @@ class ImpactLaws:
         """Which contacts are closed, (N, n)."""
         return np.asarray(x[:, self.flags] > 0.5)
 
-    def start_faults(self, x: Array, p: Array, t: Array) -> list[tuple[int, str]]:
-        """Faults of samples at the start: gaps below 0, and restitutions out of their range."""
+    def start_faults(self, x: Array, p: Array, t: Array, span: float) -> list[tuple[int, str]]:
+        """Faults of samples at the start of a run of some span [s]: gaps below 0, restitutions out of their range."""
         at = self.arguments(x, p, t)
-        gap, _ = evaluate_padded(self._impacts.gaps, *at)
+        gap, rate = evaluate_padded(self._impacts.gaps, *at)
+        way = np.abs(rate) * span + evaluate_padded(self._impacts.forces, *at)[2] * span**2 / 2
+        rounding = np.maximum(_PENETRATION * self._dae.scales.length, _SHORT_WAY * way)
         e = evaluate_padded(self._impacts.impulses, *at)[3]
         faults = []
-        for i, k in np.argwhere(~(gap >= -_PENETRATION * self._dae.scales.length)):
+        for i, k in np.argwhere(~(gap >= -rounding)):
             faults.append((int(i), f"Impact {self._impacts.names[k]!r}: the gap is {gap[i, k]:g} at the start"))
         for i, k in np.argwhere(~((e >= 0) & (e <= 1))):
             faults.append((int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(e[i, k])}"))

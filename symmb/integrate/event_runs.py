@@ -133,7 +133,7 @@ class EventRuns:
         """Contacts that are closed at the start, impacts at once, and the first steps."""
         laws, live, t = self._integration.laws, self._steps.live, self._steps.t
         self._y[live] = self._integration.projected(self._y[live], self._p[live], t[live])
-        faults = laws.start_faults(self._y[live, : self._integration.n_x], self._p[live], t[live])
+        faults = laws.start_faults(self._y[live, : self._integration.n_x], self._p[live], t[live], self._span)
         self._fail([(int(live[i]), reason) for i, reason in reversed(faults)])
         live = self._steps.live
         if not live.size:

@@ -90,15 +90,20 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     ------
     DeclarationError       with one line for each fault
     """
-    faults = _Faults([*name_faults(elements), *membership_faults(elements)])
-    for element in elements:
-        faults.lines += element.faults() if isinstance(element, Element) else getattr(element, "faults", ())
+    faults, sound = _Faults(name_faults(elements)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
+    known = {id(body) for body in bodies}
+    for element in elements:
+        if isinstance(element, Element):
+            own = [*membership_faults(element, known), *element.faults()]
+            sound += [] if own or not isinstance(element.name, str) else [element]
+        else:
+            own = getattr(element, "faults", ())
+        faults.lines += own
     bind = Binding(parameters, bodies)
-    no_inertia = ca.SX(), ca.SX()
-    inertial = [(b, faults.attempt(lambda b=b: mass_and_inertia(b, bind, parameters), no_inertia)) for b in bodies]
-    faults.raise_any()
-    equations = _write_equations(elements, inertial, bind, parameters, faults)
+    some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
+    inertial = [(b, faults.attempt(lambda b=b: mass_and_inertia(b, bind, parameters), some)) for b in bodies]
+    equations = _write_equations(sound, inertial, bind, parameters, faults)
     faults.raise_any()
     return _without_untouched(_assemble(inertial, bind, equations))
 

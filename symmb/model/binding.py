@@ -57,21 +57,26 @@ class Binding:
             raise DeclarationError(
                 f"{what}: contains NaN or infinity, which is also what SX and SymPy mixed in one expression give."
             )
-        for symbol in symbols_in(expression):
-            if symbol.element_hash() in self._known or symbol.element_hash() in also:
-                continue
-            record = lookup(symbol)
-            if record is not None and record.kind is Kind.STATE:
-                continue
-            if symbol.name() in self.by_name:
-                raise DeclarationError(
-                    f"{what}: symbol {symbol.name()!r} belongs to another body or Parameters object than "
-                    "the System's one of that name. Use one object for both."
-                )
-            raise DeclarationError(
-                f"{what}: symbol {symbol.name()!r} belongs to no parameter and no body of the System."
-                f"{did_you_mean(symbol.name(), self.by_name)}"
+        faults = [f"{what}: {fault}" for symbol in symbols_in(expression) if (fault := self._fault(symbol, also))]
+        if faults:
+            raise DeclarationError("\n".join(faults))
+
+    def _fault(self, symbol: ca.SX, also: Collection[int]) -> str:
+        """Why a symbol is not known; empty if it is."""
+        record = lookup(symbol)
+        if symbol.element_hash() in self._known or symbol.element_hash() in also:
+            return ""
+        if record is not None and record.kind is Kind.STATE:
+            return ""
+        if symbol.name() in self.by_name:
+            return (
+                f"symbol {symbol.name()!r} belongs to another body or Parameters object than the System's one of that "
+                "name. Use one object for both."
             )
+        return (
+            f"symbol {symbol.name()!r} belongs to no parameter and no body of the System."
+            f"{did_you_mean(symbol.name(), self.by_name)}"
+        )
 
     def states(self, expression: ca.SX) -> tuple[Symbol, ...]:
         """The first-order states in an expression."""

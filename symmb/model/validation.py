@@ -1,6 +1,6 @@
 """Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
@@ -45,21 +45,18 @@ def name_faults(elements: Sequence[object]) -> list[str]:
     return faults
 
 
-def membership_faults(elements: Sequence[object]) -> list[str]:
-    """Constraints and forces on bodies that are not part of the system."""
-    known = {id(e) for e in elements if isinstance(e, Body)}
-    faults = []
-    for e in elements:
-        if not isinstance(e, Element):
-            continue
-        try:
-            attached = e.bodies()
-        except AttributeError:  # a wrong kind of point, which is one of the element's own faults
-            continue
-        for body in attached:
-            if isinstance(body, AbstractBody) and isinstance(body.owner, Body) and id(body.owner) not in known:
-                faults.append(f"{e.title}: body {body.owner.name!r} is not part of the System. Add it to System(...).")
-    return faults
+def membership_faults(element: Element, known: Collection[int]) -> list[str]:
+    """Faults of a constraint or force on bodies that are not part of the system, whose `id`s are known."""
+    try:
+        attached = element.bodies()
+    except AttributeError:  # a wrong kind of point, which is one of the element's own faults
+        return []
+    owners = [body.owner for body in attached if isinstance(body, AbstractBody)]
+    return [
+        f"{element.title}: body {owner.name!r} is not part of the System. Add it to System(...)."
+        for owner in owners
+        if isinstance(owner, Body) and id(owner) not in known
+    ]
 
 
 def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:

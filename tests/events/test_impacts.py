@@ -300,6 +300,25 @@ def test_a_sample_with_an_impossible_restitution_fails_alone():
     assert "the gap is -0.5 at the start" in found.messages[1]
 
 
+@pytest.mark.parametrize("gap", [0.0, -1e-9, -1e-12])
+@pytest.mark.parametrize("span", [0.1, 1.0, 10.0])
+def test_a_gap_that_rounding_closes_starts_as_closed(gap, span):
+    """Nothing but the gap itself tells of the size of the scene."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -G), mb.Impact("floor", ball.y, 0.5))
+    run = mb.simulate(mb.Scene(system, {"ball.y": gap}, np.linspace(0, span, 5)))
+    assert [(event.what, event.time) for event in run.events] == [("closes", 0.0)]
+    assert_allclose(run["ball.y"], 0, atol=1e-9)
+
+
+def test_a_gap_that_is_small_but_as_large_as_the_motion_is_refused():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), ball.point(0, 0), 1.0)
+    scene = mb.Scene(mb.System(ball, spring, mb.Impact("wall", ball.y, 0.5)), {"ball.y": -1e-9}, [0.0, 1.0])
+    with pytest.raises(mb.SimulationError, match="the gap is -1e-09 at the start"):
+        mb.simulate(scene)
+
+
 # --- what is refused ---------------------------------------------------------------------------------------
 
 

@@ -329,3 +329,24 @@ def test_numpy_takes_expressions_without_warnings(recwarn):
     run = mb.simulate(mb.Scene(mb.System(mass, force), times=[0.0, 1.5], outputs={"v": mass.vx}))
     assert abs(run["v"][-1] - (1 - np.cos(1.5) + 1 - np.exp(-1.5))) < 1e-8
     assert not recwarn.list
+
+
+def test_faults_of_laws_masses_names_and_forgotten_parameters_come_together():
+    p = mb.Parameters(m=1.0, k=2.0, c=0.1, g=9.81, e=0.5)
+    ball, cube = mb.Body("ball", p.m, pose=mb.Particle()), mb.Body("cube", -1.0, 1.0)
+    elements = (
+        ball, cube,
+        mb.Spring("spring", GROUND.point(0, 0), ball.point(0, 0), p.k * p.c),
+        mb.Gravity(0, -p.g),
+        mb.Impact("floor", ball.y, p.e),
+        mb.Revolute("hinge", GROUND.point(0, 0), cube.point(0, 0), axis=(0, 0, 0)),
+        mb.Motion("drive", cube.x, np.nan),
+    )  # fmt: skip
+    with pytest.raises(mb.DeclarationError) as error:
+        mb.System(*elements)
+    lines = str(error.value).split("\n")
+    for name in "mkcge":
+        assert sum(f"symbol '{name}' belongs to no parameter" in line for line in lines) == 1
+    for text in ("mass is negative", "has no direction", "contains NaN"):
+        assert sum(text in line for line in lines) == 1
+    assert len(lines) == 8
