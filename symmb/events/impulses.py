@@ -1,5 +1,6 @@
 """The state after an event: impulses, contacts that close and contacts that open."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -15,6 +16,8 @@ SMALL = 1e-12
 """Share of the terms of a sum below which the sum is zero but for rounding."""
 _MOST_IMPACTS = 1000
 """Impacts at one instant. Impacts that lose energy die away long before. tests/events/test_impacts.py"""
+_SAME_JUMP = 1e-6
+"""Difference of jumps of velocity, over their size, above which the order of impacts matters."""
 _PENETRATION, _SHORT_WAY = 1e-9, 1e-7
 """Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
 gap lead until the end. The gap itself may be all that is known of the size."""
@@ -31,6 +34,7 @@ class Event:
     what : str               "impact", or "closes" and "opens" of a contact that stays closed
     before, after : float    rates of the gap [m/s, rad/s]
     work : float             of the impulse [J], what is lost being negative
+    depends_on_order : bool  whether impacts of the same instant would end otherwise in another order
     """
 
     time: float
@@ -39,6 +43,20 @@ class Event:
     before: float
     after: float
     work: float
+    depends_on_order: bool = False
+
+
+def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
+    """What is doubtful about events: simultaneous impacts whose result depends on their order."""
+    doubtful = [event for event in events if event.depends_on_order]
+    if not doubtful:
+        return ()
+    time = doubtful[0].time
+    names = ", ".join(repr(name) for name in dict.fromkeys(event.name for event in doubtful if event.time == time))
+    return (
+        f"The impacts of {names} at t = {time:g} s happen at one instant, and the motion after them depends on their "
+        "order. They are taken in the order of declaration.",
+    )
 
 
 def evaluate_padded(f: ca.Function, *arguments: Array) -> list[Array]:
@@ -140,25 +158,59 @@ class ImpactLaws:
         self, after: PostImpactState, at: tuple[Array, ...], rate: Array, touching: Mask, resting_rate: Array
     ) -> Array:
         """Impacts one after the other until no gap that is 0 closes. Returns the rates (E, n) of the gaps."""
-        names, dae, lanes, times = self._impacts.names, self._dae, np.arange(len(rate)), at[-1][:, 0].tolist()
+        names, dae, times = self._impacts.names, self._dae, at[-1][:, 0].tolist()
         n, n_v = len(names), dae.n_v
         W, B, at_rest, e = evaluate_padded(self._impacts.impulses, *at)
         W, B = W.reshape(-1, n, n_v), B.reshape(-1, n_v, n)
         D = W @ B
         own = np.einsum("ekk->ek", D)
         movable = own * dae.scales.energy > SMALL * np.square(W * dae.displacement_scales).sum(axis=2)
+        law = D, at_rest, e, movable, resting_rate
+        rates, impulse, strokes, after.failures[:] = self._in_turn(rate, touching, *law)
+        jump = (B @ impulse[:, :, None])[:, :, 0]
+        ambiguous = (touching & (rate < -resting_rate)).sum(axis=1) > 1
+        if ambiguous.any():
+            _, other, *_ = self._in_turn(rate, touching, *law, last_first=True)
+            change = np.abs((B @ (other - impulse)[:, :, None])[:, :, 0]).max(axis=1)
+            ambiguous &= change > _SAME_JUMP * np.abs(jump).max(axis=1)
+        for i, j, u, w, work in strokes:
+            after.work[i] += work
+            after.events.append((i, Event(times[i], names[j], "impact", u, w, work, bool(ambiguous[i]))))
+        after.x[:, self._cuts[0] : self._cuts[1]] += jump
+        return rates
+
+    def _in_turn(
+        self,
+        rate: Array,
+        touching: Mask,
+        D: Array,
+        at_rest: Array,
+        e: Array,
+        movable: Mask,
+        resting_rate: Array,
+        last_first: bool = False,
+    ) -> tuple[Array, Array, list[tuple[int, int, float, float, float]], list[tuple[int, str]]]:
+        """Impacts in the order of the contacts, or from the last to the first.
+
+        Returns
+        -------
+        rates of the gaps (E, n), impulses (E, n), all impacts (sample, contact, rate before, rate after, work), and
+        failures (sample, reason)
+        """
+        names, lanes = self._impacts.names, np.arange(len(rate))
         rate, touching, impulse = rate.copy(), touching.copy(), np.zeros(rate.shape)
+        own, strokes, failures = np.einsum("ekk->ek", D), [], []
         for _ in range(_MOST_IMPACTS):
             hit = touching & (rate < -resting_rate)
             immovable = hit & ~movable
             for i in lanes[immovable.any(axis=1)].tolist():
                 name = names[int(immovable[i].argmax())]
-                after.failures.append((i, f"Impact {name!r} cannot rebound: its gap closes as the constraints have it"))
+                failures.append((i, f"Impact {name!r} cannot rebound: its gap closes as the constraints have it"))
                 touching[i] = False
             some = lanes[(hit & touching).any(axis=1)]
             if not some.size:
                 break
-            k = hit[some].argmax(axis=1)
+            k = hit.shape[1] - 1 - hit[some, ::-1].argmax(axis=1) if last_first else hit[some].argmax(axis=1)
             u = rate[some, k]
             w = -e[some, k] * u
             P = (w - u) / own[some, k]
@@ -166,14 +218,11 @@ class ImpactLaws:
             rate[some] += D[some, :, k] * P[:, None]
             rate[some, k] = w
             impulse[some, k] += P
-            after.work[some] += work
-            for i, j, *values in zip(some.tolist(), k.tolist(), u.tolist(), w.tolist(), work.tolist(), strict=True):
-                after.events.append((i, Event(times[i], names[j], "impact", *values)))
+            strokes += zip(some.tolist(), k.tolist(), u.tolist(), w.tolist(), work.tolist(), strict=True)
         else:
             for i in lanes[(touching & (rate < -resting_rate)).any(axis=1)].tolist():
-                after.failures.append((i, f"impacts of {self._names(touching[i])} at one instant do not end"))
-        after.x[:, self._cuts[0] : self._cuts[1]] += (B @ impulse[:, :, None])[:, :, 0]
-        return rate
+                failures.append((i, f"impacts of {self._names(touching[i])} at one instant do not end"))
+        return rate, impulse, strokes, failures
 
     def _close_contacts(self, x: Array, p: Array, t: Array, slow: Mask, released: Mask) -> tuple[Array, Mask]:
         """Close the slow contacts with pushing forces. Returns accelerations of gaps (E, n), and dependent contacts."""

@@ -8,7 +8,7 @@ from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Element
 from symmb.mechanics.force import Action, ForceElement, Gravity, Load
 from symmb.mechanics.impact import RESTITUTION, Impact
-from symmb.mechanics.joint import AxisJoint, Joint
+from symmb.mechanics.joint import AxisJoint, Joint, Weld
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Particle, Planar, Spatial
 from symmb.mechanics.rotation import Rotation, rotation

@@ -106,4 +106,5 @@ def _series(record: Record, names: tuple[str, ...], n_t: int) -> dict[str, Array
 
 def _event(record: Record) -> Event:
     numbers = {name: record.number(name) for name in ("time", "before", "after", "work")}
-    return Event(name=record.text("name"), what=record.text("what"), **numbers)
+    depends = record.plain.get("depends_on_order") is True
+    return Event(name=record.text("name"), what=record.text("what"), **numbers, depends_on_order=depends)

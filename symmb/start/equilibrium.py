@@ -61,7 +61,7 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
                 raise AssemblyError(
                     f"The equilibrium is not unique: no force opposes {names[unopposed]}. List it in start, or hold it."
                 )
-            if damped or _is_stable(J[:n, :n], J[n:, :n]):
+            if damped or is_stable(J[:n, :n], J[n:, :n]):
                 return q_new, multipliers, float(np.abs(J[:n, :n]).max(initial=0.0)) or 1.0
     raise AssemblyError(
         "No static equilibrium is found near the guess. Give a better guess, or list in start what should not move."
@@ -115,7 +115,7 @@ def _first_drag(M: Array, force: Array, scales: Array) -> float:
     return float(speed) / _FIRST_STEP
 
 
-def _is_stable(K: Array, G: Array) -> bool:
+def is_stable(K: Array, G: Array) -> bool:
     """Whether the equilibrium is stable: the forces K times displacements on the constraints are restoring."""
     _, sigma, V = np.linalg.svd(G)
     along = V[int((sigma > 1e-12 * sigma.max(initial=0.0)).sum()) :].T

@@ -8,6 +8,7 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.model import DAE, Scene
 from symmb.start.consistency import check_accelerations, check_velocities
+from symmb.start.doubts import start_doubts
 from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.initial_assembly import assemble, listed_coordinates
@@ -64,6 +65,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         nullities=(0, 0) if rows is None else nullities(dae, q0, t0, rows),
         redundant=() if rows is None else redundant_names(G, dae.rows),
         is_equilibrium=scene.equilibrium,
+        doubts=tuple(start_doubts(scene, dae, positions.q0, v0, t0)),
     )
     check_velocities(start, p0)
     if rows is not None:

@@ -34,7 +34,8 @@ class Start:
     lists, that the constraints determine, and that nothing determines. Where the rows of the constraints `redundant`
     depend on each other, `independent_rows` are the numbers of rows that do not; it is None elsewhere. `nullities` count
     the combinations of all rows, and of position rows, that vanish, if these rows do not stay independent.
-    `is_equilibrium` means a start in static equilibrium, which is not compiled.
+    `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
+    doubtful at the nominal parameters.
     """
 
     dae: DAE
@@ -54,6 +55,7 @@ class Start:
     nullities: tuple[int, int]
     redundant: tuple[str, ...]
     is_equilibrium: bool
+    doubts: tuple[str, ...]
 
     @property
     def compiles(self) -> bool:

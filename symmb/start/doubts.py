@@ -1,0 +1,54 @@
+"""What is doubtful about a start: mechanisms that cannot move, and unstable equilibria."""
+
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.mechanics import Constraint, Weld
+from symmb.model import DAE, Scene
+from symmb.start.equilibrium import is_stable
+from symmb.start.rank import independent_rows_and_columns
+
+_BALANCED = 1e-9
+"""Unbalanced forces over the largest force, for displacements of the scene's size, that are rounding."""
+
+
+def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float) -> Iterator[str]:
+    """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters."""
+    s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
+    at = (q, v, *s, dae.p_nominal, t0)
+    G = dae.G(*at).full() * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
+    rows, _ = independent_rows_and_columns(G)
+    if not dae.n_v or len(scene.times) < 2 or v.any() or dae.Phi_t is not None:
+        return
+    if len(rows) == dae.n_v:
+        if not all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint)):
+            yield (
+                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
+                "drives them. Leave out a constraint if it should move."
+            )
+    elif _is_unstable(dae, at, G, rows):
+        yield (
+            "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
+            "system moves. Start away from it."
+        )
+
+
+def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
+    """Whether forces balance at rest, but displacements on the constraints lead to forces that enlarge them."""
+    scales = dae.displacement_scales
+    forces = dae.Q(*at).full().ravel() * scales
+    lam = np.linalg.lstsq(G[rows].T, forces, rcond=None)[0] if len(rows) else np.zeros(0)
+    terms = np.abs(forces) + np.abs(G[rows].T) @ np.abs(lam)
+    if np.abs(forces - G[rows].T @ lam).max() > _BALANCED * terms.max():
+        return False
+    delta, others = ca.SX.sym("delta", dae.n_v), [ca.SX(ca.DM(part)) for part in at[1:]]
+    moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)
+    residual = ca.SX(ca.DM(scales)) * dae.Q(moved, *others)
+    if dae.G is not None and len(rows):
+        held = dae.G(moved, *others)[rows.tolist(), :] @ ca.diag(ca.SX(ca.DM(scales)))
+        residual -= held.T @ ca.SX(ca.DM(lam))
+    stiffness = ca.Function("stiffness", [delta], [ca.jacobian(residual, delta)])(np.zeros(dae.n_v)).full()
+    return bool(np.isfinite(stiffness).all()) and not is_stable(stiffness, G[rows])

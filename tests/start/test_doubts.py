@@ -1,0 +1,97 @@
+"""What is doubtful about a start is told in sentences."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.events import event_doubts
+
+GROUND = mb.Ground()
+TIMES = np.linspace(0.0, 2.0, 5)
+
+
+def doubts(scene):
+    return mb.DAESimulator(scene).start.doubts
+
+
+def pendulum(angle, gravity=-9.81, **more):
+    rod = mb.Body("rod", 2.0, 0.1)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5))
+    system = mb.System(rod, hinge, mb.Gravity(0, gravity))
+    return mb.Scene(system, {"rod.theta": angle} | more.pop("start", {}), TIMES, **more)
+
+
+@pytest.mark.parametrize(("angle", "is_doubtful"), [(np.pi, True), (0.0, False), (3.0, False), (np.pi - 1e-3, False)])
+def test_a_rod_upright_is_an_unstable_equilibrium(angle, is_doubtful):
+    found = doubts(pendulum(angle))
+    assert len(found) == is_doubtful and all("unstable equilibrium" in text for text in found)
+
+
+def test_what_moves_or_has_no_weight_is_in_no_unstable_equilibrium():
+    assert doubts(pendulum(np.pi, start={"rod.omega": 1e-3})) == ()
+    assert doubts(pendulum(np.pi, gravity=0.0)) == ()
+
+
+@pytest.mark.parametrize("guess", [np.pi, 2.5])
+def test_an_equilibrium_that_is_solved_for_may_be_unstable(guess):
+    """From upright nothing leads away; from elsewhere the rod settles hanging."""
+    rod = mb.Body("rod", 2.0, 0.1)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5))
+    scene = mb.Scene(
+        mb.System(rod, hinge, mb.Gravity(0, -9.81)),
+        times=TIMES,
+        guess={"rod.theta": guess, "rod.x": 0.5 * np.sin(guess), "rod.y": -0.5 * np.cos(guess)},
+        equilibrium=True,
+    )
+    assert len(doubts(scene)) == (guess == np.pi)
+
+
+@pytest.mark.parametrize(("load", "is_doubtful"), [(0.9, False), (1.1, True)])
+def test_a_column_buckles_above_its_critical_load(load, is_doubtful):
+    """A rigid column of length l on a torsion spring c: the critical load is c / l."""
+    column = mb.Body("column", 1.0, 0.1)
+    system = mb.System(
+        column,
+        mb.Revolute("foot", GROUND.point(0, 0), column.point(0, -1)),
+        mb.TorsionSpring("spring", GROUND, column, 30.0),
+        mb.Force("load", column.point(0, 1), (0, -load * 30.0 / 2)),
+    )
+    assert len(doubts(mb.Scene(system, times=TIMES))) == is_doubtful
+
+
+def test_locked_mechanisms_are_doubtful_and_driven_or_welded_ones_are_not():
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", 1.0, 0.1)
+    hinges = [
+        mb.Revolute("A", GROUND.point(0, 0), a.point(-0.5, 0)),
+        mb.Revolute("B", a.point(0.5, 0), b.point(-0.5, 0)),
+        mb.Revolute("C", GROUND.point(1.2, 0.9), b.point(0.5, 0)),
+    ]
+    triangle = mb.Scene(mb.System(a, b, *hinges, mb.Gravity(0, -1)), times=TIMES, guess={"b.theta": 1.0})
+    assert (
+        len(doubts(triangle)) == 1 and "locked: its constraints leave none of its 6 velocities" in doubts(triangle)[0]
+    )
+    crank = mb.Revolute("A", GROUND.point(0, 0), a.point(-0.5, 0))
+    assert doubts(mb.Scene(mb.System(a, crank, mb.Motion("drive", a.theta, mb.t)), times=TIMES)) == ()
+    assert doubts(mb.Scene(mb.System(a, mb.Weld("A", GROUND.point(0, 0), a.point(0, 0))), times=TIMES)) == ()
+    assert doubts(mb.Scene(mb.System(a, crank), {"a.theta": 0.1}, TIMES)) == ()
+
+
+@pytest.mark.parametrize(("e", "masses", "is_doubtful"), [(0.5, 1.0, True), (1.0, 1.0, False), (1.0, 2.0, True)])
+def test_impacts_of_one_instant_are_doubtful_if_their_order_matters(e, masses, is_doubtful):
+    """Two balls hit a third one from both sides. Equal elastic balls exchange velocities, in whatever order."""
+    balls = [mb.Body(name, m, pose=mb.Particle()) for name, m in zip("abc", (1.0, masses, 1.0), strict=True)]
+    contacts = [
+        mb.Impact(name, right.x - left.x - 1, e) for name, left, right in (("left", *balls[:2]), ("right", *balls[1:]))
+    ]
+    start = {"a.x": -2.0, "a.vx": 1.0, "c.x": 2.0, "c.vx": -1.0}
+    found = event_doubts(mb.simulate(mb.Scene(mb.System(*balls, *contacts), start, TIMES)).events)
+    assert len(found) == is_doubtful
+    assert all("impacts of 'left', 'right' at t = 1 s happen at one instant" in text for text in found)
+
+
+def test_impacts_of_one_instant_that_have_nothing_to_do_with_each_other_are_not_doubtful():
+    balls = [mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab"]
+    floors = [mb.Impact(f"floor_{ball.name}", ball.y, 0.5) for ball in balls]
+    system = mb.System(*balls, *floors, mb.Gravity(0, -9.81))
+    run = mb.simulate(mb.Scene(system, {"a.y": 1.0, "b.y": 1.0}, TIMES[:3]))
+    assert len(run.events) >= 2 and event_doubts(run.events) == ()
