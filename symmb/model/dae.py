@@ -57,6 +57,7 @@ class DAE:
     positive               p -> masses and lengths that must be above 0, named by `positive_names`
     impacts : Impacts      gaps that close, and velocities that jump then
     scales : Scales        of the motion; 1 if they are unknown
+    s_rest : (n_s,)        states at the start next to which angles count their turns; None: 0
     """
 
     q_names: tuple[str, ...]
@@ -89,6 +90,7 @@ class DAE:
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None
     scales: Scales = field(default_factory=Scales)
+    s_rest: Array | None = None
 
     @property
     def n_q(self) -> int:

@@ -9,7 +9,6 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.model import DAE
 from symmb.start.labels import constraint_of_row
-from symmb.start.scales import evaluate_at_rest
 
 _TOLERANCE = 1e-9
 """Violation of Phi over the scene's size that an assembly may leave. tests/start/test_start.py"""
@@ -17,6 +16,7 @@ _ITERATIONS, _FULL_STEPS, _HALVINGS = 100, 30, 12
 """Gauss-Newton steps, those of full length, and halvings of a step that does not reduce the violation."""
 _REGULAR = 1e-6
 """Ratio of pivots above which rows count as independent."""
+_TURN = 2 * np.pi
 _PATIENCE, _PROGRESS = 15, 0.9
 """Steps after which the violation must have fallen by this factor: far from a solution it may fall slowly."""
 
@@ -34,9 +34,10 @@ class SingularRow(Exception):
 
 @dataclass(frozen=True)
 class Reached:
-    """Coordinates q (n_q,), and the violation of the position rows over their scales (n_c,)."""
+    """Coordinates q (n_q,), states s (n_s,), and the violation of the position rows over their scales (n_c,)."""
 
     q: Array
+    s: Array
     r: Array
     is_on_constraints: bool
 
@@ -48,23 +49,49 @@ class PositionRows:
     dae: DAE
     Phi: ca.Function
     G: ca.Function
+    angles: Indices  # numbers of the states that count the turns of angles in Phi
     t0: float
 
     @cached_property
     def _scales(self) -> Array:
         return self.dae.row_scales[: self.dae.n_c]
 
-    def violation(self, q: Array) -> Array:
-        """Phi (n_c,) at coordinates q."""
-        return evaluate_at_rest(self.Phi, self.dae, q, self.t0).ravel() / self._scales
+    def violation(self, q: Array, s: Array) -> Array:
+        """Phi (n_c,) at coordinates q and states s."""
+        return self._evaluate(self.Phi, q, s).full().ravel() / self._scales
+
+    def _evaluate(self, f: ca.Function, q: Array, s: Array) -> ca.DM:
+        states = (s,) if self.dae.n_s else ()
+        return f(q, np.zeros(self.dae.n_v), *states, self.dae.p_nominal, self.t0)
+
+    def _counted(self, q: Array, s: Array) -> Array:
+        """States s next to which the angles count the turns that they have at coordinates q next to states s."""
+        if self.dae.s_start is None or not self.angles.size:
+            return s
+        angle, counted = self.dae.s_start(q, self.dae.p_nominal).full().ravel()[self.angles], s.copy()
+        counted[self.angles] = angle + _TURN * np.floor((s[self.angles] - angle) / _TURN + 0.5)
+        return counted
+
+    def turned(self, q: Array) -> Array:
+        """States with as many turns of each angle as reduce the violation most."""
+        s = self._counted(q, np.zeros(self.dae.n_s))
+        for k in self.angles:
+            more = s.copy()
+            more[k] += _TURN
+            r = self.violation(q, s)
+            change = self.violation(q, more) - r
+            if change.any():
+                s[k] -= _TURN * np.round(change @ r / (change @ change))
+        return s
 
     def size(self, q: Array) -> float:
         """The size of the scene at coordinates q, by which violations are judged."""
         coordinates = float(np.abs(q / self.dae.coordinate_scales).max(initial=0.0))
-        return max(coordinates, float(np.abs(self.violation(q)).max(initial=0.0)), 1e-300)
+        r = self.violation(q, np.zeros(self.dae.n_s))
+        return max(coordinates, float(np.abs(r).max(initial=0.0)), 1e-300)
 
-    def reach(self, q: Array, rows: Indices, free: Indices, is_damped: bool = True) -> Reached:
-        """Move free displacements least until rows, by their numbers, hold.
+    def reach(self, q: Array, s: Array, rows: Indices, free: Indices, is_damped: bool = True) -> Reached:
+        """Move free displacements least until rows, by their numbers, hold. Angles count turns next to states s.
 
         Damped steps reduce the violation. Full steps may leave a place where none does.
 
@@ -72,14 +99,16 @@ class PositionRows:
         ------
         SingularRow                if rows are not finite
         """
-        units, r, size = self.dae.displacement_scales[free], self.violation(q), self.size(q)
+        units, size = self.dae.displacement_scales[free], self.size(q)
+        s = self._counted(q, s)
+        r = self.violation(q, s)
         course = [float(np.linalg.norm(r[rows]))]
         for _ in range(_ITERATIONS if is_damped else _FULL_STEPS):
             if np.abs(r[rows]).max(initial=0.0) <= 1e-15 * size or not free.size:
                 break
             if is_damped and len(course) > _PATIENCE and course[-1] > _PROGRESS * course[-1 - _PATIENCE]:
                 break
-            J = self._jacobian(q, rows, free) * units / self._scales[rows, None]
+            J = self._jacobian(q, s, rows, free) * units / self._scales[rows, None]
             irregular = ~(np.isfinite(J).all(axis=1) & np.isfinite(r[rows]))
             if irregular.any():
                 name = constraint_of_row(self.dae, int(rows[int(irregular.argmax())]))
@@ -89,19 +118,17 @@ class PositionRows:
                 delta = np.zeros(self.dae.n_v)
                 delta[free] = damping * step
                 q_new = np.asarray(self.dae.retract(q, delta)).ravel()
-                r_new = self.violation(q_new)
+                r_new = self.violation(q_new, s)
                 if not is_damped or np.linalg.norm(r_new[rows]) < np.linalg.norm(r[rows]):
                     break
             else:
                 break
-            q, r = q_new, r_new
+            q, r, s = q_new, r_new, self._counted(q_new, s)
             course.append(float(np.linalg.norm(r[rows])))
-        return Reached(q, r, bool(np.abs(r[rows]).max(initial=0.0) <= _TOLERANCE * size))
+        return Reached(q, s, r, bool(np.abs(r[rows]).max(initial=0.0) <= _TOLERANCE * size))
 
-    def _jacobian(self, q: Array, rows: Indices, free: Indices) -> Array:
-        s = (np.zeros(self.dae.n_s),) if self.dae.n_s else ()
-        G = self.G(q, np.zeros(self.dae.n_v), *s, self.dae.p_nominal, self.t0)
-        return G[rows.tolist(), free.tolist()].full()
+    def _jacobian(self, q: Array, s: Array, rows: Indices, free: Indices) -> Array:
+        return self._evaluate(self.G, q, s)[rows.tolist(), free.tolist()].full()
 
 
 def _least_step(J: Array, r: Array) -> Array:

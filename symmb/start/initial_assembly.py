@@ -16,13 +16,14 @@ from symmb.start.labels import constraint_of_row
 from symmb.start.placement import placed_along_joints
 from symmb.start.remedies import Assembles, FailedScene, nearer_guess, other_guess, remedy
 from symmb.start.scales import with_coarse_scales
+from symmb.symbolic import is_zero, symbols_in
 
 
-def assemble(scene: Scene, dae: DAE, t0: float) -> Array:
-    """Coordinates with Phi = 0 at the nominal parameters, near the guess; damped Gauss-Newton.
+def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
+    """Coordinates and states with Phi = 0 at the nominal parameters, near the guess; damped Gauss-Newton.
 
     It starts where bodies are placed one after the other along the joints. If that leads to no assembly, it takes full
-    steps from there, and last it starts at the guess itself.
+    steps from there, it starts at the guess itself, and last it lets angles begin with whole turns.
 
     Raises
     ------
@@ -56,6 +57,13 @@ def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
     return ca.Function("reference", [scene.system.p, q], [listed_q])
 
 
+def angles(scene: Scene) -> Indices:
+    """Numbers of the states that count the turns of angles in Phi."""
+    inside = {symbol.element_hash() for symbol in symbols_in(scene.system.Phi)}
+    states = enumerate(scene.system.collected.states)
+    return np.array([k for k, s in states if s.sx.element_hash() in inside and not is_zero(s.rate)], dtype=np.intp)
+
+
 def free_displacements(scene: Scene, dae: DAE) -> Indices:
     """The displacements that are not listed. Modes that nothing is known of stay undeformed until forces act."""
     free = [i for i in range(dae.n_v) if i not in scene.prescribed.displacements]
@@ -71,32 +79,33 @@ def _guess(scene: Scene, dae: DAE) -> Array:
     return np.asarray(listed_coordinates(scene, dae)(dae.p_nominal, guess)).ravel()
 
 
-def _attempt(scene: Scene, dae: DAE, t0: float) -> Array | _Failure:
-    """Assembled coordinates, or why there are none."""
+def _attempt(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array] | _Failure:
+    """Assembled coordinates and states, or why there are none."""
     free = free_displacements(scene, dae)
     q = turned_to_axes(scene, dae, _guess(scene, dae), free)
     Phi, G = dae.Phi, dae.G
     if Phi is None or G is None:
-        return q
+        return q, np.zeros(dae.n_s)
     dae = with_coarse_scales(dae, q, t0)
-    rows = PositionRows(dae, Phi, G, t0)
-    placed = placed_along_joints(scene, dae, rows, q, free)
-    first = _reached(scene, dae, rows, placed, free)
+    rows = PositionRows(dae, Phi, G, angles(scene), t0)
+    placed, s = placed_along_joints(scene, dae, rows, q, free), np.zeros(dae.n_s)
+    first = _reached(scene, dae, rows, placed, s, free)
     if not isinstance(first, _Failure):
         return first
-    for begin, is_damped in ((placed, False), (q, True)):
-        found = _reached(scene, dae, rows, begin, free, is_damped)
+    others = [(placed, s, False), (q, s, True)] + [(placed, rows.turned(placed), True)] * bool(rows.angles.size)
+    for begin, turns, is_damped in others:
+        found = _reached(scene, dae, rows, begin, turns, free, is_damped)
         if not isinstance(found, _Failure):
             return found
     return first
 
 
 def _reached(
-    scene: Scene, dae: DAE, rows: PositionRows, q: Array, free: Indices, is_damped: bool = True
-) -> Array | _Failure:
+    scene: Scene, dae: DAE, rows: PositionRows, q: Array, s: Array, free: Indices, is_damped: bool = True
+) -> tuple[Array, Array] | _Failure:
     size = rows.size(q) * dae.scales.length
     try:
-        reached = rows.reach(q, np.arange(dae.n_c), free, is_damped)
+        reached = rows.reach(q, s, np.arange(dae.n_c), free, is_damped)
     except SingularRow as error:
         return _Failure(str(error), error.joint, other_guess, size)
     if not reached.is_on_constraints:
@@ -108,7 +117,7 @@ def _reached(
     if flipped is not None:
         text = f"Joint {flipped!r} is assembled the wrong way round: frames that it locks parallel end antiparallel."
         return _Failure(text, flipped, nearer_guess, size)
-    return reached.q
+    return reached.q, reached.s
 
 
 def _flipped_joint(scene: Scene, dae: DAE, q: Array) -> str | None:

@@ -36,7 +36,7 @@ def _placed(rows: PositionRows, q: Array, targets: list[Indices], moves: tuple[I
     for target in targets:
         for move in moves:
             try:
-                reached = rows.reach(q, target, move)
+                reached = rows.reach(q, np.zeros(rows.dae.n_s), target, move)
             except SingularRow:
                 continue
             if reached.is_on_constraints:

@@ -1,6 +1,6 @@
 """The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -11,7 +11,7 @@ from symmb.start.consistency import check_accelerations, check_velocities
 from symmb.start.doubts import start_doubts
 from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.initial_assembly import assemble, listed_coordinates
+from symmb.start.initial_assembly import angles, assemble, listed_coordinates
 from symmb.start.labels import coordinate_of, coordinate_with_value
 from symmb.start.rank import independent_rows, independent_rows_and_columns, nullities, redundant_names
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
@@ -36,7 +36,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
     reference = listed_coordinates(scene, dae)
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
-    q0 = assemble(scene, dae, t0)
+    q0, s0 = assemble(scene, dae, t0)
+    dae = _with_turns(scene, dae, s0)
     dae = with_coarse_scales(dae, q0, t0)
     G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows = independent_rows(dae, q0, t0)
@@ -71,6 +72,18 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     if rows is not None:
         check_accelerations(start, G)
     return start
+
+
+def _with_turns(scene: Scene, dae: DAE, s: Array) -> DAE:
+    """The DAE with angles at the start that count their turns next to states s (n_s,)."""
+    counting = angles(scene)
+    if dae.s_start is None or not counting.size:
+        return dae
+    q, p = ca.SX.sym("q", dae.n_q), scene.system.p
+    values = dae.s_start(q, p)
+    for k in counting.tolist():
+        values[k] += 2 * np.pi * ca.floor((s[k] - values[k]) / (2 * np.pi) + 0.5)
+    return replace(dae, s_rest=s, s_start=ca.Function("s_start", [q, p], [values]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,13 +23,16 @@ _STEP_BITS = 10
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
     """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
-    s = (np.zeros(dae.n_s),) if dae.n_s else ()
-    return np.asarray(f(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full())
+    return np.asarray(f(q, np.zeros(dae.n_v), *_states_at_rest(dae), dae.p_nominal, t0).full())
 
 
 def resting(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
     """The arguments (q, v[, s]) of the DAE's Functions at rest."""
-    return (q, ca.SX(dae.n_v, 1), *((ca.SX(dae.n_s, 1),) if dae.n_s else ()))
+    return (q, ca.SX(dae.n_v, 1), *(ca.SX(ca.DM(s)) for s in _states_at_rest(dae)))
+
+
+def _states_at_rest(dae: DAE) -> tuple[Array, ...]:
+    return (np.zeros(dae.n_s) if dae.s_rest is None else dae.s_rest,) if dae.n_s else ()
 
 
 def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:

@@ -32,8 +32,8 @@ class Start:
     `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
     assembled values. `listed_velocities`, `solved_velocities` and `free_velocities` name the velocities that the scene
     lists, that the constraints determine, and that nothing determines. Where the rows of the constraints `redundant`
-    depend on each other, `independent_rows` are the numbers of rows that do not; it is None elsewhere. `nullities` count
-    the combinations of all rows, and of position rows, that vanish, if these rows do not stay independent.
+    depend on each other, `independent_rows` are the numbers of rows that do not; it is None elsewhere. `nullities`
+    count the combinations of all rows, and of position rows, that vanish, if these rows do not stay independent.
     `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
     doubtful at the nominal parameters.
     """

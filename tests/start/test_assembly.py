@@ -120,3 +120,33 @@ def test_what_cannot_be_assembled_says_so():
         mb.AssemblyError, match=r"residual 0\.\d+ in joint '.'\. None of the other guesses that were tried helps"
     ):
         assembled(mb.Scene(system))
+
+
+@pytest.mark.parametrize("angle", [0.5, np.pi, 3.5, 7.0, -20.0])
+@pytest.mark.parametrize("listed", [False, True])
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince()], ids=repr)
+def test_drives_of_angles_beyond_half_a_turn_start(angle, listed, solver):
+    body = mb.Body("body", 1.0, (0.1, 0.2, 0.3), mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0.5))
+    system = mb.System(body, hinge, mb.Motion("drive", hinge.angle, angle + mb.t))
+    start = {"body.rotation": mb.rotation((0, 0, 1), angle)} if listed else {}
+    scene = mb.Scene(system, start, np.linspace(0, 1, 5), {"angle": hinge.angle, "x": body.x})
+    run = mb.simulate(scene, solver)
+    assert_allclose(run["angle"], angle + scene.times, atol=1e-8)
+    assert_allclose(run["x"], 0.5 * np.sin(angle + scene.times), atol=1e-8)
+    sample = mb.DAESimulator(scene, mb.DormandPrince()).run(np.zeros((2, 0)))
+    assert_allclose(sample.Y[1, :, 0], angle + scene.times, atol=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.5, 2.0, -3.0])
+def test_gears_turn_more_than_once_at_the_start(angle):
+    a, b = (mb.Body(name, 1.0, (0.1, 0.2, 0.3), mb.Spatial()) for name in "ab")
+    system = mb.System(
+        a, b,
+        mb.Revolute("A", GROUND.point(0, 0), a.point(0, 0)),
+        mb.Revolute("B", GROUND.point(3, 0), b.point(0, 0)),
+        mb.Gear("gear", a.point(0, 0), b.point(0, 0), ratio=3.0),
+    )  # fmt: skip
+    start = {"a.rotation": mb.rotation((0, 0, 1), angle), "a.omega": (0, 0, 1.0)}
+    run = mb.simulate(mb.Scene(system, start, np.linspace(0, 1, 5), {"sin": b.rotation[1, 0]}))
+    assert_allclose(run["sin"], np.sin(3 * (angle + run.t)), atol=1e-8)
