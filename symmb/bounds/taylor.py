@@ -27,7 +27,8 @@ class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
     The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that they
-    are not proved. Expansions are not valid beyond kinks or jumps: ``caution`` tells where runs at centres meet some.
+    are not proved. Expansions are not valid beyond kinks or jumps: ``caution`` tells where runs at centres,
+    and at the ends of intervals through them, meet some.
     The mixed coefficients come from univariate jets along the directions alpha / order, |alpha| = order: the
     j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. Each part
     counts as C(d + order, d) evaluations, the coefficients of its expansion. The executor is not used.
@@ -92,8 +93,10 @@ class Taylor(Method):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
             below, above = self._part(jets, unit)
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
-            kink = simulator.kink(parameter_samples(simulator, box, center[None])[0]) if kinked else None
-            kinks += [kink] if kink else []
+            if kinked:
+                ends = center + radius * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
+                met = [simulator.kink(p) for p in parameter_samples(simulator, box, ends)]
+                kinks += [kink for kink in met if kink]
             if progress is not None:
                 progress(done, len(centers))
         return self._result(simulator, lower, upper, self.planned_runs(d), caution=_caution(kinks))
@@ -112,7 +115,7 @@ class Taylor(Method):
 
 
 def _caution(kinks: list[tuple[float, str]]) -> str:
-    """The caution about kinks or jumps that the runs at centres meet."""
+    """The caution about kinks or jumps that runs meet."""
     if not kinks:
         return ""
     time, which = min(kinks)

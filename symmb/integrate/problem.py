@@ -158,7 +158,8 @@ def _augmented(
     """Accelerations (n_v,) and multipliers (n_r,)."""
     M, Q = dae.M(*at), dae.Q(*at)
     a = method.penalty * ca.trace(M) / dae.n_v
-    right = right - _feedback(dae, at, 2 * method.damping * method.omega, method.omega**2)
+    omega = method.omega * dae.scales.rate
+    right = right - _feedback(dae, at, 2 * method.damping * omega, omega**2)
     solve, vdot, lam = symmetric_solver(M + a * G.T @ G), Q, ca.SX.zeros(dae.n_r)
     for _ in range(method.iterations + 1):
         vdot = solve(Q - G.T @ (lam - a * right))

@@ -42,7 +42,8 @@ class AugmentedLagrangian:
     Parameters
     ----------
     penalty : float
-    omega, damping : float   rate [1/s] and damping ratio of the feedback of the drift
+    omega, damping : float   rate [1/s] and damping ratio of the feedback of the drift. The rate is multiplied by that
+                             of the motion where it is far from 1/s
     iterations : int         corrections of lam; 0 is the penalty method
 
     References

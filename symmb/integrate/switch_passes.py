@@ -44,6 +44,10 @@ class SwitchPasses:
         stops = np.sort(np.hstack([stops, np.where(np.isnan(passes), np.inf, passes)]), axis=1)
         return stops[:, np.isfinite(stops).any(axis=0)]
 
+    def first(self, x0: Array, p: Array) -> float:
+        """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
+        return float(np.fmin.reduce(self._passes(x0, p).ravel(), initial=np.nan)) if self._of_state else np.nan
+
     def closest(self, x0: Array, p: Array) -> tuple[float, float]:
         """Time and distance [s] of the two stops of one sample, x0 (1, n_x) and p (1, n_p), that follow closest."""
         stops = self(x0, p)[0]

@@ -22,6 +22,7 @@ from symmb.integrate import (
     Integration,
     Run,
     Solver,
+    SwitchPasses,
     impacts_text,
 )
 from symmb.model import DAE, Scene, compile_dae, unit_of
@@ -44,6 +45,8 @@ times as many, so that a block takes much longer than the start of threads. test
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes. Steps of some solvers end at output
 times, which may be closer than a coarse tolerance asks for; runs that are exact never change."""
+KINK_RTOL = 1e-8
+"""Relative tolerance of runs that tell when kinks are met."""
 STATELESS_VALUES = 10**6
 """Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
 
@@ -214,7 +217,8 @@ class DAESimulator:
             first, second = self.run(P), self.tighter().run(P)
             known = bool(first.ok[0] and second.ok[0])
             error = np.abs(first.Y[0] - second.Y[0]) if known else np.zeros(first.Y.shape[1:])
-            self._doubts = error_doubts(self.times, self.outputs, first.Y[0], error) if known else ()
+            lost = error_doubts(self.times, self.outputs, first.Y[0], error) if known else ()
+            self._doubts = (*self.start.doubts, *lost)
         return self._doubts
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
@@ -323,6 +327,8 @@ class DAESimulator:
             (run,) = self.integration().run(x0, p0[None], 1)
             known = np.isfinite(run.X).all(axis=1)
             first = self._kinks.first(run.X[known], p0, self.times[known])
+            if self.dae.impacts is None:  # passes that cancel between two output times
+                first = np.fmin(first, SwitchPasses(self.dae, self.times, KINK_RTOL).first(x0, p0[None]))
             return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:

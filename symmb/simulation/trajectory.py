@@ -16,7 +16,7 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import require_instance
 from symmb._types import Array, Expr
-from symmb.events import Event, longest_step
+from symmb.events import Event, event_doubts, longest_step
 from symmb.model import Scene
 from symmb.simulation.certainty import error_doubts
 from symmb.simulation.dae_simulator import DAESimulator
@@ -230,6 +230,8 @@ class Trajectory:
         simulator = self._model[1]
         position = self.position_drift / simulator.dae.scales.length
         found = [
+            *simulator.start.doubts,
+            *event_doubts(self.events),
             *self.run_doubts,
             *drift_doubts(position, self.energy_drift, self.singularity is not None, self._rtol),
             *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
