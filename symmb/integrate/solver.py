@@ -80,14 +80,15 @@ class Solver(ABC):
     def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> Tolerances:
         """The options `rtol` and `atol`; by default the latter is rtol / 100 of the size of each state.
 
-        They are for states (n_x,), their Taylor coefficients up to an order, and integrals along the motion.
+        They are for states (n_x,), their Taylor coefficients up to an order, and integrals along the motion. They do
+        not follow coefficients, which are 0 until they jump at kinks.
         """
         rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
         atol: float | None = getattr(self, "atol", None)
         if atol is not None:
             return Tolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
-        least = min(1.0, max(LEAST_SIZE, NOISE / rtol))
+        least = 1.0 if order else min(1.0, max(LEAST_SIZE, NOISE / rtol))
         ahead = AHEAD / dae.scales.rate
         return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
 

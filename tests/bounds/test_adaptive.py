@@ -2,6 +2,7 @@
 
 import json
 import tracemalloc
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +124,9 @@ def test_the_paper_s_pendulum(spread, tolerance, most, mean, worst, outer):
     """Against bounds from 641,601 runs, all 12 states: runs, errors, and what the estimates cover."""
     scene = double_pendulum.scene().with_times(np.array(DATA["times"]))
     box = mb.Box.around(scene.system.parameters, spread / 100)
-    bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=tolerance), box)
+    late = pytest.warns(mb.SymmbWarning, match="above 10 % of the width") if tolerance == 0.1 else nullcontext()
+    with late:
+        bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=tolerance), box)
     true = DATA["cases"][f"{spread}%"]["true"]
     lower, upper = np.array(true["lower"]).T, np.array(true["upper"]).T
     doubt = np.full(12, 1e-5) / np.sqrt(np.mean((upper - lower) ** 2, axis=0))
@@ -159,7 +162,9 @@ def test_budgets_are_spent_on_nodes_and_checks():
     )
     box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
     for budget in (11, 40, 41, 100):
-        assert 0.8 * budget <= mb.propagate(simulator, mb.PolynomialChaos(budget=budget), box).evaluations <= budget
+        with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: f from 0 s"):
+            bounds = mb.propagate(simulator, mb.PolynomialChaos(budget=budget), box)
+        assert 0.8 * budget <= bounds.evaluations <= budget
     with pytest.raises(mb.PropagationError, match="the first level takes 11 runs, more than the budget of 10"):
         mb.propagate(simulator, mb.PolynomialChaos(budget=10), box)
     with pytest.raises(mb.DeclarationError, match="chooses nodes, basis and range itself"):
@@ -178,7 +183,8 @@ def test_nodes_that_fail_are_told_and_predicted(names):
     box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
     simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["f"])
     if names == "ab":
-        bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-4), box)
+        with pytest.warns(mb.SymmbWarning, match=r"1 of \d+ runs failed"):
+            bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-4), box)
         assert "no convergence" in str(bounds)
         assert len(bounds.failed) == 1 and bounds.failed[0].parameters == pytest.approx({"a": 0.5**0.5, "b": 0.5**0.5})
     else:
@@ -257,7 +263,8 @@ def test_kinks_of_many_parameters_are_given_up_and_bounded_by_what_runs_attained
         lambda **p: abs(np.sin(3 * t) - 0.4 * (np.array(list(p.values())) @ np.arange(1, 7)))[:, None],
         dict.fromkeys(names, 0.0), t, ["y"],
     )  # fmt: skip
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: y from 0 s"):
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
     assert bounds.evaluations < 500 and bounds.doubtful() == {"y": 0.0}
     highest = 8.4 + np.abs(np.sin(3 * t))
     assert (bounds.lower >= 0).all() and (np.abs(bounds.upper[:, 0] - highest) < 0.1 * highest).all()

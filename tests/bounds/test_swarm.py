@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
-from symmb import Box, FunctionSimulator, MonteCarlo, PropagationError, Swarm, propagate
+from symmb import Box, FunctionSimulator, MonteCarlo, PropagationError, Swarm, SymmbWarning, propagate
 
 FEW = np.array([0.0, 3.0, 6.0])
 
@@ -34,7 +34,8 @@ def test_every_swarm_searches_for_itself():
 
 
 def test_failed_runs_are_told_and_left_behind():
-    result = propagate(simulator(fragile), Swarm(), BOX)
+    with pytest.warns(SymmbWarning, match=r"\d+ of 1200 runs failed"):
+        result = propagate(simulator(fragile), Swarm(), BOX)
     assert 0 < len(result.failed) < result.evaluations / 2
     assert all(run.parameters["amplitude"] + run.parameters["w"] > 2.1 for run in result.failed)
     assert result.upper[0, 0] == pytest.approx(1.1, abs=1e-3)  # amplitude 1.1 wherever w <= 1
