@@ -46,17 +46,19 @@ class _SchemeSolver(CompiledSolver):
         state, control = w[:n_x], self.limited_control(dae, times, order, 0)
         change, tested_change = step.newton()
         at_state = [step.x, state]
+        begin, past_work = ca.substitute(step.begin, *at_state), slice(n_x, n_x + step.n_quad)
+        begin[past_work, :] = w[past_work, :]  # steps begin anew at switches
         f = scheme_function(
             w,
             step.z,
             step.p,
             step.t,
             step.h,
-            history=ca.substitute(step.begin, *at_state),
+            history=begin,
             guess=step.guess,
             correct=ca.vertcat(change, tested_change),
             follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
-            outputs=ca.vertcat(y(state, step.p, step.t), w[n_x : n_x + step.n_quad]),
+            outputs=ca.vertcat(y(state, step.p, step.t), w[past_work, :]),
             projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
             start=start.equations(state, step.p) if start is not None and start.compiles else None,
         )

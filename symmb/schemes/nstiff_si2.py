@@ -50,7 +50,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     positions, towards = _positions(dae, x, p, t, mu.numel(), heads)(new, mu, p, t)
     here, z_lam, z_mu = At(dae, now, p, t - h), lam / unit_lam, mu / unit_mu
     if stabilized:
-        positions = ca.vertcat(here.independent(positions[:n_c] / of_c, z_mu[:n_c], of_c), positions[n_c:])
+        positions = ca.vertcat(here.independent(positions[:n_c, :] / of_c, z_mu[:n_c, :], of_c), positions[n_c:, :])
         rows = positions, here.independent(tau * at.Phi_dot() / row_scales, z_lam, row_scales)
     else:
         rows = (here.independent(ca.vertcat(positions, tau * at.Phi_dot()[n_c:, :]) / row_scales, z_lam, row_scales),)

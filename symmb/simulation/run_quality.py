@@ -3,6 +3,8 @@
 import numpy as np
 
 from symmb._types import Array
+from symmb.model import DAE
+from symmb.simulation.certainty import error_doubts
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
@@ -14,6 +16,10 @@ tests/test_problems.py"""
 _TIMES, _WORK, _CLOSER = 2000, 2e9, 2
 """A run that drifts is examined at so many times, but times (number of velocities)^3 stays below `_WORK`, which takes
 seconds. A run that fails is examined so often, each time closer to its failure."""
+_ROUNDING = 1e-14
+"""Share of the largest energy up to which a change of energy may be rounding."""
+_FALLS = 0.5
+"""Share to which a drift of energy that is due to the tolerance falls at a tenth of it: to 0.1 by most solvers."""
 _UNREACHED = 1e-2
 """Violation of positions, over the size of the scene, that no solver leaves where positions can be reached."""
 
@@ -38,15 +44,16 @@ def drift_doubts(position: float, energy: float, is_singular: bool, rtol: float 
     return (f"{drift} Try a smaller one.",)
 
 
-def unreached(t: Array, violation: Array, size: float) -> str:
-    """When a run leaves its constraints, as violations (n_t,) over the size tell; empty if it does not."""
+def unreached(t: Array, violation: Array, size: float, rtol: float | None) -> str:
+    """When and why a run leaves its constraints, as violations (n_t,) over the size tell; empty if it does not."""
     left = ~(violation <= _UNREACHED * size)
     if not left.any():
         return ""
     k = int(left.argmax())
+    cause = "drives contradict each other, or ask for positions that cannot be reached"
     return (
-        f"the run leaves its constraints at t = {t[k]:g} s, by up to {violation.max() / size:.0e} of its size: drives "
-        "contradict each other, or ask for positions that cannot be reached"
+        f"the run leaves its constraints at t = {t[k]:g} s, by up to {violation.max() / size:.0e} of its size: "
+        f"{'steps are too long, ' if rtol is None else ''}{cause}"
     )
 
 
@@ -78,10 +85,38 @@ def _closest(simulator: DAESimulator, X: Array, p: Array, times: Array) -> Singu
     return singularity(simulator.dae, X[known], p, times[known])
 
 
+def energies(dae: DAE, X: Array, p: Array, times: Array) -> tuple[Array, Array]:
+    """Kinetic and potential energy (n_t,) of states (n_t, n_x) at parameters (n_p,) [J]."""
+    q, v, s = np.split(X, [dae.n_q, dae.n_q + dae.n_v], axis=1)
+    T, V = batch(dae.energy, q, v, *((s,) if dae.n_s else ()), p, times[:, None])
+    return T[:, 0], V[:, 0]
+
+
+def energy_change(T: Array, V: Array, W: Array) -> float:
+    """Largest |T + V - W - E_0| of energies and work (n_t,) [J], 0 if it is within their rounding."""
+    change = float(np.abs(T + V - W - (T + V - W)[0]).max(initial=0.0))
+    return change if change > _ROUNDING * max(float(np.abs(energy).max(initial=0.0)) for energy in (T, V, W)) else 0.0
+
+
 def largest_kinetic_energy(simulator: DAESimulator, x0: Array, p: Array, begin: float, end: float) -> float:
     """Over a second run from x0 (n_x,) with output times that are close together [J]."""
-    dae, times = simulator.dae, np.linspace(begin, end, _TIMES)
-    X = simulator.solver.integration(dae, times).run(x0[None], p[None])[0].X
-    q, v, s = np.split(X, [dae.n_q, dae.n_q + dae.n_v], axis=1)
-    (T, _) = batch(dae.energy, q, v, *((s,) if dae.n_s else ()), p, times[:, None])
-    return float(np.nanmax(T, initial=0.0))
+    times = np.linspace(begin, end, _TIMES)
+    X = simulator.solver.integration(simulator.dae, times).run(x0[None], p[None])[0].X
+    return float(np.nanmax(energies(simulator.dae, X, p, times)[0], initial=0.0))
+
+
+def falls_with_tolerance(simulator: DAESimulator, x0: Array, p: Array, values: Array, change: float) -> bool:
+    """Whether a run at a tenth of the tolerance has much less change of energy [J], and the same outputs (n_t, n_y).
+
+    So it is where forces in balance do far more work than the motion has kinetic energy. On a wrong branch the change
+    stays.
+    """
+    dae, times = simulator.dae, simulator.times
+    work = dae.power is not None or dae.impacts is not None
+    run = simulator.solver.tighter().integration(dae, times, work=work).run(x0[None], p[None])[0]
+    if run.message:
+        return False
+    error = np.abs(batch(simulator.y, run.X, p, times[:, None])[0] - values)
+    W = run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(times))
+    falls = energy_change(*energies(dae, run.X, p, times), W) < _FALLS * change
+    return falls and not error_doubts(times, simulator.outputs, values, error)

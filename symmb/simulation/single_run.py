@@ -84,17 +84,18 @@ def simulate(
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     count = switches.met(run.X, runs.p, runs.simulator.times) if switches else 0
     trajectory = replace(trajectory, reason=f"{reason}; {switches} met {count} times or more" if count else reason)
-    _require_sound(runs, trajectory)
+    _require_sound(runs, solver, trajectory)
     trajectory = replace(trajectory, run_doubts=_switch_doubts(runs, solver))
     trajectory = _checked(runs, solver, trajectory) if check else trajectory
     warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
     return trajectory
 
 
-def _require_sound(runs: PilotRuns, trajectory: Trajectory) -> None:
+def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> None:
     """SimulationError if the run has left its constraints, or has outputs that are not finite."""
     about = f"{runs.scene.name} ({runs.text}) by {trajectory.solver}"
-    fault = unreached(trajectory.t, trajectory.drift.position, runs.simulator.dae.scales.length)
+    size = runs.simulator.dae.scales.length
+    fault = unreached(trajectory.t, trajectory.drift.position, size, getattr(solver, "rtol", None))
     irregular = ~np.isfinite(trajectory.values)
     if irregular.any():
         k, i = np.argwhere(irregular)[0]

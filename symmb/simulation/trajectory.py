@@ -24,6 +24,9 @@ from symmb.simulation.outputs import output_function
 from symmb.simulation.run_quality import (
     closest_singularity,
     drift_doubts,
+    energies,
+    energy_change,
+    falls_with_tolerance,
     largest_kinetic_energy,
     pulse_doubts,
     unexplained,
@@ -198,10 +201,7 @@ class Trajectory:
     @cached_property
     def energy(self) -> Energy:
         """Kinetic and potential energy and the work done."""
-        dae = self._model[1].dae
-        at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
-        T, V = batch(dae.energy, *at)
-        return Energy(T[:, 0], V[:, 0], self.work)
+        return Energy(*energies(self._model[1].dae, self.x, self._p, self.t), self.work)
 
     @property
     def position_drift(self) -> float:
@@ -216,9 +216,7 @@ class Trajectory:
     @cached_property
     def energy_drift(self) -> float:
         """Largest |T + V - W - E_0| at output times over the largest kinetic energy; nan if nothing moves."""
-        T, V, W = self.energy
-        balance = T + V - W
-        change, largest = float(np.abs(balance - balance[0]).max(initial=0.0)), float(T.max(initial=0.0))
+        change, largest = energy_change(*self.energy), float(self.energy.kinetic.max(initial=0.0))
         if change > _EXAMINED * largest > 0:  # all output times may be those at which it rests
             span = float(self.t[0]), float(self.t[-1])
             largest = max(largest, largest_kinetic_energy(self._model[1], self.x[0], self._p, *span))
@@ -228,12 +226,15 @@ class Trajectory:
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
         simulator = self._model[1]
-        position = self.position_drift / simulator.dae.scales.length
+        position, energy = self.position_drift / simulator.dae.scales.length, self.energy_drift
+        is_singular = self.singularity is not None
+        if not is_singular and unexplained(energy, self._rtol):
+            energy *= not falls_with_tolerance(simulator, self.x[0], self._p, self.values, energy_change(*self.energy))
         found = [
             *simulator.start.doubts,
             *event_doubts(self.events),
             *self.run_doubts,
-            *drift_doubts(position, self.energy_drift, self.singularity is not None, self._rtol),
+            *drift_doubts(position, energy, is_singular, self._rtol),
             *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
         ]
         if self.error is not None:

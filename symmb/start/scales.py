@@ -20,6 +20,9 @@ _PART_ROUNDING = 1e-12
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
 
+_USUAL_RATE = 2.0**_STEP_BITS
+"""Rates [1/s] of mechanisms with stiff springs and fast rotors: absolute tolerances of velocities stay there."""
+
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
     """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
@@ -57,7 +60,8 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
 def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> tuple[Array, float]:
     """Sizes of the states (n_x,), those of each part of the scene that acts on no other, and the largest rate [1/s].
 
-    Lengths above 1 m, and rates, count by their coarse scales: usual ones are 1. `size` is that of the whole scene. It
+    Lengths above 1 m, and rates, count by their coarse scales: usual ones are 1. Those of velocities follow rates above
+    usual ones only, since slow motions go along with fast ones. `size` is that of the whole scene. It
     stands where a part is so small that its motion may be rounding.
     """
     labels = _parts(dae)
@@ -76,8 +80,9 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
         sizes[part] *= coarse(max(1.0, length))
         arms = np.where(linear, length or 1.0, 1.0)
         speeds = np.maximum(np.abs(at[1]) / arms, np.sqrt(accelerations / arms))[own]
-        rates.append(coarse(float(speeds.max(initial=1.0 / span if span else 1.0))))
-        sizes[own_v][own] *= rates[-1]
+        rate = float(speeds.max(initial=1.0 / span if span else 1.0))
+        rates.append(coarse(rate))
+        sizes[own_v][own] *= coarse(max(1.0, rate / _USUAL_RATE))
     return sizes, max(rates)
 
 

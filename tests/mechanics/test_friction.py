@@ -75,7 +75,7 @@ def test_bristles_hold_a_block_that_is_shaken():
             mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), 10.0, law),
             mb.Force("push", block.point(0, 0), (push, 0)),
         )
-        run = mb.simulate(mb.Scene(system, times=[0.0, 1.0, 2.0, 20.0]), SOLVERS[2])
+        run = mb.simulate(mb.Scene(system, times=[0.0, 1.0, 2.0, 20.0]), mb.Rosenbrock(rtol=1e-9))
         last[type(law)] = run["block.x"]
     held = last[mb.Bristle]
     assert 0.5e-5 < held[1] < 3e-5  # N k z = 1.5 ... 2
