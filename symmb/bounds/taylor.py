@@ -87,7 +87,7 @@ class Taylor(Method):
         centers = grid(middles, d)
         lower = np.full((len(simulator.times), len(simulator.outputs)), np.inf)
         upper = -lower
-        kinked = isinstance(simulator, Kinked)
+        kinked = simulator if isinstance(simulator, Kinked) else None
         kinks: list[tuple[float, str]] = []
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
@@ -95,7 +95,7 @@ class Taylor(Method):
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
             if kinked:
                 ends = center + radius * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
-                met = [simulator.kink(p) for p in parameter_samples(simulator, box, ends)]
+                met = [kinked.kink(p) for p in parameter_samples(simulator, box, ends)]
                 kinks += [kink for kink in met if kink]
             if progress is not None:
                 progress(done, len(centers))

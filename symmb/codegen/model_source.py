@@ -52,7 +52,6 @@ class Scheme:
     order : int
     growth : float         largest ratio of a step to the one before
     newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
-    quads : slice          where integrals along the motion stand in the history
     """
 
     n_w: int
@@ -60,7 +59,6 @@ class Scheme:
     order: int
     growth: float
     newton: float
-    quads: slice
 
 
 def model_function(
@@ -189,8 +187,6 @@ def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
         "N_K": max(len(nodes["follow"]), len(nodes["correct"])),
         "ORDER": scheme.order,
         "GROWTH": scheme.growth,
-        "FIRST_QUAD": scheme.quads.start,
-        "LAST_QUAD": scheme.quads.stop,
     }
     steps = [c_source("switches"), c_source("implicit_step")]
     return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, steps)

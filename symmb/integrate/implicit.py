@@ -62,8 +62,7 @@ class _SchemeSolver(CompiledSolver):
             projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
             start=start.equations(state, step.p) if start is not None and start.compiles else None,
         )
-        quads = slice(n_x, n_x + step.n_quad)
-        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance, quads)
+        scheme = Scheme(w.numel(), step.z.numel(), step.order, step.growth, self.tolerance)
         stops = None
         if isinstance(control, Tolerances):
             stops = SwitchPasses(dae, times, control.rtol, start if start is not None and start.compiles else None)

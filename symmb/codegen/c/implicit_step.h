@@ -4,8 +4,7 @@
    gives history(x, c, t, w), which makes w from the state at t. With t at the end of the step it gives guess(x, c, t, z);
    correct(x, c, t, d), Newton's change of z, then N_TESTED parts of it over their sizes, which tell convergence; and
    follow(x, c, t, w), the new history, then estimated errors of the state (N_E), if there are any. ORDER is the order of
-   the scheme. GROWTH is the most that a step may be longer than the one before. Integrals along the motion stand in w from
-   FIRST_QUAD to LAST_QUAD. */
+   the scheme. GROWTH is the most that a step may be longer than the one before. */
 #ifndef IMPLICIT_STEP_H
 #define IMPLICIT_STEP_H
 
@@ -73,8 +72,6 @@ PRIVATE int run(Block *b, Study *s) {
   double wanted = s->rtol > 0.0 && longest > 1e-4 * span ? 1e-4 * span : longest;
   const double first = wanted;
   int fresh = 1;
-  EACH_PART(b)
-    for (int i = FIRST_QUAD; i < LAST_QUAD; ++i) a->x[i] = zero();
   M marked[PARTS];
   b->steps = b->iterations = b->most = 0;
   if (find_stop(b, s)) b->t = b->from;
@@ -88,7 +85,6 @@ PRIVATE int run(Block *b, Study *s) {
       a->x[N_W] = each(b->h);
       if (fresh) {
         history(a->x, a->c, each(b->t), a->k);
-        for (int i = FIRST_QUAD; i < LAST_QUAD; ++i) a->k[i] = a->x[i]; /* behind a switch, integrals go on */
         memcpy(a->x, a->k, N_W * sizeof(V));
       }
     }

@@ -44,8 +44,6 @@ PRIVATE void rates(const V *x, V *c, V t, V *out) {
 #define N_K 4
 #define ORDER 1
 #define GROWTH 5.0
-#define FIRST_QUAD 2
-#define LAST_QUAD 2
 
 PRIVATE void history(const V *x, V *c, V t, V *out) {
   (void)c, (void)t;
