@@ -75,7 +75,8 @@ def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
     run = subprocess.run([str(program)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     Y = np.array(run.stdout.split(), dtype=float).reshape(len(P), len(simulator.times), -1)
-    np.testing.assert_allclose(Y, simulator.run(P).Y, rtol=1e-9, atol=1e-9)
+    close = 1e-8 if explicit and controlled else 1e-9  # small absolute tolerances let rounding choose steps
+    np.testing.assert_allclose(Y, simulator.run(P).Y, rtol=close, atol=close)
 
 
 def test_no_array_of_the_models_size_stands_on_the_stack():
