@@ -28,7 +28,7 @@ class SwitchPasses:
     start : Start, optional  the engine of the solver computes the start
     """
 
-    def __init__(self, dae: DAE, times: Array, rtol: float, start: Start | None = None) -> None:
+    def __init__(self, dae: DAE, times: Array, rtol: float = 1e-8, start: Start | None = None) -> None:
         self._dae, self._times, self._rtol, self._start = dae, times, max(rtol, _LEAST_RTOL), start
         self._of_time = time_switches(dae, times)
         self._engine: AnyEngine | None = None

@@ -45,8 +45,6 @@ times as many, so that a block takes much longer than the start of threads. test
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes. Steps of some solvers end at output
 times, which may be closer than a coarse tolerance asks for; runs that are exact never change."""
-KINK_RTOL = 1e-8
-"""Relative tolerance of runs that tell when kinks are met."""
 STATELESS_VALUES = 10**6
 """Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
 
@@ -304,9 +302,7 @@ class DAESimulator:
             for run in runs:
                 if run.message:
                     raise SimulationError(self._no_derivatives(p0, run.t_failed, run.message))
-            f = jet_outputs(self.y, order)
-            Y = self._evaluate(f, runs, P)
-            return Y.reshape(shape).transpose(2, 0, 1, 3)
+            return self._evaluate(jet_outputs(self.y, order), runs, P).reshape(shape).transpose(2, 0, 1, 3)
 
     def _no_derivatives(self, p0: Array, time: float, why: str) -> str:
         kink = self.kink(p0)
@@ -328,7 +324,7 @@ class DAESimulator:
             known = np.isfinite(run.X).all(axis=1)
             first = self._kinks.first(run.X[known], p0, self.times[known])
             if self.dae.impacts is None:  # passes that cancel between two output times
-                first = np.fmin(first, SwitchPasses(self.dae, self.times, KINK_RTOL).first(x0, p0[None]))
+                first = np.fmin(first, SwitchPasses(self.dae, self.times).first(x0, p0[None]))
             return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:

@@ -110,7 +110,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     step = solver.step_taken(simulator.times)
     if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
         return ()
-    time, distance = SwitchPasses(simulator.dae, simulator.times, _RTOL).closest(runs.x0, runs.p[None])
+    time, distance = SwitchPasses(simulator.dae, simulator.times).closest(runs.x0, runs.p[None])
     if distance > step:
         return ()
     return (
@@ -155,6 +155,4 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     return ". ".join(filter(None, parts)) + "."
 
 
-_RTOL = 1e-8
-"""Relative tolerance of a run that tells when switches are passed."""
 _SMOOTH = "where it sticks to one, smooth it, as tanh(v / 1e-3) does sign(v)"
