@@ -15,10 +15,10 @@ from symmb.integrate.marching import interval_steps
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 from symmb.model import DAE
 
-LEAST_SIZE, NOISE = 1e-3, 1e-12
+LEAST_SIZE, NOISE = 1e-2, 1e-12
 """Least size of a state, over that of its part of the scene, to which absolute tolerances follow it, and the same over
 rtol: forces in balance leave rounding in states that do not move."""
-AHEAD = 0.1
+AHEAD = 1.0
 """Time over which slopes at the start tell the sizes to come, over that of the fastest part. Without it, runs from rest
 take seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
 

@@ -28,7 +28,7 @@ ROOT = Path(mb.__file__).parents[1]
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
 MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has no states
 FIXED_TOLERANCE = mb.DormandPrince(atol=1e-10)
-"""Absolute tolerances that follow states from rest come close to rounding, which then has a part in the choice of steps."""
+"""Absolute tolerances that follow states come close to rounding, which then has a part in the choice of steps."""
 SWING = ca.vertcat(X[1], -ca.sin(X[0]) - P * X[0] ** 3 + ca.cos(T) / 3)
 
 
@@ -136,9 +136,11 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
     assert_allclose(failed_samples.t_failed, [np.nan, 1.2, np.nan])
 
 
-def test_too_many_steps_fail_the_block(monkeypatch):
-    monkeypatch.setattr("symmb.schemes.embedded_pair.MOST_STEPS", 3)
-    Y, failed_samples = swing(ArrayEngine, [0.0, 100.0]).values(np.ones((3, 2)), np.ones((3, 1)))
+@pytest.mark.parametrize("kind", [Engine, ArrayEngine])
+def test_too_many_steps_fail_the_block(kind):
+    engine = swing(kind, [0.0, 100.0])
+    engine.most_steps = 3
+    Y, failed_samples = engine.values(np.ones((3, 2)), np.ones((3, 1)))
     assert np.isnan(Y[:, 1]).all() and (failed_samples.t_failed < 100.0).all()
 
 
