@@ -1,5 +1,7 @@
 """Hard problems to the digits that are known, and what symmb does with them if no solver is given."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import problems
 import pytest
@@ -68,14 +70,16 @@ def test_forty_windows_hold_energy_through_their_singular_positions():
 def test_a_wrong_branch_is_doubted(solver):
     """Through the dead point the closed form tells the right branch."""
     problem = problems.slider_crank("dead_point")
-    run = mb.simulate(problem.make(), solver)
-    assert ("another branch may be taken" in str(run)) == (problem.error(run.values) > 0.1)
+    told = pytest.warns(mb.SymmbWarning, match="may have taken another branch")
+    with nullcontext() if solver == AUGMENTED else told:
+        run = mb.simulate(problem.make(), solver)
+    assert any("another branch" in doubt for doubt in run.doubts) == (problem.error(run.values) > 0.1)
 
 
 def test_usual_drift_raises_no_doubt():
     for problem in (problems.car_axis(), problems.slider_crank("massless_coupler")):
         for solver in (mb.CVODES(rtol=1e-6), mb.CVODES(rtol=1e-8, stiff=True), mb.Rosenbrock(rtol=1e-5)):
-            assert "doubtful" not in str(mb.simulate(problem.make(), solver))
+            assert not mb.simulate(problem.make(), solver).doubts
 
 
 def _told(value):

@@ -26,7 +26,7 @@ from symmb.integrate import (
     impacts_text,
 )
 from symmb.model import DAE, Scene, compile_dae, unit_of
-from symmb.simulation.certainty import error_doubts
+from symmb.simulation.certainty import error_doubts, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
@@ -213,11 +213,16 @@ class DAESimulator:
         if self._doubts is None:
             P = self.dae.p_nominal[None]
             first, second = self.run(P), self.tighter().run(P)
-            known = bool(first.ok[0] and second.ok[0])
-            error = np.abs(first.Y[0] - second.Y[0]) if known else np.zeros(first.Y.shape[1:])
-            lost = error_doubts(self.times, self.outputs, first.Y[0], error) if known else ()
+            error = np.where(first.ok[0] & second.ok[0], np.abs(first.Y[0] - second.Y[0]), 0.0)
+            lost = error_doubts(self.times, self.outputs, first.Y[0], error, self._rounding)
             self._doubts = (*self.start.doubts, *lost)
         return self._doubts
+
+    def _rounding(self) -> Array:
+        """Changes of outputs (n_y,) that rounding of states can make, at the nominal parameters."""
+        P = self.dae.p_nominal[None]
+        (run,) = self.integration().run(self.start.states(P)[0], P, 1)
+        return rounding_of_outputs(self.y, self.dae, run.X, P[0], self.times)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""

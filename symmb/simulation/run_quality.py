@@ -4,7 +4,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.model import DAE
-from symmb.simulation.certainty import error_doubts
+from symmb.simulation.certainty import error_doubts, rounding_of_outputs
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
@@ -119,4 +119,8 @@ def falls_with_tolerance(simulator: DAESimulator, x0: Array, p: Array, values: A
     error = np.abs(batch(simulator.y, run.X, p, times[:, None])[0] - values)
     W = run.quad[:, 0] if run.quad.shape[1] else np.zeros(len(times))
     falls = energy_change(*energies(dae, run.X, p, times), W) < _FALLS * change
-    return falls and not error_doubts(times, simulator.outputs, values, error)
+
+    def rounding() -> Array:
+        return rounding_of_outputs(simulator.y, dae, run.X, p, times)
+
+    return falls and not error_doubts(times, simulator.outputs, values, error, rounding)

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from symmb._options import require_instance
 from symmb._types import Array, Expr
 from symmb.events import Event, event_doubts, longest_step
 from symmb.model import Scene
-from symmb.simulation.certainty import error_doubts
+from symmb.simulation.certainty import error_doubts, rounding_of_outputs
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.outputs import output_function
 from symmb.simulation.run_quality import (
@@ -238,7 +238,8 @@ class Trajectory:
             *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
         ]
         if self.error is not None:
-            found += error_doubts(self.t, self.names, self.values, self.error)
+            at = simulator.y, simulator.dae, self.x, self._p, self.t
+            found += error_doubts(self.t, self.names, self.values, self.error, partial(rounding_of_outputs, *at))
         return tuple(found)
 
     def __str__(self) -> str:
