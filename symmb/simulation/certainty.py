@@ -42,6 +42,6 @@ def error_doubts(
     concerned = [name for name, some in zip(names, lost.any(axis=0), strict=True) if some]
     listed = ", ".join(concerned[:_NAMED] + ["..."] * (len(concerned) > _NAMED))
     return (
-        f"From t = {since:g} s on, errors of {listed} exceed a thousandth of their range: a run at a tenth of the "
-        "tolerance differs by as much.",
+        f"From t = {since:g} s on, errors of {listed} exceed a thousandth of their range: a run that is ten times as "
+        "accurate differs by as much.",
     )
