@@ -16,6 +16,9 @@ _LEAST_RTOL = 1e-12
 _MOST_STEPS = 20_000
 """Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control."""
 
+_AT_ONCE = 1e-9
+"""Time after the start, over the horizon, within which a pass belongs to the start."""
+
 
 class SwitchPasses:
     """Switches of time, and passes of switches of the state by a run of DormandPrince. It can be pickled.
@@ -46,7 +49,11 @@ class SwitchPasses:
 
     def first(self, x0: Array, p: Array) -> float:
         """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
-        return float(np.fmin.reduce(self._passes(x0, p).ravel(), initial=np.nan)) if self._of_state else np.nan
+        if not self._of_state:
+            return np.nan
+        passes = self._passes(x0, p).ravel()
+        span = float(np.ptp(self._times))  # a motion may begin on a switch
+        return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
 
     def closest(self, x0: Array, p: Array) -> tuple[float, float]:
         """Time and distance [s] of the two stops of one sample, x0 (1, n_x) and p (1, n_p), that follow closest."""

@@ -41,10 +41,9 @@ NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 COMPILED_BLOCK = 1024
 """Samples of a block for the engine: enough for its lanes on many cores. Small models without trajectories take up to 8
-times as many, so that a block takes much longer than the start of threads. tests/benchmarks/ensemble.py"""
+times as many: starting threads costs little then. tests/benchmarks/ensemble.py"""
 _TIGHTENINGS = 4
-"""Most times that a solver is made ten times more accurate until its run changes. Steps of some solvers end at output
-times, which may be closer than a coarse tolerance asks for; runs that are exact never change."""
+"""Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
 STATELESS_VALUES = 10**6
 """Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
 
@@ -102,8 +101,7 @@ class DAESimulator:
 
     def __getstate__(self) -> dict[str, Any]:
         self.prepare()
-        # A pickled copy is one of many that run in parallel.
-        return {**self.__dict__, "threads": 1}
+        return {**self.__dict__, "threads": 1}  # a pickled copy is one of many that run in parallel
 
     @property
     def solver(self) -> Solver:
@@ -198,8 +196,8 @@ class DAESimulator:
         begin = time.perf_counter()
         ensemble = copy.run(P)
         message = ensemble.messages[0] if ensemble.messages else ""
-        steps = copy.engine().counts.steps if copy.compiled else copy.integration().statistics().get("steps", 0)
         seconds = time.perf_counter() - begin
+        steps = copy.engine().counts.steps if copy.compiled else copy.integration().statistics().get("steps", 0)
         if copy.compiled and not message:
             shares = np.random.default_rng(0).uniform(-NEIGHBOUR_DISTANCE, NEIGHBOUR_DISTANCE, (NEIGHBOURS, P.shape[1]))
             ensemble = copy.run(P * (1 + shares))
@@ -219,10 +217,10 @@ class DAESimulator:
         return self._doubts
 
     def _rounding(self) -> Array:
-        """Changes of outputs (n_y,) that rounding of states can make, at the nominal parameters."""
+        """Changes of outputs (n_y,) that rounding of states can make."""
         P = self.dae.p_nominal[None]
-        (run,) = self.integration().run(self.start.states(P)[0], P, 1)
-        return rounding_of_outputs(self.y, self.dae, run.X, P[0], self.times)
+        X = self.integration().run(self.start.states(P)[0], P, 1)[0].X
+        return rounding_of_outputs(self.y, self.dae, X, P[0], self.times)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
@@ -325,9 +323,8 @@ class DAESimulator:
                 return None
             p0 = np.asarray(p0, dtype=float)
             x0, _ = self.start.states(p0[None])
-            (run,) = self.integration().run(x0, p0[None], 1)
-            known = np.isfinite(run.X).all(axis=1)
-            first = self._kinks.first(run.X[known], p0, self.times[known])
+            X = self.integration().run(x0, p0[None], 1)[0].X
+            first = self._kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p0, self.times[ok])
             if self.dae.impacts is None:  # passes that cancel between two output times
                 first = np.fmin(first, SwitchPasses(self.dae, self.times).first(x0, p0[None]))
             return None if np.isnan(first) else (first, str(self._kinks))
