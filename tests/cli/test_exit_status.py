@@ -1,0 +1,28 @@
+"""The command line ends with status 3 where its result is doubtful, and the JSON says why."""
+
+import json
+
+import pytest
+
+from symmb.cli.main import main
+
+PENDULUM = """
+import symmb as mb
+
+def scene():
+    rod = mb.Body("rod", 1.0, 0.0)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, {side}))
+    return mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), times=[0, 0.1], outputs={{"y": rod.y}})
+"""
+
+
+@pytest.mark.parametrize(("side", "status"), [(1.0, 0), (-1.0, 3)])
+@pytest.mark.filterwarnings("default::symmb.SymmbWarning")
+def test_an_unstable_equilibrium_is_a_doubt(tmp_path, capsys, side, status):
+    """The rod hangs, or stands upright."""
+    file, out = tmp_path / "pendulum.py", tmp_path / "out.json"
+    file.write_text(PENDULUM.format(side=side))
+    assert main(["simulate", str(file), "--json", str(out)]) == status
+    assert ("unstable equilibrium" in capsys.readouterr().err) == bool(status)
+    doubts = json.loads(out.read_text())["doubts"]
+    assert len(doubts) == bool(status) and all("unstable equilibrium" in doubt for doubt in doubts)
