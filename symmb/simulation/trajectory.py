@@ -220,7 +220,8 @@ class Trajectory:
         if change > _EXAMINED * largest > 0:  # all output times may be those at which it rests
             span = float(self.t[0]), float(self.t[-1])
             largest = max(largest, largest_kinetic_energy(self._model[1], self.x[0], self._p, *span))
-        return change / largest if largest > 0 else math.nan
+        scales = self._model[1].dae.scales
+        return change / largest if largest > _STILL * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -343,5 +344,7 @@ class Trajectory:
         figures.plot_trajectory(self.t, self.values, figures.labels(self.names, self.units), path, title=self.name)
 
 
+_STILL = 1e-20
+"""Kinetic energy over that of a motion of the scene's size, below which speeds are rounding."""
 _EXAMINED = 1e-6
 """Drift of energy over the largest kinetic energy at output times above which that between them is computed."""

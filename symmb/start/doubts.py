@@ -21,7 +21,8 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float) -> Itera
     at = (q, v, *s, dae.p_nominal, t0)
     G = dae.G(*at).full() * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows, _ = independent_rows_and_columns(G)
-    if not dae.n_v or len(scene.times) < 2 or v.any() or dae.Phi_t is not None:
+    driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
+    if not dae.n_v or len(scene.times) < 2 or v.any() or driven:
         return
     if len(rows) == dae.n_v:
         if not all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint)):

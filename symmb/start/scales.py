@@ -67,6 +67,7 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
     labels = _parts(dae)
     sizes, rates = np.full(len(labels), size), [1.0]
     own_v = slice(dae.n_q, dae.n_q + dae.n_v)
+    lengths = _is_linear([*dae.q_names, *dae.v_names, *dae.s_names])
     accelerations = np.abs(dae.rhs(*at)[1].full().ravel())
     for label in np.unique(labels):
         part = labels == label
@@ -77,7 +78,7 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
             length = float(max(angles, distances(dae, at, span)[own].max(initial=0.0)))
         if labels.any() and length > _PART_ROUNDING * size:
             sizes[part] = min(1.0, power_of_two(length))
-        sizes[part] *= coarse(max(1.0, length))
+        sizes[part & lengths] *= coarse(max(1.0, length))
         arms = np.where(linear, length or 1.0, 1.0)
         speeds = np.maximum(np.abs(at[1]) / arms, np.sqrt(accelerations / arms))[own]
         rate = float(speeds.max(initial=1.0 / span if span else 1.0))
