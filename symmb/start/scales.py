@@ -78,12 +78,13 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
             length = float(max(angles, distances(dae, at, span)[own].max(initial=0.0)))
         if labels.any() and length > _PART_ROUNDING * size:
             sizes[part] = min(1.0, power_of_two(length))
-        sizes[part & lengths] *= coarse(max(1.0, length))
+        sizes[: dae.n_q][(part & lengths)[: dae.n_q]] *= coarse(max(1.0, length))
         arms = np.where(linear, length or 1.0, 1.0)
         speeds = np.maximum(np.abs(at[1]) / arms, np.sqrt(accelerations / arms))[own]
         rate = float(speeds.max(initial=1.0 / span if span else 1.0))
         rates.append(coarse(rate))
-        sizes[own_v][own] *= coarse(max(1.0, rate / _USUAL_RATE))
+        sizes[own_v][own & linear] *= coarse(max(1.0, max(1.0, length) * rate / _USUAL_RATE))
+        sizes[own_v][own & ~linear] *= coarse(max(1.0, rate / _USUAL_RATE))
     return sizes, max(rates)
 
 
