@@ -20,8 +20,8 @@ class Tolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
 
     The absolute tolerance of a state is `atol` times its `sizes` (n_x,), 1 if left out. With explicit steps it follows
-    the state: it is `growth` times the largest value so far, or the one that a slope leads to in the time `ahead`, and
-    at least the share `least` of that.
+    the state: it is `growth` times the largest value so far, or the one that a slope leads to in the time `ahead` up to
+    the size, and at least the share `least` of that.
     """
 
     rtol: float
@@ -72,6 +72,7 @@ class _Study(ctypes.Structure):
         ("rtol", ctypes.c_double),
         ("growth", ctypes.c_double),
         ("ahead", ctypes.c_double),
+        ("least", ctypes.c_double),
         ("atol", ctypes.c_void_p),
         ("longest", ctypes.c_double),
         ("newton", ctypes.c_double),
@@ -138,7 +139,7 @@ class Engine:
         self.starts = "start" in f.name_out()
         self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
         self.times, self.control = times, control
-        self.newton, self._implicit = (scheme.newton, True) if scheme else (0.0, False)
+        self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(0, 0, 0), MOST_STEPS
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
@@ -186,19 +187,17 @@ class Engine:
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
         stops = None if self._stops is None else np.ascontiguousarray(self._stops(x0, p))
         control = self.control
-        rtol, growth, ahead, atol = 0.0, 0.0, 0.0, np.zeros(self.n_x)
+        tolerances, atol = (0.0, 0.0, 0.0, 1.0), np.zeros(self.n_x)
         if isinstance(control, Tolerances):
-            rtol, growth, ahead = control.rtol, control.growth, control.ahead
-            atol = control.absolute(self.n_x) * (1.0 if self._implicit else control.least)
+            tolerances = control.rtol, control.growth, control.ahead, control.least
+            atol = control.absolute(self.n_x)
         study = _Study(
             x0.ctypes.data,
             p.ctypes.data,
             self._times.ctypes.data,
             N,
             len(self._times),
-            rtol,
-            growth,
-            ahead,
+            *tolerances,
             atol.ctypes.data,
             control.longest,
             self.newton,

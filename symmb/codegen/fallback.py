@@ -152,8 +152,9 @@ class _BlockRuns:
         self._switches.find_stops(t, np.arange(B))
         self._c = engine.prepare(x, self._switches.parameters, _by_lane(t))
         self._x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, self._c, _by_lane(t))
-        atol = engine.control.least * engine.control.absolute(len(x))
-        self._atol = self._grown(np.repeat(atol[:, None], x.shape[1], axis=1), self._x)
+        self._atol_of_size = engine.control.absolute(len(x))[:, None]
+        atol = np.repeat(engine.control.least * self._atol_of_size, x.shape[1], axis=1)
+        self._atol = np.maximum(atol, engine.control.growth * np.abs(self._x))
         self.passes: list[list[float]] = [[] for _ in range(x.shape[1])]
         self._next = np.ones(B, dtype=int)  # output time to come
         engine.outputs(self._x, self._c, _by_lane(t), self.Y[0])
@@ -162,10 +163,6 @@ class _BlockRuns:
         self._steps = StepControl(t, np.full(B, span), self._switches.end, span, engine.control.longest)
         self._steps.most_steps = engine.most_steps
         self._restart(np.ones(B, dtype=bool), settle=np.ones(B, dtype=bool))
-
-    def _grown(self, atol: Array, x: Array) -> Array:
-        """Absolute tolerances that follow the largest values of the states."""
-        return np.maximum(atol, self._engine.control.growth * np.abs(x))
 
     def _rates(self, c: Array, blocks: Indices) -> Callable[[Array, Array], Array]:
         low, high = (_by_lane(a[blocks]) for a in (self._switches.after, self._switches.before))
@@ -182,9 +179,10 @@ class _BlockRuns:
         rates = self._rates(self._c[:, lanes], blocks)
         self._slope[:, lanes] = slope = rates(x, _by_lane(t))
         left = float(self._engine.times[-1]) - t
-        rtol, ahead = self._engine.control.rtol, self._engine.control.ahead
-        self._atol[:, lanes] = self._grown(self._atol[:, lanes], ahead * slope)
-        h = first_step(rates, x, slope, _by_lane(t), left, rtol, self._atol[:, lanes], WIDTH)
+        control = self._engine.control
+        to_come = np.minimum(control.growth * control.ahead * np.abs(slope), self._atol_of_size)
+        self._atol[:, lanes] = np.maximum(self._atol[:, lanes], to_come)
+        h = first_step(rates, x, slope, _by_lane(t), left, control.rtol, self._atol[:, lanes], WIDTH)
         steps.restart(t, h, blocks)
 
     def advance(self) -> None:
@@ -241,7 +239,8 @@ class _BlockRuns:
         self._x[:, lanes] = end if engine.project is None else engine.project(end, c, _by_lane(t_end))
         # The slope before the projection serves the next step: it is as far off as the error of this one.
         self._slope[:, lanes] = last
-        self._atol[:, lanes] = self._grown(self._atol[:, lanes], self._x[:, lanes])
+        largest = engine.control.growth * np.abs(self._x[:, lanes])
+        self._atol[:, lanes] = np.maximum(self._atol[:, lanes], largest)
         steps.t[blocks] = t_end
         sticks, restarts, settles = (np.zeros(len(steps.live), dtype=bool) for _ in range(3))
         restarts[accepted] = passed.reshape(-1, WIDTH).any(axis=1)

@@ -24,7 +24,7 @@ int main(void) {{
   static char failure[{n}];
   static const double atol[] = {{ {atol} }};
   for (int i = 0; i < {n}; ++i) t_failed[i] = NAN;
-  Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, {ahead}, atol, {longest}, {newton}, 100000, 0,
+  Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, {ahead}, {least}, atol, {longest}, {newton}, 100000, 0,
              t_failed, failure, x_failed, Y, 0, 0, 0}};
   if (!work(&s, NULL, NULL)) return 1;
   for (int i = 0; i < {n} * {n_t} * N_Y; ++i) printf("%.17g ", Y[i]);
@@ -52,11 +52,8 @@ def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
     P = simulator.dae.p_nominal * np.random.default_rng(0).uniform(0.9, 1.1, (11, 2))
     engine = simulator.engine()
     assert isinstance(engine, Engine) and engine.starts
-    explicit = isinstance(solver, mb.DormandPrince)
     controlled = isinstance(engine.control, Tolerances)
-    atol = (
-        engine.control.absolute(engine.n_x) * (engine.control.least if explicit else 1) if controlled else np.zeros(1)
-    )
+    atol = engine.control.absolute(engine.n_x) if controlled else np.zeros(1)
     numbers = {
         "p": ", ".join(map(repr, P.ravel().tolist())),
         "times": ", ".join(map(repr, simulator.times.tolist())),
@@ -65,6 +62,7 @@ def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
         "rtol": getattr(engine.control, "rtol", 0.0),
         "growth": getattr(engine.control, "growth", 0.0),
         "ahead": getattr(engine.control, "ahead", 0.0),
+        "least": getattr(engine.control, "least", 1.0),
         "atol": ", ".join(map(repr, atol.tolist())),
         "longest": engine.control.longest,
         "newton": engine.newton,
@@ -75,8 +73,7 @@ def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
     run = subprocess.run([str(program)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     Y = np.array(run.stdout.split(), dtype=float).reshape(len(P), len(simulator.times), -1)
-    close = 1e-8 if explicit and controlled else 1e-9  # small absolute tolerances let rounding choose steps
-    np.testing.assert_allclose(Y, simulator.run(P).Y, rtol=close, atol=close)
+    np.testing.assert_allclose(Y, simulator.run(P).Y, rtol=1e-9, atol=1e-9)
 
 
 def test_no_array_of_the_models_size_stands_on_the_stack():

@@ -169,7 +169,7 @@ def test_without_a_compiler_bounds_are_the_same(no_compiler, monkeypatch):
         expected = mb.propagate(fast, method, box)
         scale = np.abs(expected.upper).max(axis=0) + np.abs(expected.lower).max(axis=0)
         for a, b in ((bounds.lower, expected.lower), (bounds.upper, expected.upper)):
-            assert np.abs((a - b) / scale).max() < 1e-8  # the relative tolerance
+            assert np.abs((a - b) / scale).max() < 1e-9
 
 
 def test_without_a_compiler_it_pickles_and_streams(no_compiler):

@@ -17,8 +17,8 @@ typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
   double rtol, growth; /* of steps with control; absolute tolerance over the largest value of a state */
-  double ahead;        /* time over which slopes tell the sizes to come */
-  const double *atol;  /* (N_X,) absolute tolerances, or the least ones if they grow */
+  double ahead, least; /* time over which slopes tell the sizes to come; least tolerances over atol */
+  const double *atol;  /* (N_X,) absolute tolerances by the sizes of the states */
   double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;

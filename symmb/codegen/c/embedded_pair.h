@@ -14,7 +14,7 @@ enum { REJECTED, ACCEPTED, FAILED };
 /* The absolute tolerances where the motion begins. */
 PRIVATE void begin_tolerances(Block *b, const Study *s) {
   EACH_PART(b)
-    for (int i = 0; i < N_X; ++i) a->atol[place[i]] = each(s->atol[i]);
+    for (int i = 0; i < N_X; ++i) a->atol[place[i]] = each(s->least * s->atol[i]);
 }
 
 /* The absolute tolerances follow the largest values of the states. */
@@ -130,7 +130,11 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->before = log(ERROR_LEAST);
   EACH_PART(b) {
     rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
-    for (int i = 0; i < N_X; ++i) a->atol[i] = v_larger(a->atol[i], s->growth * s->ahead * v_fabs(slope(a->x, a->k, i)));
+    for (int i = 0; i < N_X; ++i) { /* a slope counts up to the state's own size: in a pulse it leads nowhere near */
+      const int j = place[i];
+      const V to_come = s->growth * s->ahead * v_fabs(slope(a->x, a->k, j));
+      a->atol[j] = v_larger(a->atol[j], v_smaller(to_come, each(s->atol[i])));
+    }
   }
   b->h = first_step(b, s);
 }
