@@ -32,26 +32,31 @@ class SwitchPasses:
     """
 
     def __init__(self, dae: DAE, times: Array, rtol: float = 1e-8, start: Start | None = None) -> None:
-        self._dae, self._times, self._rtol, self._start = dae, times, max(rtol, _LEAST_RTOL), start
+        self._dae, self._times = dae, times
         self._of_time = time_switches(dae, times)
         self._engine: AnyEngine | None = None
-        self._of_state = len(times) > 1 and has_kinks(dae.rhs)
+        if len(times) > 1 and has_kinks(dae.rhs):
+            x, p, t = (ca.SX.sym(*s) for s in (("x", dae.n_q + dae.n_v + dae.n_s), ("p", len(dae.p_names)), ("t",)))
+            nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
+            solver = DormandPrince(max(rtol, _LEAST_RTOL))
+            self._engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
+            self._engine.most_steps = _MOST_STEPS
 
     def __call__(self, x0: Array, p: Array) -> Array:
         """Stops (N, k) in order, infinite behind the last one [s], of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
         dae, p = self._dae, p[:, : len(self._dae.p_names)]
         stops = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p)
-        if not self._of_state:
+        if self._engine is None:
             return stops
-        passes = self._passes(x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
+        passes = _passes(self._engine, x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
         stops = np.sort(np.hstack([stops, np.where(np.isnan(passes), np.inf, passes)]), axis=1)
         return stops[:, np.isfinite(stops).any(axis=0)]
 
     def first(self, x0: Array, p: Array) -> float:
         """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
-        if not self._of_state:
+        if self._engine is None:
             return np.nan
-        passes = self._passes(x0, p).ravel()
+        passes = _passes(self._engine, x0, p).ravel()
         span = float(np.ptp(self._times))  # a motion may begin on a switch
         return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
 
@@ -64,14 +69,8 @@ class SwitchPasses:
         k = int(np.diff(stops).argmin())
         return float(stops[k]), float(np.diff(stops)[k])
 
-    def _passes(self, x0: Array, p: Array) -> Array:
-        """Passes (N, k) of switches of the state [s], nan behind the last one."""
-        if self._engine is None:
-            dae = self._dae
-            x, own, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", p.shape[1]), ca.SX.sym("t")
-            nothing = ca.Function("nothing", [x, own, t], [ca.SX(1, 1)])
-            solver, ends = DormandPrince(self._rtol), self._times[[0, -1]]
-            self._engine = solver.engine(dae, ends, nothing, start=self._start)
-            self._engine.most_steps = _MOST_STEPS
-        _, failed_samples = self._engine.values(x0, p)
-        return np.empty((len(p), 0)) if failed_samples.passes is None else failed_samples.passes
+
+def _passes(engine: AnyEngine, x0: Array, p: Array) -> Array:
+    """Passes (N, k) of switches of the state [s], nan behind the last one."""
+    _, failed_samples = engine.values(x0, p)
+    return np.empty((len(p), 0)) if failed_samples.passes is None else failed_samples.passes
