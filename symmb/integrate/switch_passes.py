@@ -36,7 +36,8 @@ class SwitchPasses:
         self._of_time = time_switches(dae, times)
         self._engine: AnyEngine | None = None
         if len(times) > 1 and has_kinks(dae.rhs):
-            x, p, t = (ca.SX.sym(*s) for s in (("x", dae.n_q + dae.n_v + dae.n_s), ("p", len(dae.p_names)), ("t",)))
+            x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
+            t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
             solver = DormandPrince(max(rtol, _LEAST_RTOL))
             self._engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
