@@ -4,6 +4,7 @@ The fixed parts of the C are in the folder c; `fallback` does the same work with
 """
 
 from symmb.codegen import cache
+from symmb.codegen.block_switches import BlockSwitches
 from symmb.codegen.build import SLOW, NoCompilerError, has_compiler, load, with_compiler
 from symmb.codegen.c_source import c_number, c_source
 from symmb.codegen.engine import Engine, FailedSamples, FixedStep, StepEnds, Tolerances

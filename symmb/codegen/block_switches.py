@@ -1,15 +1,19 @@
 """Switches of many blocks of samples: the work of c/switches.h on NumPy arrays."""
 
 from bisect import bisect_right
+from collections.abc import Callable
 
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
-from symmb.codegen.arrays import Program
 from symmb.codegen.c_source import c_number
 from symmb.codegen.engine import StepEnds
 from symmb.schemes import first_pass, interpolated
 
+Lanes = Mask | Indices | slice
+"""Columns of arrays."""
+Values = Callable[[Array, Array, Array], Array]
+"""x (n_x, L), c (n_c, L), t (L,) -> (n, L)."""
 WIDTH = int(c_number("lanes", "WIDTH"))
 """Samples that share a step."""
 _STOP_MARGIN, _SCREEN, _REVERSAL, LATE, BEYOND = (
@@ -19,7 +23,7 @@ _SETTLINGS = int(c_number("switches", "SETTLINGS"))
 
 
 class BlockSwitches:
-    """Switches of B blocks; lanes of those under way are columns, 8 for each block.
+    """Switches of B blocks; lanes of those under way are columns, `width` for each block.
 
     Attributes
     ----------
@@ -29,14 +33,16 @@ class BlockSwitches:
 
     def __init__(
         self,
-        prepare: Program,
-        switches: Program | None,
+        prepare: Values,
+        switches: Values | None,
         ends: StepEnds | None,
         times: Array,
         x: Array,
         p: Array,
         B: int,
+        width: int = WIDTH,
     ) -> None:
+        self._width = width
         self._prepare, self._switches, self._p = prepare, switches, np.ascontiguousarray(p)
         self._hysteresis = np.array(ends.hysteresis if ends else (), dtype=float)[:, None]
         self._sides = np.ones((len(self._hysteresis), p.shape[1]))
@@ -52,7 +58,7 @@ class BlockSwitches:
         """Parameters and sides (n_p, L)."""
         return np.concatenate([self._p, self._sides])
 
-    def select(self, lanes: Mask | slice) -> None:
+    def select(self, lanes: Lanes) -> None:
         """Go on with some lanes only."""
         self._p, self._sides, self._u = self._p[:, lanes], self._sides[:, lanes], self._u[:, lanes]
 
@@ -70,7 +76,7 @@ class BlockSwitches:
     def _margin(self, t: float) -> float:
         return _STOP_MARGIN * max(abs(t), self._least) if np.isfinite(t) else 0.0
 
-    def settle(self, x: Array, c: Array, t: Array, lanes: Mask | slice) -> Array:
+    def settle(self, x: Array, c: Array, t: Array, lanes: Lanes) -> Array:
         """The sides of lanes at the start of a step. Where a switch is 0 its rate decides. Returns their new c."""
         m = len(self._sides)
         if self._switches is None:
@@ -92,21 +98,19 @@ class BlockSwitches:
         u, m = self._switches(x, c, t) if self._switches else self._u, len(sides)
         return np.concatenate([u[:m] * sides + self._hysteresis, u[m:] * sides])
 
-    def may_pass(self, x_new: Array, c: Array, t_new: Array, h: Array, lanes: Mask | slice) -> bool:
+    def may_pass(self, x_new: Array, c: Array, t_new: Array, h: Array, lanes: Lanes) -> bool:
         """Whether a switch may have been passed in steps of blocks (b,), told by the cubics through their ends."""
         m = len(self._sides)
         if self._switches is None:
             return False
         self._begin = u = self._u[:, lanes].copy()
-        self._u[:, lanes] = new = self._on_sides(x_new, c, np.repeat(t_new, WIDTH), self._sides[:, lanes])
-        third = np.repeat(h, WIDTH) / 3
+        self._u[:, lanes] = new = self._on_sides(x_new, c, np.repeat(t_new, self._width), self._sides[:, lanes])
+        third = np.repeat(h, self._width) / 3
         first, last, end = third * u[m:], third * new[m:], new[:m]
         margin = _SCREEN * (np.abs(first) + np.abs(last) + np.abs(end - u[:m]))
         return bool(((end < 0) | (u[:m] + first < margin) | (end - last < margin)).any())
 
-    def first_pass(
-        self, x: Array, F: Array, c: Array, t: Array, h: Array, lanes: Mask | slice
-    ) -> tuple[Array, Mask, Indices]:
+    def first_pass(self, x: Array, F: Array, c: Array, t: Array, h: Array, lanes: Lanes) -> tuple[Array, Mask, Indices]:
         """Where the steps of lanes end: share for each block (b,), which lanes pass a switch there (L,), and which."""
         m, sides = len(self._sides), self._sides[:, lanes]
 
@@ -116,17 +120,17 @@ class BlockSwitches:
             return u[:m], u[m:]
 
         when, which = first_pass(values, self._begin[:m], self._begin[m:])
-        first = when.reshape(-1, WIDTH).min(axis=1)
-        return first, (when == np.repeat(first, WIDTH)) & np.isfinite(when), which
+        first = when.reshape(-1, self._width).min(axis=1)
+        return first, (when == np.repeat(first, self._width)) & np.isfinite(when), which
 
-    def forget(self, lanes: Mask | slice) -> None:
+    def forget(self, lanes: Lanes) -> None:
         """The switches of lanes are again those at the begin of the step."""
         self._u[:, lanes] = self._begin
 
     def change_sides(
-        self, x: Array, c: Array, t: Array, h: Array, lanes: Mask | slice, passed: Mask, which: Indices
+        self, x: Array, c: Array, t: Array, h: Array, lanes: Lanes, passed: Mask, which: Indices
     ) -> tuple[Array, Mask]:
-        """Change the sides of the lanes that passed a switch. Returns the new c, and which lanes stick (b, 8)."""
+        """Change the sides of the lanes that passed a switch. Returns the new c, and which lanes stick (b, width)."""
         m, sides = len(self._sides), self._sides[:, lanes]
         changed = passed & (which == np.arange(m)[:, None])
         self._sides[:, lanes] = sides = np.where(changed, -sides, sides)
@@ -134,4 +138,4 @@ class BlockSwitches:
         self._u[:, lanes] = u = self._on_sides(x, c, t, sides)
         margin = _REVERSAL * self._hysteresis  # a switch beyond it has jumped with another one: it does not come back
         sticks = changed & (u[:m] < margin) & (0.1 * h * u[m:] < -margin)
-        return c, sticks.any(axis=0).reshape(-1, WIDTH)
+        return c, sticks.any(axis=0).reshape(-1, self._width)

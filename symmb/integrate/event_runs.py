@@ -1,6 +1,7 @@
 """Runs of many samples from event to event."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices, Mask
-from symmb.codegen import REASONS, FailureCode, Tolerances
+from symmb.codegen import REASONS, BlockSwitches, FailureCode, Tolerances
 from symmb.events import (
     Event,
     ImpactLaws,
@@ -22,6 +23,7 @@ from symmb.events import (
 from symmb.integrate.integration import Integration, Run, pieces_between
 from symmb.integrate.problem import Problem, build_problem
 from symmb.integrate.stabilization import Projection
+from symmb.integrate.step_ends import switched
 from symmb.model import DAE, Impacts
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, stages
 
@@ -39,19 +41,25 @@ class EventIntegration(Integration):
     Attributes
     ----------
     step : Function          (y, p, t, h) -> y at the end of a step, errors of orders 3 and 5, coefficients (n_y, 7)
-    rates : Function         (y, p, t) -> y', y = (x, work)
+    rates : Function         (y, p, t) -> y', y = (x, work); the last parameters are the sides of switches
+    switches : Function      (x, p, t) -> switches of the state and their rates (2 m,); None if there are none
     """
 
     def __init__(self, dae: DAE, impacts: Impacts, times: Array, tolerances: Tolerances, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
         self.rtol, self.atol = tolerances.rtol, tolerances.absolute(self.n_x + self.n_quad)[:, None]
         problem = build_problem(dae, Projection(), algebraic=False, work=work, one_step=True, projections=1)
+        self._project, self.n_p = _projection(dae, impacts, problem), problem.p.numel()
+        self.switches, self.ends = None, None
+        on_sides = switched(problem, dae, times)
+        if on_sides is not None and on_sides.switches.numel():
+            problem, self.ends = on_sides.problem, replace(on_sides.ends, stops=None)  # `time_switches` tells these
+            self.switches = ca.Function("switches", [problem.x, problem.p, problem.t], [on_sides.switches])
         quad = problem.quad if problem.quad.numel() else ca.SX.zeros(self.n_quad)
         y = ca.vertcat(problem.x, ca.SX.sym("work", self.n_quad))
         arguments = [y, problem.p, problem.t]
         self.rates = ca.Function("rates", arguments, [ca.vertcat(problem.ode, quad)], {"cse": True})
         self.step = _step_function(self.rates)
-        self._project = _projection(dae, impacts, problem)
         self.laws = ImpactLaws(dae, impacts)
         self.time_switches, self.longest = time_switches(dae, times), longest_step(dae, times)
         self.locate = Location(impacts, self.laws)
@@ -65,7 +73,7 @@ class EventIntegration(Integration):
 
     def projected(self, y: Array, p: Array, t: Array) -> Array:
         """States (N, n_y) on the constraints and in their closed contacts."""
-        (x,) = evaluate_padded(self._project, y[:, : self.n_x], p, t[:, None])
+        (x,) = evaluate_padded(self._project, y[:, : self.n_x], p[:, : self.n_p], t[:, None])
         return np.hstack([x, y[:, self.n_x :]])
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -100,7 +108,7 @@ class EventRuns:
     def __init__(self, integration: EventIntegration, x0: Array, p: Array) -> None:
         self._integration, self._times, N = integration, integration.times, len(x0)
         self._span = float(integration.times[-1] - integration.times[0])
-        self._y, self._p = np.hstack([x0, np.zeros((N, integration.n_quad))]), p
+        self._y = np.hstack([x0, np.zeros((N, integration.n_quad))])
         self.Y = np.full((N, len(integration.times), self._y.shape[1]), np.nan)
         self.t_failed, self.messages = np.full(N, np.nan), [""] * N
         self.events: list[list[Event]] = [[] for _ in range(N)]
@@ -115,11 +123,29 @@ class EventRuns:
         self._steps = StepControl(t, np.full(N, self._span), ends, self._span, longest if np.isfinite(longest) else 0.0)
         self._steps.live = np.flatnonzero(np.isfinite(x0).all(axis=1))
         self._crowd_start, self._crowd = t.copy(), np.zeros(N, dtype=np.intp)
+        f = integration.switches
+        program = None if f is None else lambda x, p, t: evaluate_padded(f, x.T, p.T, t[:, None])[0].T
+        self._switches = BlockSwitches(lambda _, p, __: p, program, integration.ends, times, x0.T, p.T, N, width=1)
 
     @property
     def n_steps(self) -> int:
         """Steps of all runs."""
         return int(self._steps.steps.sum())
+
+    def _p(self, lanes: Indices) -> Array:
+        """Parameters, and the sides of switches."""
+        return self._switches.parameters[:, lanes].T
+
+    def _own_p(self, lanes: Indices) -> Array:
+        """Parameters alone."""
+        return self._p(lanes)[:, : self._integration.n_p]
+
+    def _x(self, lanes: Indices) -> Array:
+        return self._y[lanes, : self._integration.n_x]
+
+    def _settle(self, lanes: Indices) -> None:
+        """The sides of switches where a run goes on."""
+        self._switches.settle(self._x(lanes).T, self._p(lanes).T, self._steps.t[lanes], lanes)
 
     def advance(self) -> None:
         """Run all to the end."""
@@ -132,27 +158,28 @@ class EventRuns:
     def _start(self) -> None:
         """Contacts that are closed at the start, impacts at once, and the first steps."""
         laws, live, t = self._integration.laws, self._steps.live, self._steps.t
-        self._y[live] = self._integration.projected(self._y[live], self._p[live], t[live])
-        faults = laws.start_faults(self._y[live, : self._integration.n_x], self._p[live], t[live], self._span)
+        self._y[live] = self._integration.projected(self._y[live], self._p(live), t[live])
+        faults = laws.start_faults(self._x(live), self._own_p(live), t[live], self._span)
         self._fail([(int(live[i]), reason) for i, reason in reversed(faults)])
         live = self._steps.live
         if not live.size:
             return
+        self._settle(live)
         self._steps.h[live] = self._first_steps(live)
         self._resolve(live, np.full(len(live), -1), np.zeros((len(live), len(laws.flags)), dtype=bool))
         self._finish()
 
     def _first_steps(self, lanes: Indices) -> Array:
         def rates(y: Array, t: Array) -> Array:
-            return evaluate_padded(self._integration.rates, y.T, self._p[lanes], t[:, None])[0].T
+            return evaluate_padded(self._integration.rates, y.T, p, t[:, None])[0].T
 
-        y, t, integration = self._y[lanes].T, self._steps.t[lanes], self._integration
+        y, p, t, integration = self._y[lanes].T, self._p(lanes), self._steps.t[lanes], self._integration
         return first_step(rates, y, rates(y, t), t, self._span, integration.rtol, integration.atol)
 
     def _step(self) -> None:
         """A step of every run."""
         integration, control, live = self._integration, self._steps, self._steps.live
-        y, p, t = self._y[live], self._p[live], control.t[live]
+        y, p, t = self._y[live], self._p(live), control.t[live]
         t_new, h = control.propose()
         new, e3, e5, F = evaluate_padded(integration.step, y, p, t[:, None], h[:, None])
         error = error_norm(y.T, new.T, [e3.T, e5.T], integration.rtol, integration.atol)
@@ -166,16 +193,39 @@ class EventRuns:
         self._finish()
 
     def _accept(self, lanes: Indices, steps: Steps, new: Array, t: Array) -> None:
-        integration = self._integration
-        located = integration.locate(steps._replace(x=steps.x[:, : integration.n_x], F=steps.F[:, : integration.n_x]))
-        has_event = located.has_event
-        if has_event.any():
-            rows = np.flatnonzero(has_event)
-            new[rows] = steps.some(rows).at(located.theta[rows])
-            t[rows] = steps.t[rows] + located.theta[rows] * steps.h[rows]
+        integration, n_x = self._integration, self._integration.n_x
+        states = steps._replace(x=steps.x[:, :n_x], p=steps.p[:, : integration.n_p], F=steps.F[:, :n_x])
+        located = integration.locate(states)
+        share, number = self._switch_passes(lanes, steps, new, t)
+        switches = (share < located.theta) | ((share <= 1) & ~located.has_event)
+        has_event, theta = located.has_event & ~switches, np.where(switches, share, located.theta)
+        rows = np.flatnonzero(has_event | switches)
+        if rows.size:
+            new[rows] = steps.some(rows).at(theta[rows])
+            t[rows] = steps.t[rows] + theta[rows] * steps.h[rows]
         self._store_outputs(lanes, steps, t)
         self._y[lanes], self._steps.t[lanes] = integration.projected(new, steps.p, t), t
+        self._change_sides(lanes[switches], steps.h[switches], number[switches])
         self._resolve(lanes[has_event], located.closing[has_event], located.released[has_event])
+
+    def _switch_passes(self, lanes: Indices, steps: Steps, new: Array, t: Array) -> tuple[Array, Indices]:
+        """The first switches of the state that steps to new states at t pass: shares, inf without one, and numbers."""
+        n_x, c = self._integration.n_x, steps.p.T
+        if not self._switches.may_pass(new[:, :n_x].T, c, t, steps.h, lanes):
+            return np.full(len(lanes), np.inf), np.zeros(len(lanes), dtype=np.intp)
+        F = steps.F[:, :n_x].transpose(2, 1, 0)
+        share, _, number = self._switches.first_pass(steps.x[:, :n_x].T, F, c, steps.t, steps.h, lanes)
+        return share, number
+
+    def _change_sides(self, lanes: Indices, h: Array, number: Indices) -> None:
+        """Go on behind switches of the state with the numbers (n,), which ended steps of length h (n,)."""
+        if not lanes.size:
+            return
+        control, every = self._steps, np.ones(len(lanes), dtype=bool)
+        x, p, t = self._x(lanes), self._p(lanes), control.t[lanes]
+        _, sticks = self._switches.change_sides(x.T, p.T, t, h, lanes, every, number)
+        control.restart(t, self._first_steps(lanes), lanes)
+        self._fail([(int(i), REASONS[FailureCode.STICKS]) for i in lanes[sticks[:, 0]]])
 
     def _store_outputs(self, lanes: Indices, steps: Steps, t: Array) -> None:
         """Store the outputs from the start of the steps up to times t, without those at t."""
@@ -195,10 +245,11 @@ class EventRuns:
         if not lanes.size:
             return
         integration, control = self._integration, self._steps
-        x = self._y[lanes, : integration.n_x]
-        after: PostImpactState = integration.laws(x, self._p[lanes], control.t[lanes], closing, released)
+        p, t = self._own_p(lanes), control.t[lanes]
+        after: PostImpactState = integration.laws(self._x(lanes), p, t, closing, released)
         self._y[lanes, : integration.n_x] = after.x
         self._y[lanes, integration.n_x :] += after.work[:, None]
+        self._settle(lanes)
         least = CONTACT_STEP * self._span
         control.h[lanes] = np.minimum(control.h[lanes], np.maximum(after.next_contact_time, least))
         for i, event in after.events:
@@ -227,6 +278,7 @@ class EventRuns:
         if on.size:  # behind a switch of time
             begins, ends = zip(*(self._pieces[lane].pop(0) for lane in on.tolist()), strict=True)
             control.t[on], control.end[on] = begins, ends
+            self._settle(on)
             control.restart(np.array(begins), self._first_steps(on), on)
         self.Y[done, -1] = self._y[done]
         control.live = np.setdiff1d(control.live, done)
