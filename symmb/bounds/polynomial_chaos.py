@@ -22,7 +22,7 @@ from symmb.simulation import March, Progress, Simulator
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 
-_Found = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
+_Responses = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
 """Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), and the failed runs."""
 
 
@@ -126,7 +126,7 @@ class PolynomialChaos(Method):
 
     def _streamed(
         self, fit: Fit, P: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-    ) -> _Found:
+    ) -> _Responses:
         runs = node_values() if fit.line is not None else projection(fit.functionals, simulator)
         reduction = together(runs, extremes(simulator), failures())
         state, inner, failed_runs = simulator.stream(P, reduction, executor, progress)
@@ -141,7 +141,7 @@ class PolynomialChaos(Method):
             Y[rows] = values
         return fit.transform(Y), inner, failed
 
-    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Found:
+    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
         if not isinstance(simulator, March):
             raise PropagationError(
                 f"{self!r}: it advances all nodes together, but {simulator!r} runs each sample by itself. "

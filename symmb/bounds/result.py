@@ -69,14 +69,14 @@ class Bounds:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
-        found = list(self.run_doubts)
+        doubts = list(self.run_doubts)
         if self.failed:
-            found.append(f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others.")
+            doubts.append(f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others.")
         if since := [f"{name} from {t:g} s" for name, t in self.doubtful().items()]:
-            found.append(f"The estimated error is above 10 % of the width: {', '.join(since)}.")
+            doubts.append(f"The estimated error is above 10 % of the width: {', '.join(since)}.")
         if self.caution:
-            found.append(f"The bounds are {self.caution}.")
-        return tuple(found)
+            doubts.append(f"The bounds are {self.caution}.")
+        return tuple(doubts)
 
     @property
     def outer(self) -> tuple[Array, Array]:

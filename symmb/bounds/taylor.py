@@ -95,8 +95,8 @@ class Taylor(Method):
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
             if kinked:
                 ends = center + radius * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
-                met = [kinked.kink(p) for p in parameter_samples(simulator, box, ends)]
-                kinks += [kink for kink in met if kink]
+                at_ends = [kinked.kink(p) for p in parameter_samples(simulator, box, ends)]
+                kinks += [kink for kink in at_ends if kink]
             if progress is not None:
                 progress(done, len(centers))
         return self._result(simulator, lower, upper, self.planned_runs(d), caution=_caution(kinks))

@@ -221,20 +221,20 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     DM([0.5, -9.81])
     """
     require_instance("compile_dae", system, System, "a System")
-    kept = system if rows is None else system.keeping(rows, nullities[0])
-    require_inertia(kept.M, kept.G, kept.collected.v_names)
-    c, (positive_names, positive) = kept.collected, kept.positive
-    displacement = ca.SX.sym("delta", kept.v.numel())
-    moved = _retract(kept, displacement)
-    retract = ca.Function("retract", [kept.q, displacement], [moved], ["q", "delta"], ["q_new"])
-    contacts = Contacts(kept) if c.impacts else None
-    redundant = {} if rows is None else redundancy_equations(system, kept, rows, nullities)
-    functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(kept, contacts, redundant)
+    reduced = system if rows is None else system.keeping(rows, nullities[0])
+    require_inertia(reduced.M, reduced.G, reduced.collected.v_names)
+    c, (positive_names, positive) = reduced.collected, reduced.positive
+    displacement = ca.SX.sym("delta", reduced.v.numel())
+    moved = _retract(reduced, displacement)
+    retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
+    contacts = Contacts(reduced) if c.impacts else None
+    redundant = {} if rows is None else redundancy_equations(system, reduced, rows, nullities)
+    functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(reduced, contacts, redundant)
     for name, values in (
         ("assembly_cosines", c.assembly_cosines),
         ("s_start", ca.vertcat(*[state.value for state in c.states])),
     ):
-        functions[name] = ca.Function(name, [kept.q, kept.p], [values]) if values.numel() else None
+        functions[name] = ca.Function(name, [reduced.q, reduced.p], [values]) if values.numel() else None
     return DAE(
         q_names=c.q_names,
         v_names=c.v_names,

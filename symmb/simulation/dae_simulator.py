@@ -81,8 +81,8 @@ class DAESimulator:
         self.start: Start = prepare_start(scene, all_rows)
         dae = all_rows
         if self.start.independent_rows is not None:
-            kept = range(all_rows.n_r) if any(self.start.nullities) else self.start.independent_rows
-            dae = compile_dae(scene.system, kept, self.start.nullities)
+            rows = range(all_rows.n_r) if any(self.start.nullities) else self.start.independent_rows
+            dae = compile_dae(scene.system, rows, self.start.nullities)
         self.dae: DAE = replace(dae, scales=self.start.scales(dae, float(np.ptp(self.times))))
         self.y = output_function(self.dae, scene, scene.y)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)

@@ -49,7 +49,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
     moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)
     residual = ca.SX(ca.DM(scales)) * dae.Q(moved, *others)
     if dae.G is not None and len(rows):
-        held = dae.G(moved, *others)[rows.tolist(), :] @ ca.diag(ca.SX(ca.DM(scales)))
-        residual -= held.T @ ca.SX(ca.DM(lam))
+        G_moved = dae.G(moved, *others)[rows.tolist(), :] @ ca.diag(ca.SX(ca.DM(scales)))
+        residual -= G_moved.T @ ca.SX(ca.DM(lam))
     stiffness = ca.Function("stiffness", [delta], [ca.jacobian(residual, delta)])(np.zeros(dae.n_v)).full()
     return bool(np.isfinite(stiffness).all()) and not is_stable(stiffness, G[rows])

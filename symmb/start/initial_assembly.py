@@ -29,15 +29,15 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     ------
     AssemblyError               if no assembly is reached, with the worst joint, and what helps
     """
-    found = _attempt(scene, dae, t0)
-    if not isinstance(found, _Failure):
-        return found
+    outcome = _attempt(scene, dae, t0)
+    if not isinstance(outcome, _Failure):
+        return outcome
 
     def assembles(other: Scene) -> bool:
         return not isinstance(_attempt(other, dae, t0), _Failure)
 
-    failed = FailedScene(scene, dae, found.joint, free_displacements(scene, dae), found.size)
-    raise AssemblyError(f"{found.text} {found.advice(failed, assembles)}")
+    failed = FailedScene(scene, dae, outcome.joint, free_displacements(scene, dae), outcome.size)
+    raise AssemblyError(f"{outcome.text} {outcome.advice(failed, assembles)}")
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,9 @@ def _attempt(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array] | _Failur
         return first
     others = [(placed, s, False), (q, s, True)] + [(placed, rows.turned(placed), True)] * bool(rows.angles.size)
     for begin, turns, is_damped in others:
-        found = _reached(scene, dae, rows, begin, turns, free, is_damped)
-        if not isinstance(found, _Failure):
-            return found
+        outcome = _reached(scene, dae, rows, begin, turns, free, is_damped)
+        if not isinstance(outcome, _Failure):
+            return outcome
     return first
 
 

@@ -9,7 +9,7 @@ GROUND = -1
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies (numbers) whose velocities are found together, relative to the body `base` that carries them."""
+    """Bodies (numbers) whose velocities are determined together, relative to the body `base` that carries them."""
 
     base: int
     bodies: tuple[int, ...]
@@ -42,9 +42,9 @@ class JointTree:
                 self.carriers[root] = GROUND
             reached = [root]
             for body in reached:  # which grows
-                found = sorted(neighbours[body] - self.carriers.keys() - {GROUND})
-                self.carriers |= dict.fromkeys(found, body)
-                reached += found
+                followers = sorted(neighbours[body] - self.carriers.keys() - {GROUND})
+                self.carriers |= dict.fromkeys(followers, body)
+                reached += followers
         self._order = {body: k for k, body in enumerate((GROUND, *self.carriers))}
         self._group = {body: (body,) for body in self.carriers}
         for bodies in rows:

@@ -178,8 +178,8 @@ class _Rates:
         """Velocities (n, 6) of a body, from that of the point `about` and an angular velocity, both in world axes."""
         body = self.scene.system.bodies[k]
         twist = ca.blockcat([[ca.SX.eye(3), -ca.skew(body.frame.r - about)], [ca.SX(3, 3), body.frame.R.T]])
-        kept = [i for i, part in enumerate(body.pose.velocities) if f"{body.name}.{part}" in self.dae.v_names]
-        return self._without_untouched((body.frame.rigid @ twist)[kept, :])
+        known = [i for i, part in enumerate(body.pose.velocities) if f"{body.name}.{part}" in self.dae.v_names]
+        return self._without_untouched((body.frame.rigid @ twist)[known, :])
 
     def _without_untouched(self, expression: ca.SX) -> ca.SX:
         """An expression without the coordinates that nothing touches."""
@@ -189,14 +189,14 @@ class _Rates:
 
     def _deviated(self, v: ca.SX, rows: list[int], columns: list[int], free: list[int], weak: float) -> ca.SX:
         """Velocities v whose free ones deviate by least kinetic energy until all independent rows hold."""
-        kept = [rows[i] for i in strong_rows(self._unit_rows(rows, columns, free), weak)]
-        if not kept:
+        independent = [rows[i] for i in strong_rows(self._unit_rows(rows, columns, free), weak)]
+        if not independent:
             return v
         sizes = self._sizes(free)
-        solve = saddle_solver(self._metric(kept, free, sizes), self.G[kept, free], sizes)
+        solve = saddle_solver(self._metric(independent, free, sizes), self.G[independent, free], sizes)
         for _ in range(2):  # the second step removes what rounding leaves near singular positions
             v = ca.SX(v)
-            rate = self.G[kept, :] @ v + self.drive[kept]
+            rate = self.G[independent, :] @ v + self.drive[independent]
             v[free] += solve(ca.SX(len(free), 1), -rate)[0]
         return v
 
