@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from symmb.codegen import Tolerances
 from symmb.integrate.fixed_step import collocation, fixed_step_integration
 from symmb.integrate.integration import Integration
 from symmb.integrate.multistep import multistep_integration
-from symmb.integrate.problem import build_problem
+from symmb.integrate.problem import Problem, build_problem
 from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import Baumgarte, Projection, Stabilization
 from symmb.integrate.stabilized_index2 import stabilized_problem
@@ -38,16 +39,19 @@ class _Multistep(Solver):
         """CasADi's options beside the tolerances, for an integration over a time of this length."""
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        problem = build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
+        def problem_of(dae: DAE) -> Problem:
+            return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
+
         options, units = _measures(self.tolerances(dae, order))
         return multistep_integration(
-            problem.jets(order),
+            problem_of,
             dae,
             self.plugin,
-            lambda length: options | self._method(length),
+            lambda _, length: options | self._method(length),
             times,
             self.rtol,
             units,
+            order,
         )
 
 
@@ -117,22 +121,19 @@ class StabilizedIndex2(Solver):
     atol: float | None = None
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        problem = stabilized_problem(dae, work=work)
         options, units = _measures(self.tolerances(dae))
         # Errors of index-2 multipliers do not fall with the step, so multipliers take no part in error tests.
         atol = options.pop("abstol")
         options |= {"suppress_algebraic": True, "calc_ic": False}
-        options["abstolv"] = [atol] * problem.x.numel() + [UNTESTED] * problem.z.numel()
         first = FIRST_STEP * self.rtol**0.5
         between = first * float(np.diff(times).min(initial=1.0))
+
+        def of_problem(problem: Problem, length: float) -> dict[str, Any]:
+            absolute = [atol] * problem.x.numel() + [UNTESTED] * problem.z.numel()
+            return {**options, "abstolv": absolute, "step0": min(between, first * length)}
+
         return multistep_integration(
-            problem,
-            dae,
-            "idas",
-            lambda length: {**options, "step0": min(between, first * length)},
-            times,
-            self.rtol,
-            units,
+            partial(stabilized_problem, work=work), dae, "idas", of_problem, times, self.rtol, units
         )
 
 

@@ -13,6 +13,7 @@ from symmb._interrupts import Interrupts
 from symmb._types import Array, Mask
 from symmb.events import Event
 from symmb.integrate.marching import Marching
+from symmb.integrate.side_walk import Stops, no_stops
 from symmb.model import DAE
 from symmb.symbolic import batch
 
@@ -48,7 +49,7 @@ class Integration:
     guess : Function                     (x, p, t) -> z0
     project : Function, optional         (x, p, t) -> x on the constraints
     marching : Marching, optional        the single steps of a scheme with a fixed step
-    stops : x0, p -> (N, k)              switches of N samples, where steps end [s]; optional
+    stops : x0, p -> Stops               switches of N samples, where steps end; optional
     units : (n_x,) array, optional       the Functions take and give states over these units
     """
 
@@ -62,7 +63,7 @@ class Integration:
         guess: ca.Function,
         project: ca.Function | None = None,
         marching: Marching | None = None,
-        stops: Callable[[Array, Array], Array] | None = None,
+        stops: Callable[[Array, Array], Stops] | None = None,
         units: Array | None = None,
     ) -> None:
         self.times = times
@@ -92,25 +93,25 @@ class Integration:
         if not started.all():
             parts = iter(self._run(x0[started], p[started], threads, interrupts))
             return [next(parts) if ok else self._unstarted() for ok in started]
-        stops = np.empty((len(p), 0))
+        stops = no_stops(len(p))
         if self._stops is not None:
             stops = self._stops(x0 if self._units is None else x0 * self._units, p)
-        if self._whole is None or not len(x0) or stops.size:
-            return [self._walk(*sample, interrupts) for sample in zip(x0, p, stops, strict=True)]
+        if self._whole is None or not len(x0) or stops.times.size:
+            return [self._walk(x0[k], p[k], stops.of(k), interrupts) for k in range(len(x0))]
         try:
             self._counted = True
             (z0,) = batch(self._guess, x0, p, self.times[:1])
-            with _quiet(), interrupts:
+            with quiet(), interrupts:
                 xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
         except RuntimeError:  # one failing sample fails the whole call; the walk finds out where
             if len(x0) > 1:
                 samples = zip(x0[:, None], p[:, None], strict=True)
                 return [run for sample in samples for run in self._run(*sample, 1, interrupts)]
-            return [self._walk(x0[0], p[0], stops[0], interrupts)]
+            return [self._walk(x0[0], p[0], stops.of(0), interrupts)]
         X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
         done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
         return [
-            Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k], stops[k], interrupts) for k in range(len(x0))
+            Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k], stops.of(k), interrupts) for k in range(len(x0))
         ]
 
     def _unstarted(self) -> Run:
@@ -118,18 +119,19 @@ class Integration:
         message = "the start could not be solved for"
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
-    def _walk(self, x0: Array, p: Array, stops: Array, interrupts: Interrupts) -> Run:
+    def _walk(self, x0: Array, p: Array, stops: Stops, interrupts: Interrupts) -> Run:
         X = np.full((len(self.times), self.n_x), np.nan)
         quad = np.zeros((len(self.times), self.n_quad))
         X[0] = x = self.project(x0[None], p[None], 0)[0]
+        advance = self._pieces(p, stops)
         for i in range(1, len(self.times)):
             if interrupts.noticed:
                 return Run(X, quad, float(self.times[i - 1]), "interrupted")
             try:
                 quad[i] = quad[i - 1]
-                for begin, end in pieces_between(self.times[i - 1], self.times[i], stops):
+                for begin, end in pieces_between(self.times[i - 1], self.times[i], stops.times):
                     with interrupts:
-                        x, q = self.advance(begin, end, x, p)
+                        x, q = advance(begin, end, x)
                     quad[i] += q
             except RuntimeError as error:
                 return Run(X, quad, float(self.times[i - 1]), _reason(error))
@@ -138,12 +140,16 @@ class Integration:
             X[i] = x = self.project(x[None], p[None], i)[0]
         return Run(X, quad)
 
+    def _pieces(self, p: Array, stops: Stops) -> Callable[[float, float, Array], tuple[Array, Array]]:
+        """(begin, end, x) -> x, quad of one sample, to be called for one piece between its stops after the other."""
+        return lambda begin, end, x: self.advance(begin, end, x, p)
+
     def advance(self, begin: float, end: float, x: Array, p: Array) -> tuple[Array, Array]:
         """From one time to another, of one sample: x (n_x,), p (n_p,) -> x (n_x,), quad (n_quad,)."""
         if self._between is None:
             return x, np.zeros(self.n_quad)
         (z0,) = batch(self._guess, x[None], p[None], np.array([begin]))
-        with _quiet():
+        with quiet():
             xf, _, qf, *_ = batch(self._between, x[None], z0, np.hstack([p, begin, end - begin])[None])
         return xf[0], qf[0]
 
@@ -188,7 +194,7 @@ def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[flo
         yield begin, end
 
 
-def _quiet() -> AbstractContextManager[object]:
+def quiet() -> AbstractContextManager[object]:
     """CasADi writes all arguments of a failing call to stderr. `Run.message` contains the reason."""
     return redirect_stderr(io.StringIO())
 

@@ -48,6 +48,24 @@ class Problem:
         parts = {"alg": at(self.alg), "quad": at(self.quad), "z_guess": at(self.z_guess), "projected": projected}
         return replace(self, ode=at(self.ode) / D, **parts)
 
+    def from_begin(self) -> "Problem":
+        """The problem of the change of x and of the integrals since a begin, over units and more by an offset.
+
+        The begin of x and, for all, units and offsets are the last parameters.
+        """
+        n, n_y = self.x.numel(), self.x.numel() + self.quad.numel()
+        y, begin, units, offset = (
+            ca.SX.sym(name, k) for name, k in (("y", n_y), ("begin", n), ("units", n_y), ("offset", n_y))
+        )
+        x = begin + units[:n] * (y[:n] - offset[:n])
+
+        def at(f: ca.SX) -> ca.SX:
+            return ca.substitute(f, self.x, x)
+
+        ode, p = at(ca.vertcat(self.ode, self.quad)) / units, ca.vertcat(self.p, begin, units, offset)
+        nothing, guess = ca.SX(0, 1), at(self.z_guess)
+        return replace(self, x=y, p=p, ode=ode, alg=at(self.alg), quad=nothing, z_guess=guess, projected=None)
+
     def jets(self, order: int) -> "Problem":
         """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
         if order == 0:

@@ -1,6 +1,6 @@
 """The state-space method: independent coordinates are integrated, the others follow from the constraints."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,6 +12,8 @@ from symmb._types import Array, Indices
 from symmb.codegen import REASONS, FailureCode
 from symmb.events import longest_step
 from symmb.integrate.integration import Integration, Run, pieces_between, stateless_integration
+from symmb.integrate.one_sided import one_sided
+from symmb.integrate.side_walk import Advance, SideWalk, Stops
 from symmb.integrate.solver import Solver
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
@@ -60,7 +62,7 @@ class _Partitioned(Integration):
     def __init__(self, dae: DAE, times: Array, rtol: float, atol: Array, longest: float, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
         self._dae, self._rtol, self._atol, self._longest = dae, rtol, atol, longest
-        self._stops = SwitchPasses(dae, times, rtol)
+        self._stops, self._equations = SwitchPasses(dae, times, rtol), one_sided(dae)
         self._counts = {"steps": 0, "choices of coordinates": 0}
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -79,39 +81,62 @@ class _Partitioned(Integration):
         times, n_x = self.times, self.n_x
         Y = np.full((len(times), n_x + self.n_quad), np.nan)
         Y[0] = y = np.concatenate([x0, np.zeros(self.n_quad)])
-        t, stored, message = float(times[0]), 1, ""
-        pieces = [*pieces_between(t, float(times[-1]), self._stops(x0[None], p[None])[0])]
-        with np.errstate(all="ignore"):
-            while stored < len(times) and not message:
-                begin, end = pieces[0]
-                t = max(t, begin)
-                motion = _Motion(self._dae, p, self._chosen(y[:n_x], p, t), t)
-                self._counts["choices of coordinates"] += 1
+        t, stored, before, message = float(times[0]), 1, 1, ""
+
+        def along(begin: float, end: float, y: Array, p: Array) -> Array:
+            nonlocal t, stored
+            t, stored = begin, before
+            while t < end:
+                motion = self._motion(y, p, t)
                 try:
                     y, stored = self._advance(motion, y, Y, stored, end)
-                except np.linalg.LinAlgError:
-                    message = "the dependent coordinates are not determined"
-                except _Breakdown as breakdown:
-                    message = str(breakdown)
-                except KeyboardInterrupt as interrupt:
-                    carry_runs(interrupt, [Run(Y[:, :n_x], Y[:, n_x:], motion.t, "interrupted")])
-                    raise
-                t = motion.t
-                if t == end and len(pieces) == 1:
-                    Y[stored:] = y  # an output time that is a switch of time
-                    stored = len(times)
-                elif t == end:
-                    pieces.pop(0)
+                finally:
+                    t = motion.t
+            return y
+
+        stops = self._stops.stops(x0[None], p[None]).of(0)
+        piece = self._pieces_of(p, stops, along)
+        with np.errstate(all="ignore"):
+            try:
+                for begin, end in pieces_between(t, float(times[-1]), stops.times):
+                    before = stored
+                    y = piece(begin, end, y)
+                Y[stored:] = y  # an output time that is a switch of time
+            except np.linalg.LinAlgError:
+                message = "the dependent coordinates are not determined"
+            except _Breakdown as breakdown:
+                message = str(breakdown)
+            except KeyboardInterrupt as interrupt:
+                carry_runs(interrupt, [Run(Y[:, :n_x], Y[:, n_x:], t, "interrupted")])
+                raise
         return Run(Y[:, :n_x], Y[:, n_x:], t if message else np.nan, message)
+
+    def _pieces_of(self, p: Array, stops: Stops, along: Advance) -> Callable[[float, float, Array], Array]:
+        """(begin, end, y) -> y at the end of pieces between stops."""
+        if self._equations is None or not np.isfinite(stops.passes).any():
+            return lambda begin, end, y: along(begin, end, y, p)
+
+        def shift(begin: float, end: float, y: Array, p: Array) -> Array:
+            """By one step."""
+            motion, h, at = self._motion(y, p, begin), np.array([end - begin]), np.array([begin])
+            rates, x = motion.columns, y[:, None]
+            _, x_new = stages(rates, x, rates(x, at), at, h)
+            return motion.completed(x_new[:, 0], end)
+
+        return SideWalk(self._equations, p, stops, float(np.ptp(self.times)), along, shift, along).piece
+
+    def _motion(self, y: Array, p: Array, t: float) -> "_Motion":
+        dae = self._dae
+        if self._equations is not None and len(p) > len(dae.p_names):
+            dae = self._equations.dae
+        self._counts["choices of coordinates"] += 1
+        return _Motion(dae, p, _chosen(dae, y[: self.n_x], p, t), t)
 
     def _advance(self, motion: "_Motion", y: Array, Y: Array, stored: int, end: float) -> tuple[Array, int]:
         """Steps from y until an end or until the coordinates no longer suit: y there, and how many outputs Y holds."""
         times, tolerances = self.times, (self._rtol, self._atol)
         span = float(times[-1] - times[0])
-
-        def rates(y: Array, t: Array) -> Array:
-            return motion.rates(float(t[0]), y[:, 0])[:, None]
-
+        rates = motion.columns
         x, at = y[:, None], np.array([motion.t])
         slope = rates(x, at)
         h = first_step(rates, x, slope, at, float(times[-1]) - motion.t, *tolerances)
@@ -139,14 +164,8 @@ class _Partitioned(Integration):
             if motion.t >= end or motion.condition(y, motion.t) > _WORSE * motion.first_condition:
                 return y, stored
 
-    def _chosen(self, x: Array, p: Array, t: float) -> Indices:
-        """Velocities that depend on the others: as many as rows."""
-        if self._dae.G is None:
-            return np.arange(0)
-        return independent_rows_and_columns(_matrix(self._dae, x, p, t) * self._dae.displacement_scales)[1]
 
-
-class _Breakdown(Exception):
+class _Breakdown(RuntimeError):
     """A run cannot go on."""
 
 
@@ -177,6 +196,10 @@ class _Motion:
             lam = batch(dae.forward, *at, gamma)[1]
             parts.append(batch(dae.power, *at, lam)[0][0])
         return np.concatenate(parts)
+
+    def columns(self, y: Array, t: Array) -> Array:
+        """The rates with states and times as columns."""
+        return self.rates(float(t[0]), y[:, 0])[:, None]
 
     def completed(self, y: Array, t: float) -> Array:
         """y with its dependent coordinates and velocities moved onto the constraints."""
@@ -212,3 +235,10 @@ def _matrix(dae: DAE, y: Array, p: Array, t: float) -> Array:
     if dae.G is None:
         return np.zeros((0, dae.n_v))
     return batch(dae.G, *_Motion(dae, p, np.arange(0))._at(y, t))[0][0].reshape(dae.n_r, dae.n_v)
+
+
+def _chosen(dae: DAE, x: Array, p: Array, t: float) -> Indices:
+    """Velocities that depend on the others: as many as rows."""
+    if dae.G is None:
+        return np.arange(0)
+    return independent_rows_and_columns(_matrix(dae, x, p, t) * dae.displacement_scales)[1]

@@ -46,7 +46,7 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
     ode = rates[: x.numel()]
     slopes = ca.densify(ca.jtimes(branch.switches, x, ode) + ca.jacobian(branch.switches, t))
     on_branches = replace(problem, p=ca.vertcat(p, branch.sides), ode=ode, quad=rates[x.numel() :])
-    ends = StepEnds(_hysteresis(dae, branch.switches, x, p, t, branch.sides), stops)
+    ends = StepEnds(hysteresis_of(dae, branch.switches, x, p, t, branch.sides), stops)
     return SwitchedProblem(on_branches, ca.vertcat(branch.switches, slopes), ends)
 
 
@@ -66,7 +66,7 @@ def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
     return None if switches is None else StopsInTime(switches)
 
 
-def _hysteresis(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
+def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
     """Above the rounding of each switch, at states of the scene's size."""
     size = np.concatenate([dae.coordinate_scales, np.maximum(dae.state_sizes[dae.n_q :], 1e-300)])
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])

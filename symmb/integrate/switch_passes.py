@@ -1,18 +1,26 @@
 """Where steps of solvers end that cannot find switches of the state: runs of DormandPrince tell them when."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 
 from symmb._types import Array
+from symmb.codegen import Tolerances
 from symmb.events import time_switches
 from symmb.integrate.compiled import AnyEngine
 from symmb.integrate.explicit import DormandPrince
+from symmb.integrate.side_walk import Stops
 from symmb.model import DAE
 from symmb.start import Start
 from symmb.symbolic import has_kinks
 
+_SHARE = 0.1
+"""Tolerance of these runs over that of the solver, whose motion is as exact in time as they are."""
 _LEAST_RTOL = 1e-12
 """Least tolerance of these runs: below it, steps are rounding."""
+_SAFE_RTOL = 1e-8
+"""Tolerance of a second run where the first one breaks down."""
 _MOST_STEPS = 20_000
 """Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control."""
 
@@ -39,25 +47,30 @@ class SwitchPasses:
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
-            solver = DormandPrince(max(rtol, _LEAST_RTOL))
+            solver = DormandPrince(max(_SHARE * rtol, _LEAST_RTOL))
             self._engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
             self._engine.most_steps = _MOST_STEPS
 
     def __call__(self, x0: Array, p: Array) -> Array:
         """Stops (N, k) in order, infinite behind the last one [s], of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
+        return self.stops(x0, p).times
+
+    def stops(self, x0: Array, p: Array) -> Stops:
+        """The stops with the passes among them, of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
         dae, p = self._dae, p[:, : len(self._dae.p_names)]
-        stops = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p)
+        stops, until = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p), np.full(len(p), np.inf)
         if self._engine is None:
-            return stops
-        passes = _passes(self._engine, x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
-        stops = np.sort(np.hstack([stops, np.where(np.isnan(passes), np.inf, passes)]), axis=1)
-        return stops[:, np.isfinite(stops).any(axis=0)]
+            return Stops(stops, stops[:, :0], until)
+        passes, until = _passes(self._engine, x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
+        passes = np.where(np.isnan(passes), np.inf, passes)
+        stops = np.sort(np.hstack([stops, passes]), axis=1)
+        return Stops(stops[:, np.isfinite(stops).any(axis=0)], passes, until)
 
     def first(self, x0: Array, p: Array) -> float:
         """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
         if self._engine is None:
             return np.nan
-        passes = _passes(self._engine, x0, p).ravel()
+        passes = _passes(self._engine, x0, p)[0].ravel()
         span = float(np.ptp(self._times))  # a motion may begin on a switch
         return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
 
@@ -71,7 +84,26 @@ class SwitchPasses:
         return float(stops[k]), float(np.diff(stops)[k])
 
 
-def _passes(engine: AnyEngine, x0: Array, p: Array) -> Array:
-    """Passes (N, k) of switches of the state [s], nan behind the last one."""
+def _passes(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array]:
+    """Passes (N, k) of switches of the state, nan behind the last one, and when they are known no longer (N,) [s]."""
+    passes, until = _passes_by(engine, x0, p)
+    control, again = engine.control, np.isfinite(until)
+    if not again.any() or not isinstance(control, Tolerances) or control.rtol >= _SAFE_RTOL:
+        return passes, until
+    # Where a force rises over a way of a few thousand roundings of the position, smaller tolerances are noise.
+    engine.control = replace(control, rtol=_SAFE_RTOL, atol=control.atol * _SAFE_RTOL / control.rtol)
+    some, later = _passes_by(engine, x0[again], p[again])
+    engine.control = control
+    better = later > until[again]
+    rows = np.flatnonzero(again)[better]
+    passes[rows], until[rows] = some[better], later[better]
+    return passes, until
+
+
+def _passes_by(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array]:
     _, failed_samples = engine.values(x0, p)
-    return np.empty((len(p), 0)) if failed_samples.passes is None else failed_samples.passes
+    until = np.where(np.isnan(failed_samples.t_failed), np.inf, failed_samples.t_failed)
+    passes = failed_samples.passes
+    if passes is None:
+        return np.empty((len(p), 0)), until
+    return passes, np.fmin(until, np.where(np.isnan(passes[:, -1]), np.inf, passes[:, -1]))

@@ -30,7 +30,7 @@ from symmb.symbolic.linear import (
     vanishing_rows,
 )
 from symmb.symbolic.pickling import reduction
-from symmb.symbolic.switching import SOFT, On, branches, has_kinks, laws, switching
+from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching
 from symmb.symbolic.symbols import Kind, Symbol, TruthValueError, ddt, declare, is_time, lookup, rate, symbols_in, t
 from symmb.symbolic.sympy_in import from_sympy, is_sympy
 from symmb.symbolic.sympy_out import to_sympy

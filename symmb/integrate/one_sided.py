@@ -1,0 +1,104 @@
+"""Equations of motion on the branches of one side of each switch of the state."""
+
+from dataclasses import dataclass, fields, replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.integrate.step_ends import hysteresis_of
+from symmb.model import DAE
+from symmb.symbolic import Branches, On, batch, branches, has_kinks
+
+_SETTLINGS = 8
+"""Passes over switches that depend on the sides of others."""
+
+
+@dataclass(frozen=True, eq=False)
+class OneSided:
+    """Equations of motion that are smooth: their last parameters are the sides of the switches, 1 or -1.
+
+    Attributes
+    ----------
+    dae : DAE
+    switches                 (x, (p, sides), t) -> what changes sign (m,), and its rates (m,)
+    hysteresis : (m,)        changes of the switches that are rounding
+    """
+
+    dae: DAE
+    switches: ca.Function
+    hysteresis: Array
+
+    def on_sides(self, x: Array, p: Array, sides: Array, t: float) -> tuple[Array, Array]:
+        """The switches (m,) at one state x (n_x,) as they are on their sides, below 0 beyond them, and their rates."""
+        at = x[: self.switches.numel_in(0)], np.concatenate([p, sides]), np.array([t])
+        values, rates = (part[0] for part in batch(self.switches, *at))
+        return values * sides, rates * sides
+
+    def sides_at(self, x: Array, p: Array, t: float) -> Array:
+        """The sides (m,) of one state x (n_x,). Where a switch is 0 its rate decides."""
+        sides = np.ones(len(self.hysteresis))
+        for _ in range(_SETTLINGS):
+            values, rates = self.on_sides(x, p, sides, t)
+            signs = np.sign(np.where(np.abs(values) > self.hysteresis, values, rates)) * sides
+            signs = np.where(signs == 0, sides, signs)
+            if (signs == sides).all():
+                break
+            sides = signs
+        return sides
+
+
+def one_sided(dae: DAE) -> OneSided | None:
+    """The one-sided equations; None if the state passes no switches."""
+    if not has_kinks(dae.rhs):
+        return None
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    at = dict(zip(dae.rhs.name_in(), dae.arguments(x, p, t), strict=True))
+    functions = {f.name: value for f in fields(dae) if isinstance(value := getattr(dae, f.name), ca.Function)}
+    functions = {name: f for name, f in functions.items() if "t" in f.name_in()}
+    for f in functions.values():
+        at |= {f.name_in(i): ca.SX.sym(f.name_in(i), f.numel_in(i)) for i in range(f.n_in()) if f.name_in(i) not in at}
+    more = ca.vertcat(*(symbol for name, symbol in at.items() if name not in dae.rhs.name_in()))
+    outputs = {name: f.call([at[i] for i in f.name_in()]) for name, f in functions.items()}
+    kinked = sorted((name for name, f in functions.items() if has_kinks(f)), key=lambda name: name != "rhs")
+    whole = ca.Function("whole", [x, p, t, more], [e for name in kinked for e in outputs[name]], {"cse": True})
+    branch = branches(whole, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME), (more, On.STATE)])
+    nonzeros = iter(branch.outputs)
+    for name in kinked:
+        outputs[name] = [ca.SX(e.sparsity(), next(nonzeros)) for e in outputs[name]]
+    rhs = ca.densify(ca.vertcat(*outputs["rhs"]))
+    used = _used(rhs, branch)
+    if not used or ca.depends_on(branch.switches, more):
+        return None
+    # What does not move the state, such as a branch of the power alone, is nothing that its runs need to know.
+    for k in reversed([k for k in range(branch.sides.numel()) if k not in used]):
+        natural = ca.if_else(branch.switches[k] < 0, -1, 1)
+        for name in kinked:
+            outputs[name] = [ca.substitute(e, branch.sides[k], natural) for e in outputs[name]]
+    sides, switches = branch.sides[used], branch.switches[used]
+    own = at | {"p": ca.vertcat(p, sides)}
+    one: dict[str, ca.Function] = {
+        name: ca.Function(name, [own[i] for i in f.name_in()], outputs[name], f.name_in(), f.name_out(), {"cse": True})
+        for name, f in functions.items()
+    }
+    rates = ca.densify(ca.jtimes(switches, x, rhs) + ca.jacobian(switches, t))
+    return OneSided(
+        replace(
+            dae,
+            p_names=(*dae.p_names, *(f"side {k}" for k in used)),
+            p_nominal=np.concatenate([dae.p_nominal, np.ones(len(used))]),
+            **one,  # pyright: ignore[reportArgumentType]
+        ),
+        ca.Function("switches", [x, own["p"], t], [ca.densify(switches), rates], {"cse": True}),
+        np.array(hysteresis_of(dae, switches, x, p, t, sides)),
+    )
+
+
+def _used(rhs: ca.SX, branch: Branches) -> list[int]:
+    """Numbers of the sides on which the rates depend, also by way of other switches."""
+    used: list[int] = []
+    more = [k for k, side in enumerate(ca.vertsplit(branch.sides)) if ca.depends_on(rhs, side)]
+    while more != used:
+        used, switches = more, branch.switches[more]
+        more = [k for k, side in enumerate(ca.vertsplit(branch.sides)) if k in used or ca.depends_on(switches, side)]
+    return used
