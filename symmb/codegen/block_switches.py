@@ -47,6 +47,7 @@ class BlockSwitches:
         self._hysteresis = np.array(ends.hysteresis if ends else (), dtype=float)[:, None]
         self._sides = np.ones((len(self._hysteresis), p.shape[1]))
         self._u = np.zeros((2 * len(self._sides), p.shape[1]))
+        self._raised = np.zeros_like(self._sides)
         stops = ends.stops(x.T, p.T) if ends and ends.stops else np.empty((p.shape[1], 0))
         self._stops = np.sort(stops.reshape(B, -1), axis=1)
         self._horizon, self._least = float(times[-1]), 1e-3 * float(np.ptp(times))
@@ -61,6 +62,7 @@ class BlockSwitches:
     def select(self, lanes: Lanes) -> None:
         """Go on with some lanes only."""
         self._p, self._sides, self._u = self._p[:, lanes], self._sides[:, lanes], self._u[:, lanes]
+        self._raised = self._raised[:, lanes]
 
     def find_stops(self, t: Array, blocks: Indices) -> None:
         """The next switches of time of some blocks at times t (B,)."""
@@ -90,21 +92,26 @@ class BlockSwitches:
                 break
             self._sides[:, lanes] = new
             c = self._prepare(x, self.parameters[:, lanes], t)
-        self._u[:, lanes] = self._on_sides(x, c, t, self._sides[:, lanes])
+        self._raised[:, lanes] = self._hysteresis
+        self._u[:, lanes] = self._on_sides(x, c, t, self._sides[:, lanes], self._raised[:, lanes])
         return c
 
-    def _on_sides(self, x: Array, c: Array, t: Array, sides: Array) -> Array:
+    def _on_sides(self, x: Array, c: Array, t: Array, sides: Array, raised: Array) -> Array:
         """Switches on their sides, and their rates (2 m, L)."""
         u, m = self._switches(x, c, t) if self._switches else self._u, len(sides)
-        return np.concatenate([u[:m] * sides + self._hysteresis, u[m:] * sides])
+        return np.concatenate([u[:m] * sides + raised, u[m:] * sides])
 
     def may_pass(self, x_new: Array, c: Array, t_new: Array, h: Array, lanes: Lanes) -> bool:
         """Whether a switch may have been passed in steps of blocks (b,), told by the cubics through their ends."""
         m = len(self._sides)
         if self._switches is None:
             return False
-        self._begin = u = self._u[:, lanes].copy()
-        self._u[:, lanes] = new = self._on_sides(x_new, c, np.repeat(t_new, self._width), self._sides[:, lanes])
+        u, raised = self._u[:, lanes].copy(), self._raised[:, lanes]
+        beyond = u[:m] - raised > self._hysteresis
+        u[:m] -= np.where(beyond, raised, 0.0)
+        self._begin, self._raised[:, lanes] = u, np.where(beyond, 0.0, raised)
+        at = x_new, c, np.repeat(t_new, self._width)
+        self._u[:, lanes] = new = self._on_sides(*at, self._sides[:, lanes], self._raised[:, lanes])
         third = np.repeat(h, self._width) / 3
         first, last, end = third * u[m:], third * new[m:], new[:m]
         margin = _SCREEN * (np.abs(first) + np.abs(last) + np.abs(end - u[:m]))
@@ -112,11 +119,11 @@ class BlockSwitches:
 
     def first_pass(self, x: Array, F: Array, c: Array, t: Array, h: Array, lanes: Lanes) -> tuple[Array, Mask, Indices]:
         """Where the steps of lanes end: share for each block (b,), which lanes pass a switch there (L,), and which."""
-        m, sides = len(self._sides), self._sides[:, lanes]
+        m, sides, raised = len(self._sides), self._sides[:, lanes], self._raised[:, lanes]
 
         def values(theta: Array, some: Indices) -> tuple[Array, Array]:
             at = interpolated(x[:, some], F[:, :, some], theta)
-            u = self._on_sides(at, c[:, some], t[some] + theta * h[some], sides[:, some])
+            u = self._on_sides(at, c[:, some], t[some] + theta * h[some], sides[:, some], raised[:, some])
             return u[:m], u[m:]
 
         when, which = first_pass(values, self._begin[:m], self._begin[m:])
@@ -134,8 +141,9 @@ class BlockSwitches:
         m, sides = len(self._sides), self._sides[:, lanes]
         changed = passed & (which == np.arange(m)[:, None])
         self._sides[:, lanes] = sides = np.where(changed, -sides, sides)
+        self._raised[:, lanes] = raised = np.where(changed, self._hysteresis, self._raised[:, lanes])
         c = self._prepare(x, self.parameters[:, lanes], t)
-        self._u[:, lanes] = u = self._on_sides(x, c, t, sides)
+        self._u[:, lanes] = u = self._on_sides(x, c, t, sides, raised)
         margin = _REVERSAL * self._hysteresis  # a switch beyond it has jumped with another one: it does not come back
         sticks = changed & (u[:m] < margin) & (0.1 * h * u[m:] < -margin)
         return c, sticks.any(axis=0).reshape(-1, self._width)

@@ -113,6 +113,21 @@ def test_zones_of_position_do_their_work(engine, by, width):
     assert_allclose(run["x"][-1], 2 + width + (3 - through) * speed, rtol=0, atol=4e-6 + 16 * ULP / width)
 
 
+@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
+def test_zones_are_entered_and_left_where_they_are(engine, width):
+    """A zone as narrow as the rounding of its switches, which the motion leaves by the switch by which it came."""
+
+    def back(p, m):
+        return ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), -0.8 / p.width, 0)
+
+    def ramp(p, m):
+        return ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), 0.5 / p.width + (m.x - 2) / p.width**2, 0)
+
+    for law, speed in (back, -1), (ramp, np.sqrt(3)):
+        run = mb.simulate(pushed(law, width=width), mb.DormandPrince())
+        assert_allclose(run["v"][1:], speed, rtol=0, atol=1e-6 + 4 * ULP / width)
+
+
 def test_two_pulses_within_one_step_and_pulses_of_uncertain_place(engine):
     def law(p, m):
         first = ca.if_else(ca.logic_and(mb.t > p.begin, mb.t < p.begin + p.width), 1 / p.width, 0)

@@ -43,7 +43,7 @@ typedef struct {
   V p[SIZE(N_P)], scratch[2 * SIZE(N_X)];          /* parameters; errors of a step, or unknowns of the start */
 #if N_S > 0
   V u[2 * N_S], u_new[2 * N_S], u_low[2 * N_S], u_at[2 * N_S]; /* switches on their sides, and their rates, see switches.h */
-  V when, which;
+  V raised[N_S], when, which;
 #endif
 } Part;
 

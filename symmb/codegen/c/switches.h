@@ -1,9 +1,10 @@
 /* Switches: where equations have kinks or jumps. No step passes over one.
 
    Switches of time have known places, where steps end. Within a step the equations keep their branches on one side of each
-   switch of the state, so that all stages are smooth. u is a switch times its side, raised by a hysteresis above rounding.
-   The switch is passed where u falls below 0. The step then ends there, and the side changes. switches(x, c, t, u) gives
-   the N_S switches and their rates. Sides, 1 or -1, are the last of the parameters. */
+   switch of the state, so that all stages are smooth. u is a switch times its side. The switch is passed where u falls
+   below 0. The step then ends there, and the side changes. u is raised by a hysteresis above rounding from then on until a
+   step begins beyond it. switches(x, c, t, u) gives the N_S switches and their rates. Sides, 1 or -1, are the last of the
+   parameters. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
@@ -43,7 +44,7 @@ PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 PRIVATE void on_sides(Part *a, const V *x, V t, V *u) {
   switches(x, a->c, t, u);
   for (int k = 0; k < N_S; ++k) {
-    u[k] = u[k] * sides(a)[k] + hysteresis[k];
+    u[k] = u[k] * sides(a)[k] + a->raised[k];
     u[N_S + k] *= sides(a)[k];
   }
 }
@@ -63,6 +64,7 @@ PRIVATE void settle(Block *b) {
       }
       prepare(a->p, a->c);
     }
+    for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
   }
 }
@@ -71,6 +73,11 @@ PRIVATE void settle(Block *b) {
 PRIVATE int may_pass(Block *b) {
   M any = (M)zero();
   EACH_PART(b) {
+    for (int k = 0; k < N_S; ++k) {
+      const V u = a->u[k] - a->raised[k];
+      a->u[k] = choose(u > hysteresis[k], u, a->u[k]);
+      a->raised[k] = choose(u > hysteresis[k], zero(), a->raised[k]);
+    }
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
     for (int k = 0; k < N_S; ++k) {
       const V first = b->h / 3.0 * a->u[N_S + k], last = b->h / 3.0 * a->u_new[N_S + k], end = a->u_new[k];
@@ -165,6 +172,7 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     for (int k = 0; k < N_S; ++k) {
       passed[k] = (M)(a->when <= z) & (M)(a->which == (double)k);
       sides(a)[k] = blend(passed[k], -sides(a)[k], sides(a)[k]);
+      a->raised[k] = blend(passed[k], each(hysteresis[k]), a->raised[k]);
     }
     for (long l = 0; l < W && s->passes; ++l)
       if (a->when[l] <= z && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
