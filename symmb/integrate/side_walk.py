@@ -78,8 +78,7 @@ class SideWalk:
 
     def piece(self, begin: float, end: float, y: Array) -> Array:
         """y at the end of a piece between two stops."""
-        margin = 8 * np.spacing(max(abs(end), self._least))  # pieces end that much before a stop at most
-        first, self._next = self._next, int(np.searchsorted(self._passes, end + margin))
+        first, self._next = self._next, int(np.searchsorted(self._passes, end + self._rounding(end)))
         if end > self._until:
             return self._free(begin, end, y, self._p)
         sides = self._equations.sides_at(y, self._p, begin) if self._sides is None else self._sides
@@ -115,10 +114,19 @@ class SideWalk:
             late = float(-values[k] / rates[k])
             if abs(late) <= np.spacing(abs(t)):
                 break
-        is_there = abs(values[k]) <= self._equations.hysteresis[k] and abs(to - t) <= self._shift
-        sides = sides.copy()
-        sides[k] *= -1
-        return new if is_there else y, sides
+        is_there = abs(values[k]) <= self._margins(rates, t)[k] and abs(to - t) <= self._shift
+        y = new if is_there else y
+        return y, self._behind(t, y, sides, k)
+
+    def _behind(self, t: float, y: Array, sides: Array, k: int) -> Array:
+        """The sides behind switch number k, and behind others that jump with it."""
+        values, rates = self._equations.on_sides(y, self._p, sides, t)
+        may_jump, jumps = values >= -self._margins(rates, t), np.arange(len(sides)) == k
+        while jumps.any():
+            sides, may_jump = np.where(jumps, -sides, sides), may_jump & ~jumps
+            values, rates = self._equations.on_sides(y, self._p, sides, t)
+            jumps = may_jump & (values < -self._margins(rates, t))
+        return sides
 
     def _late(self, t: float, y: Array, sides: Array) -> tuple[float, int]:
         """The time after t, or before it, at which the motion passes its next switch, infinite without one."""
@@ -131,5 +139,13 @@ class SideWalk:
     def _fits(self, t: float, y: Array, sides: Array) -> bool:
         """Whether the motion is on its sides, or beyond them by no more than times of passes may be off."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
-        on_side = values >= -self._equations.hysteresis
+        on_side = values >= -self._margins(rates, t)
         return bool(np.all(on_side | ((rates < 0) & (values >= self._shift * rates))))
+
+    def _margins(self, rates: Array, t: float) -> Array:
+        """Changes of switches (m,) that are rounding, also that of time."""
+        return self._equations.hysteresis + self._rounding(t) * np.abs(rates)
+
+    def _rounding(self, t: float) -> float:
+        """More than the time that pieces end before a stop at t."""
+        return 8 * float(np.spacing(max(abs(t), self._least)))
