@@ -12,7 +12,7 @@ from symmb.integrate.problem import Problem
 from symmb.model import DAE
 from symmb.symbolic import On, branches, has_kinks
 
-_HYSTERESIS = 1e-14
+_HYSTERESIS = 1e-13
 """Change of a switch, relative to that by the size of all states, which is rounding."""
 
 
