@@ -3,6 +3,8 @@
 They give all their coordinates at the start, and places where a force may act along a coordinate.
 """
 
+from collections.abc import Iterator
+
 import casadi as ca
 import numpy as np
 from _drawing import Mechanism, Units
@@ -37,20 +39,30 @@ def oscillators(m: Mechanism) -> None:
     m.span = rng.uniform(5, 15)
 
 
+def links(m: Mechanism, most: int, turns: int = 0) -> Iterator[tuple[str, mb.Body | mb.Ground, float, mb.Body, float]]:
+    """Rods of which each begins at the tip of the one before.
+
+    Yields a rod's number, the body before, the place of the tip on it, the rod, and the place of its beginning on it.
+    Angles may be beyond pi by up to `turns` turns.
+    """
+    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
+    for i in range(int(m.rng.integers(1, most + 1))):
+        angle, length = m.rng.uniform(-np.pi, np.pi), m.rng.uniform(0.5, 1.2)
+        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
+        body = m.rod(f"b{i}", at, tip, int(m.rng.integers(-turns, turns + 1)))
+        yield str(i), base, shift, body, -length / 2
+        base, at, shift = body, tip, length / 2
+
+
 def chain(m: Mechanism) -> None:
     """Rods that hang from each other, springs in their joints, in a plane."""
     rng, units = m.rng, m.units
-    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
-    for i in range(int(rng.integers(1, 4))):
-        angle, length, omega = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2), rng.uniform(-4, 4)
-        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
-        body = m.rod(f"b{i}", at, tip, 0 if m.spatial else int(rng.integers(-2, 3)))
-        m.hinge(f"j{i}", m.at(base, shift, 0), m.at(body, -length / 2, 0))
+    for i, base, shift, body, begin in links(m, 3, 0 if m.spatial else 2):
+        m.hinge(f"j{i}", m.at(base, shift, 0), m.at(body, begin, 0))
         if rng.random() < 0.5:
             k, rest = rng.uniform(0.2, 2) * units.torque, rng.uniform(-6, 6)
             m.elements.append(mb.TorsionSpring(f"t{i}", base, body, k, 0.1 * k * units.time, rest))
-        m.launch(f"b{i}", omega)
-        base, at, shift = body, tip, length / 2
+        m.launch(f"b{i}", rng.uniform(-4, 4))
     m.gravity()
     m.span, m.turns = rng.uniform(2, 5), True
 
@@ -156,35 +168,24 @@ def bricard(m: Mechanism) -> None:
 def door(m: Mechanism) -> None:
     """Leaves on two hinges each about one axis, with a spring wound by more than a turn: five rows too many a leaf."""
     rng, units = m.rng, m.units
-    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
-    for i in range(int(rng.integers(1, 3))):
-        angle, length = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2)
-        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
-        body = m.rod(f"b{i}", at, tip)
+    for i, base, shift, body, begin in links(m, 2):
         for k, z in enumerate((0.0, 0.4)):
-            m.hinge(f"j{i}{k}", m.at(base, shift, 0, z), m.at(body, -length / 2, 0, z))
+            m.hinge(f"j{i}{k}", m.at(base, shift, 0, z), m.at(body, begin, 0, z))
         k = rng.uniform(0.5, 2) * units.torque
         m.elements.append(mb.TorsionSpring(f"t{i}", base, body, k, angle=rng.choice([-1, 1]) * rng.uniform(4, 9)))
         m.launch(f"b{i}", rng.uniform(-4, 4))
-        base, at, shift = body, tip, length / 2
     m.gravity()
     m.span, m.turns, m.redundant = rng.uniform(2, 4), True, True
 
 
 def top(m: Mechanism) -> None:
     """A spinning body on a ball joint, perhaps with a second one on it."""
-    rng, units = m.rng, m.units
-    base, at, shift = mb.Ground(), (0.0, 0.0), 0.0
-    for i in range(int(rng.integers(1, 3))):
-        angle, length = rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 1.2)
-        tip = (at[0] + length * np.cos(angle), at[1] + length * np.sin(angle))
-        body = m.rod(f"b{i}", at, tip)
-        m.elements.append(mb.Spherical(f"j{i}", m.at(base, shift, 0), m.at(body, -length / 2, 0)))
+    for i, base, shift, body, begin in links(m, 2):
+        m.elements.append(mb.Spherical(f"j{i}", m.at(base, shift, 0), m.at(body, begin, 0)))
         m.launch(f"b{i}", 0.0)
-        m.start[f"b{i}.omega"] = tuple(rng.uniform(-4, 4, 3) / units.time)
-        base, at, shift = body, tip, length / 2
+        m.start[f"b{i}.omega"] = tuple(m.rng.uniform(-4, 4, 3) / m.units.time)
     m.gravity()
-    m.span = rng.uniform(2, 4)
+    m.span = m.rng.uniform(2, 4)
 
 
 def driven(m: Mechanism) -> None:
