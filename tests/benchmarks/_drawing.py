@@ -63,7 +63,7 @@ class Mechanism:
     start, pose            listed values of the scene, and its other coordinates
     sizes                  body -> size of its motion over the unit of length, where it is not 1
     span                   seconds over the unit of time
-    redundant, turns       whether rows are redundant, and whether joint angles leave -pi ... pi
+    redundant              whether rows are redundant
     """
 
     kind: str
@@ -77,7 +77,6 @@ class Mechanism:
     sizes: dict[str, float] = field(default_factory=dict)
     span: float = 4.0
     redundant: bool = False
-    turns: bool = False
 
     def values(self) -> dict[str, float]:
         """All coordinates at the start, and the listed velocities, by the names of the states."""

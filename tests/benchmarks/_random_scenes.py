@@ -64,7 +64,7 @@ def chain(m: Mechanism) -> None:
             m.elements.append(mb.TorsionSpring(f"t{i}", base, body, k, 0.1 * k * units.time, rest))
         m.launch(f"b{i}", rng.uniform(-4, 4))
     m.gravity()
-    m.span, m.turns = rng.uniform(2, 5), True
+    m.span = rng.uniform(2, 5)
 
 
 def four_bar(m: Mechanism) -> None:
@@ -87,7 +87,7 @@ def four_bar(m: Mechanism) -> None:
     m.hinge("D", m.at(ground, frame, 0), m.at(third, -rocker / 2, 0))
     m.launch("crank", rng.choice([-1, 1]) * rng.uniform(2, 6))
     m.gravity(0.5)
-    m.span, m.turns, m.redundant = rng.uniform(2, 6), True, m.spatial
+    m.span, m.redundant = rng.uniform(2, 6), m.spatial
 
 
 def slider_crank(m: Mechanism) -> None:
@@ -105,7 +105,7 @@ def slider_crank(m: Mechanism) -> None:
     m.elements.append(mb.Prismatic("guide", m.at(ground, 0, 0), m.at(slider, 0, 0), axis=(1, 0, 0)))
     m.launch("crank", rng.choice([-1, 1]) * rng.uniform(2, 6))
     m.gravity(0.5)
-    m.span, m.turns, m.redundant = rng.uniform(2, 6), True, m.spatial
+    m.span, m.redundant = rng.uniform(2, 6), m.spatial
 
 
 def parallelogram(m: Mechanism) -> None:
@@ -126,7 +126,7 @@ def parallelogram(m: Mechanism) -> None:
             m.elements.append(mb.Distance(f"bar{i}", m.at(ground, *pin), m.at(plate, *pin), r * m.units.length))
     m.launch("c0", rng.choice([-1, 1]) * rng.uniform(1, 5))
     m.gravity()
-    m.span, m.turns, m.redundant = rng.uniform(2, 6), True, True
+    m.span, m.redundant = rng.uniform(2, 6), True
 
 
 def trammel(m: Mechanism) -> None:
@@ -143,7 +143,7 @@ def trammel(m: Mechanism) -> None:
     m.elements += [rows[k] for k in rng.permutation(3)]
     m.launch("rod", rng.choice([-1, 1]) * rng.uniform(1, 4))
     m.gravity()
-    m.span, m.turns, m.redundant = rng.uniform(2, 8), True, True
+    m.span, m.redundant = rng.uniform(2, 8), True
 
 
 def bricard(m: Mechanism) -> None:
@@ -175,7 +175,7 @@ def door(m: Mechanism) -> None:
         m.elements.append(mb.TorsionSpring(f"t{i}", base, body, k, angle=rng.choice([-1, 1]) * rng.uniform(4, 9)))
         m.launch(f"b{i}", rng.uniform(-4, 4))
     m.gravity()
-    m.span, m.turns, m.redundant = rng.uniform(2, 4), True, True
+    m.span, m.redundant = rng.uniform(2, 4), True
 
 
 def top(m: Mechanism) -> None:
@@ -205,7 +205,7 @@ def driven(m: Mechanism) -> None:
     m.launch("bob", rng.uniform(-3, 3))
     m.sensors = m.sensors[3:]  # those of the crank would do nothing
     m.gravity()
-    m.span, m.turns = rng.uniform(2, 6), True
+    m.span = rng.uniform(2, 6)
 
 
 PLANAR, SPATIAL = (oscillators, trammel, driven), (bricard, door, top)

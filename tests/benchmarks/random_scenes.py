@@ -134,6 +134,17 @@ def _error(values: Array, known: Array) -> float:
     return float((np.abs(values - known) / np.maximum(1.0, np.abs(known).max(axis=0))).max(initial=0.0))
 
 
+def _turns(drawn: Case) -> bool:
+    """Whether the angle of a body that turns about z leaves -pi ... pi."""
+    columns = dict(zip(drawn.scene.system.collected.q_names, drawn.motion.values.T, strict=False))
+    angles = [values for name, values in columns.items() if name.endswith(".theta")]
+    for name, real in columns.items():
+        body, _, part = name.rpartition(".")
+        if part == "e0" and not any(columns[f"{body}.{tilt}"].any() for tilt in ("e1", "e2")):
+            angles.append(np.unwrap(2 * np.arctan2(columns[f"{body}.e3"], real)))
+    return any(bool((np.abs(values) > np.pi).any()) for values in angles)
+
+
 def judge(number: int, seed: int, blind: bool) -> Verdict:
     """Draw the scene of a number until it has a reference, and run it."""
     redrawn: list[str] = []
@@ -151,7 +162,7 @@ def judge(number: int, seed: int, blind: bool) -> Verdict:
         "switches": ", ".join(switch.kind for switch in drawn.switches),
         "passes": len(drawn.motion.passes),
         "redundant": m.redundant,
-        "turns": m.turns,
+        "turns": _turns(drawn),
         "scaled": m.units != Units(),
         "redrawn": tuple(redrawn),
     }
