@@ -9,8 +9,8 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
-from symmb.model import DAE
-from symmb.start.scales import evaluate_at_rest
+from symmb.model import DAE, is_linear
+from symmb.start.scales import evaluate_at_rest, length_of
 from symmb.symbolic import batch
 
 RANK_TOLERANCE = 1e-9
@@ -112,19 +112,27 @@ def nullities(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[int, int]:
 
     (0, 0) if the rows are as independent as all rows together wherever the system can move from q (n_q,).
     """
-    G0 = _measured(dae, q, t0)
+    scales = _own_scales(dae, q, t0)
+    G0 = _measured(dae, q, t0, scales)
+    walked = _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE)
     lasting = all(
         _least(G[rows], len(rows)) > _AS_INDEPENDENT * _least(G, len(rows))
-        for G in (_measured(dae, position, t0) for position in _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE))
+        for G in (_measured(dae, position, t0, scales) for position in walked)
     )
     if lasting:
         return 0, 0
     return dae.n_r - len(rows), dae.n_c - len(independent_rows_and_columns(G0[: dae.n_c])[0])
 
 
-def _measured(dae: DAE, q: Array, t0: float) -> Array:
-    """The Jacobian of all rows at q (n_q,) in the scales of the DAE, rows of length 1."""
-    G = evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0) * dae.displacement_scales
+def _own_scales(dae: DAE, q: Array, t0: float) -> Array:
+    """Scales of displacements (n_v,) by the size of the scene at q (n_q,), which the coarse ones of the DAE round."""
+    length = length_of(dae, q, evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0)) or 1.0
+    return np.where([is_linear(name) for name in dae.v_names], length, 1.0)
+
+
+def _measured(dae: DAE, q: Array, t0: float, scales: Array) -> Array:
+    """The Jacobian of all rows at q (n_q,) in scales of displacements (n_v,), rows of length 1."""
+    G = evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0) * scales
     return G / np.maximum(np.linalg.norm(G, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
@@ -136,8 +144,7 @@ def _least(G: Array, rank: int) -> float:
 def _positions(dae: DAE, q: Array, t0: float, walks: int, steps: int, distance: float) -> Iterator[Array]:
     """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size]."""
     G = cast(ca.Function, dae.G)
-    far = float(np.abs(q).max(initial=0.0)) or 1.0
-    scale = np.array([far if name.rpartition(".")[2] in ("vx", "vy", "vz") else 1.0 for name in dae.v_names])
+    scale = _own_scales(dae, q, t0)
     random = np.random.default_rng(0)
     for _ in range(walks):
         position, step = q, np.zeros(dae.n_v)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from problems import windows_in_space
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import symmb as mb
@@ -96,3 +97,28 @@ def test_a_planar_loop_in_any_plane_moves_as_it_does_in_its_own(seed):
         r = np.column_stack([run[f"{bar}.{n}"] for n in "xyz"])
         assert_allclose(turned.inv().apply(r), np.column_stack([flat[f"{bar}.{n}"] for n in "xyz"]), atol=1e-6)
     assert run.energy_drift < 1e-6
+
+
+@pytest.mark.parametrize("half", [1e-6, 0.03, 0.5, 30.0])
+def test_a_trammel_of_any_size_turns_as_a_pendulum(half):
+    """Each two of its three rows depend on each other somewhere. Its angle starts at more than its size."""
+    angle, rate, k = -2.5, 5.0, 3 / 4  # the rod turns about the centre of its ends' circle, inertia 4/3 m half^2
+    ground = mb.Ground()
+    rod = mb.Body("rod", 1.0, half**2 / 3, pose=mb.Planar())
+    left, right, centre, origin = rod.point(-half, 0), rod.point(half, 0), rod.point(0, 0), ground.point(0, 0)
+    system = mb.System(
+        rod,
+        mb.Distance("bar", origin, centre, half),
+        mb.PointOnLine("upright", origin, left, axis=(0, 1, 0)),
+        mb.PointOnLine("level", origin, right, axis=(1, 0, 0)),
+        mb.Gravity(0, -half),
+    )
+    times = np.linspace(0, 5, 21)
+    place = {"rod.x": half * np.cos(angle), "rod.y": half * np.sin(angle)}
+    run = mb.simulate(mb.Scene(system, {"rod.theta": -angle, "rod.omega": -rate}, times, guess=place))
+    known = solve_ivp(
+        lambda _, z: (z[1], -k * np.cos(z[0])), (0, 5), (angle, rate), "DOP853", times, rtol=1e-12, atol=1e-12
+    )
+    assert_allclose(-run["rod.theta"], known.y[0], rtol=0, atol=1e-6)
+    assert_allclose(run["rod.vx"] / half, -known.y[1] * np.sin(known.y[0]), rtol=0, atol=1e-6)
+    assert not run.doubts
