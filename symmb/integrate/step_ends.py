@@ -13,7 +13,7 @@ from symmb.model import DAE
 from symmb.symbolic import On, branches, has_kinks
 
 _HYSTERESIS = 1e-13
-"""Change of a switch, relative to that by the size of all states, which is rounding."""
+"""Change of a switch, relative to that by the sizes of all states, which is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
 
 
 def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
-    """Above the rounding of each switch, at states of the scene's size."""
-    size = np.concatenate([dae.coordinate_scales, np.maximum(dae.state_sizes[dae.n_q :], 1e-300)])
+    """Above the rounding of each switch, at states of their own sizes: those of other parts have no effect."""
+    size = np.maximum(dae.state_sizes, 1e-300)
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
     values = change(size, dae.p_nominal, 0.0, 1.0).full().ravel()
     return tuple(float(_HYSTERESIS * value) if 0 < value < np.inf else _HYSTERESIS for value in values)

@@ -24,13 +24,13 @@ def engine(request, monkeypatch):
     build._compiler.cache_clear()
 
 
-def oscillator(stiffness, gap, times):
-    """x'' = -x with amplitude 1 against a wall of some stiffness at 1 - gap."""
+def oscillator(stiffness, gap, times, *others, **start):
+    """x'' = -x with amplitude 1 against a wall of some stiffness at 1 - gap, and elements that do not act on it."""
     p = mb.Parameters(wall=1 - gap, k=stiffness)
     mass = mb.Body("mass", 1.0, pose=mb.Particle())
     push = -mass.x - ca.if_else(mass.x > p.wall, p.k * (mass.x - p.wall), 0)
-    system = mb.System(mass, mb.Force("push", mass.point(0, 0), (push, 0)), parameters=p)
-    return mb.Scene(system, start={"mass.vx": 1.0}, times=times, outputs={"x": mass.x})
+    system = mb.System(mass, mb.Force("push", mass.point(0, 0), (push, 0)), *others, parameters=p)
+    return mb.Scene(system, start={"mass.vx": 1.0, **start}, times=times, outputs={"x": mass.x})
 
 
 def bouncing(stiffness, gap, times):
@@ -61,6 +61,14 @@ def test_short_contacts_are_neither_missed_nor_wrong(stiffness, gap, solver):
         run["x"], bouncing(stiffness, gap, times), rtol=0, atol=1e-9 if solver and solver.rtol < 1e-9 else 1e-6
     )
     assert run.statistics["integrator"]["steps"] < 300
+
+
+def test_contacts_beside_a_part_of_a_large_scene_are_as_accurate():
+    times = np.linspace(0, 20, 201)
+    far = mb.Body("far", 1.0, pose=mb.Particle())
+    away = mb.Force("away", far.point(0, 0), (-far.x, 0))
+    scene = oscillator(1e6, 1e-5, times, far, away, **{"far.x": 1e7})
+    assert_allclose(mb.simulate(scene)["x"], bouncing(1e6, 1e-5, times), rtol=0, atol=1e-6)
 
 
 def test_every_sample_of_a_study_has_its_own_contacts(engine):
