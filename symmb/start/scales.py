@@ -60,14 +60,17 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
 def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> tuple[Array, float]:
     """Sizes of the states (n_x,), those of each part of the scene that acts on no other, and the largest rate [1/s].
 
-    Lengths above 1 m, and rates, count by their coarse scales: usual ones are 1. Those of velocities follow rates above
-    usual ones only, since slow motions go along with fast ones. `size` is that of the whole scene. It
-    stands where a part is so small that its motion may be rounding.
+    Lengths above 1 m count by their coarse scales: usual ones are 1. Sizes of velocities follow rates above usual ones
+    only, since slow motions go along with fast ones. `size` is that of the whole scene. It stands where a part is so
+    small that its motion may be rounding.
     """
     labels = _parts(dae)
     sizes, rates = np.full(len(labels), size), [1.0]
     own_v = slice(dae.n_q, dae.n_q + dae.n_v)
-    lengths = _is_linear([*dae.q_names, *dae.v_names, *dae.s_names])
+    names = [*dae.q_names, *dae.v_names, *dae.s_names]
+    lengths = _is_linear(names)
+    of_body = np.arange(len(names)) < own_v.stop
+    angular = ~lengths & (of_body | np.array([name.endswith(".angle") for name in names], dtype=bool))
     accelerations = np.abs(dae.rhs(*at)[1].full().ravel())
     for label in np.unique(labels):
         part = labels == label
@@ -78,13 +81,15 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
             length = float(max(angles, distances(dae, at, span)[own].max(initial=0.0)))
         if labels.any() and length > _PART_ROUNDING * size:
             sizes[part] = min(1.0, power_of_two(length))
+        if length_of(dae, at[0], G, part):  # angles do not shrink with their arms
+            sizes[part & angular] = 1.0
         sizes[: dae.n_q][(part & lengths)[: dae.n_q]] *= coarse(max(1.0, length))
         arms = np.where(linear, length or 1.0, 1.0)
         speeds = np.maximum(np.abs(at[1]) / arms, np.sqrt(accelerations / arms))[own]
         rate = float(speeds.max(initial=1.0 / span if span else 1.0))
         rates.append(coarse(rate))
-        sizes[own_v][own & linear] *= coarse(max(1.0, max(1.0, length) * rate / _USUAL_RATE))
-        sizes[own_v][own & ~linear] *= coarse(max(1.0, rate / _USUAL_RATE))
+        sizes[own_v][own & linear] *= power_of_two(max(1.0, max(1.0, length) * rate / _USUAL_RATE))
+        sizes[own_v][own & ~linear] *= power_of_two(max(1.0, rate / _USUAL_RATE))
     return sizes, max(rates)
 
 

@@ -58,3 +58,31 @@ def test_a_small_swing_of_a_large_pendulum_is_accurate(amplitude):
     sn = ellipj(ellipk(k**2) - np.sqrt(9.81) * scene.times, k**2)[0]
     run = mb.simulate(scene, mb.DormandPrince())
     assert_allclose(run["theta"] / amplitude, 2 * np.arcsin(k * sn) / amplitude, rtol=0, atol=1e-5)
+
+
+def test_angles_of_tiny_mechanisms_are_not_held_below_their_rounding():
+    """A plate on four cranks of a micrometre: units do not change the number of steps much."""
+
+    def steps(length: float, rate: float) -> int:
+        plate, ground = mb.Body("plate", 1.0, length**2 / 3), mb.Ground()
+        pins, cranks, joints = [(0.0, 0.0), (1.0, 0.2), (0.4, 0.9)], [], []
+        for i, pin in enumerate(pins):
+            foot = ground.point(*(c * length for c in pin))
+            crank = mb.Body(f"crank{i}", 1.0, length**2 / 12)
+            cranks.append(crank)
+            joints.append(mb.Revolute(f"A{i}", foot, crank.point(-length / 2, 0)))
+            joints.append(mb.Revolute(f"B{i}", crank.point(length / 2, 0), plate.point(*(c * length for c in pin))))
+        guess = {"plate.x": length * np.cos(1.3), "plate.y": length * np.sin(1.3)}
+        for i, pin in enumerate(pins):
+            guess |= {f"crank{i}.x": length * (pin[0] + np.cos(1.3) / 2), f"crank{i}.theta": 1.3}
+            guess |= {f"crank{i}.y": length * (pin[1] + np.sin(1.3) / 2)}
+        del guess["crank0.theta"]
+        scene = mb.Scene(
+            mb.System(plate, *cranks, *joints, mb.Gravity(0, -length * rate**2)),
+            {"crank0.theta": 1.3, "crank0.omega": 1.5 * rate},
+            np.linspace(0, 5 / rate, 21),
+            guess=guess,
+        )
+        return mb.simulate(scene, mb.DormandPrince()).statistics["integrator"]["steps"]
+
+    assert steps(1e-6, 3e4) < 2 * steps(1.0, 1.0)
