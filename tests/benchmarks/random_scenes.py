@@ -10,8 +10,8 @@ runs that are then wrong show what the benchmark detects.
     PYTHONPATH=. python tests/benchmarks/random_scenes.py [number] [seed] [first] [blind]
 """
 
+import os
 import sys
-import time
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -35,7 +35,8 @@ TOLERANCE = 1e-5
 FINE, COARSE, AGREEMENT = 1e-12, 1e-9, 1e-6
 """Tolerances of the reference, and how far the motions at both may lie apart."""
 SLOW, HUNG = 30.0, 300.0
-"""Seconds of a run that are too many, and of a run with its reference after which it is ended."""
+"""Seconds of processors, compilers included, that are too many for a run; and seconds of a run with its reference after
+which it is ended."""
 OUTPUTS = 41
 """Output times."""
 SHORT = 0.1
@@ -156,7 +157,7 @@ def judge(number: int, seed: int, blind: bool) -> Verdict:
             redrawn.append(str(error))
     if blind:  # in this process alone
         import_module("symmb.symbolic.switching")._KINKS.clear()
-    m, begin = drawn.mechanism, time.monotonic()
+    m, begin = drawn.mechanism, _seconds()
     known = {
         "kind": m.kind,
         "switches": ", ".join(switch.kind for switch in drawn.switches),
@@ -171,8 +172,8 @@ def judge(number: int, seed: int, blind: bool) -> Verdict:
             run = mb.simulate(drawn.scene)
     except mb.SymmbError as error:
         text = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-        return Verdict(number, outcome="refused", text=text, seconds=time.monotonic() - begin, **known)
-    seconds, doubts = time.monotonic() - begin, getattr(run, "doubts", ())
+        return Verdict(number, outcome="refused", text=text, seconds=_seconds() - begin, **known)
+    seconds, doubts = _seconds() - begin, getattr(run, "doubts", ())
     names = [*drawn.scene.system.collected.q_names, *drawn.scene.system.collected.v_names]
     values = np.column_stack([run[name] for name in names]) / drawn.sizes[: len(names)]
     error = _error(values, drawn.motion.values)
@@ -182,6 +183,12 @@ def judge(number: int, seed: int, blind: bool) -> Verdict:
     text = f"{run.solver}, {run.reason[:120]}" + f"; doubts: {doubts}" * bool(doubts)
     known["is_short"] = drawn.shortest < SHORT / steps
     return Verdict(number, outcome=outcome, text=text, error=error, seconds=seconds, **known)
+
+
+def _seconds() -> float:
+    """Of processors, by this process and its compilers: others on the same machine have no effect."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def main() -> None:
