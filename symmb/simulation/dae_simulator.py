@@ -80,9 +80,8 @@ class DAESimulator:
         all_rows = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, all_rows)
         dae = all_rows
-        if self.start.independent_rows is not None:
-            rows = range(all_rows.n_r) if any(self.start.nullities) else self.start.independent_rows
-            dae = compile_dae(scene.system, rows, self.start.nullities)
+        if self.start.rows is not None:
+            dae = compile_dae(scene.system, self.start.rows, self.start.nullities)
         self.dae: DAE = replace(dae, scales=self.start.scales(dae, float(np.ptp(self.times))))
         self.y = output_function(self.dae, scene, scene.y)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)

@@ -13,7 +13,7 @@ from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.initial_assembly import angles, assemble, listed_coordinates
 from symmb.start.labels import coordinate_of, coordinate_with_value
-from symmb.start.rank import independent_rows, independent_rows_and_columns, nullities, redundant_names
+from symmb.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start
 from symmb.start.velocities import start_velocities
@@ -41,6 +41,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     dae = with_coarse_scales(dae, q0, t0)
     G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows = independent_rows(dae, q0, t0)
+    kept, nullities = (None, (0, 0)) if rows is None else lasting_rows(dae, q0, t0, rows)
     positions = _solve_positions(scene, dae, reference, q0, t0, free, G)
     velocities = start_velocities(scene, dae, prescribed.v, _probes(positions, p0), t0)
     free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
@@ -62,8 +63,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         free_velocities=tuple(
             f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.setdiff1d(free_velocities, solved_velocities)
         ),
-        independent_rows=None if rows is None else tuple(rows.tolist()),
-        nullities=(0, 0) if rows is None else nullities(dae, q0, t0, rows),
+        rows=None if kept is None else tuple(kept.tolist()),
+        nullities=nullities,
         redundant=() if rows is None else redundant_names(G, dae.rows),
         is_equilibrium=scene.equilibrium,
         doubts=tuple(start_doubts(scene, dae, positions.q0, v0, t0)),

@@ -107,21 +107,38 @@ def independent_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     return rows
 
 
-def nullities(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[int, int]:
-    """Combinations of all rows, and of position rows, that vanish, where these independent rows do not stay so.
+def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[Indices, tuple[int, int]]:
+    """Rows to keep, and how many combinations of them, and of the position rows among them, vanish.
 
-    (0, 0) if the rows are as independent as all rows together wherever the system can move from q (n_q,).
+    They are the given independent rows where these stay as independent as all rows together wherever the system can
+    move from q (n_q,). Else they are all but those that can be left out there: each combination costs much.
     """
-    scales = _own_scales(dae, q, t0)
-    G0 = _measured(dae, q, t0, scales)
-    walked = _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE)
-    lasting = all(
-        _least(G[rows], len(rows)) > _AS_INDEPENDENT * _least(G, len(rows))
-        for G in (_measured(dae, position, t0, scales) for position in walked)
-    )
-    if lasting:
-        return 0, 0
-    return dae.n_r - len(rows), dae.n_c - len(independent_rows_and_columns(G0[: dae.n_c])[0])
+    scales, rank = _own_scales(dae, q, t0), len(rows)
+    walked = [_measured(dae, at, t0, scales) for at in _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE)]
+    if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
+        return rows, (0, 0)
+    kept = np.setdiff1d(np.arange(dae.n_r), _superfluous(np.array([np.linalg.svd(G)[0][:, rank:] for G in walked])))
+    of_positions = kept[kept < dae.n_c]
+    G0 = _measured(dae, q, t0, scales)[of_positions]
+    return kept, (len(kept) - rank, len(of_positions) - len(independent_rows_and_columns(G0)[0]))
+
+
+def _superfluous(N: Array) -> list[int]:
+    """Rows that can be left out together, from orthonormal combinations (n, n_r, k) that vanish at n positions.
+
+    Without them the least singular value of the rows falls to that of their part of the combinations at most.
+    """
+    rows: list[int] = []
+    rest = N
+    while len(rows) < N.shape[2]:
+        lengths = np.linalg.norm(rest, axis=2).min(axis=0)
+        row = int(np.argmax(lengths))
+        if not np.linalg.svd(N[:, [*rows, row]], compute_uv=False)[:, -1].min() > _AS_INDEPENDENT:
+            break
+        rows.append(row)
+        along = rest[:, row] / np.linalg.norm(rest[:, row], axis=1, keepdims=True)
+        rest = rest - (rest @ along[:, :, None]) * along[:, None]
+    return rows
 
 
 def _own_scales(dae: DAE, q: Array, t0: float) -> Array:

@@ -32,8 +32,9 @@ class Start:
     `listed`, `solved` and `free` name the coordinates that the scene lists, that are solved for, and that stay at their
     assembled values. `listed_velocities`, `solved_velocities` and `free_velocities` name the velocities that the scene
     lists, that the constraints determine, and that nothing determines. Where the rows of the constraints `redundant`
-    depend on each other, `independent_rows` are the numbers of rows that do not; it is None elsewhere. `nullities`
-    count the combinations of all rows, and of position rows, that vanish, if these rows do not stay independent.
+    depend on each other, `rows` are the numbers of those that determine the motion; it is None elsewhere. `nullities`
+    count the combinations of these rows, and of the position rows among them, that vanish: where no choice of rows
+    stays independent.
     `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
     doubtful at the nominal parameters.
     """
@@ -51,7 +52,7 @@ class Start:
     free: tuple[str, ...]
     solved_velocities: tuple[str, ...]
     free_velocities: tuple[str, ...]
-    independent_rows: tuple[int, ...] | None
+    rows: tuple[int, ...] | None
     nullities: tuple[int, int]
     redundant: tuple[str, ...]
     is_equilibrium: bool

@@ -25,6 +25,7 @@ from symmb.symbolic.linear import (
     general_solver,
     independent,
     is_singular,
+    least_multipliers,
     saddle_solver,
     symmetric_solver,
     vanishing_rows,

@@ -72,6 +72,9 @@ _LIFT = 1e-10
 """Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
 eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
 
+_TINY = 1e-300
+"""A square that keeps velocities without rows from a division by 0."""
+
 
 def singular_solver(S: ca.SX, nullity: int) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r for a semidefinite S (n, n) of rank n - nullity, or close to such a one, at that rank.
@@ -101,6 +104,16 @@ def vanishing_rows(G: ca.SX, nullity: int) -> ca.SX:
     rows = ca.sparsify(ca.diag(1 / size) @ G)
     lifted = symmetric_solver(ca.sparsify(rows @ rows.T) + _LIFT * ca.SX.eye(G.shape[0]))
     return ca.diag(1 / size) @ _vanishing(lifted, G.shape[0], nullity)
+
+
+def least_multipliers(G: ca.SX, force: ca.SX) -> ca.SX:
+    """Multipliers lam (n_r,) of least norm with G' lam = force (n_v,), whatever the rank of G, if there are any."""
+    size = ca.sqrt(ca.sum1(G * G).T + _TINY)
+    columns = ca.sparsify(G @ ca.diag(1 / size))
+    S, right = ca.sparsify(columns.T @ columns), force / size
+    lifted = symmetric_solver(S + _LIFT * ca.SX.eye(S.shape[0]))
+    z = lifted(right)
+    return ca.densify(columns @ (z + lifted(right - S @ z)))
 
 
 def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:

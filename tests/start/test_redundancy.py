@@ -122,3 +122,34 @@ def test_a_trammel_of_any_size_turns_as_a_pendulum(half):
     assert_allclose(-run["rod.theta"], known.y[0], rtol=0, atol=1e-6)
     assert_allclose(run["rod.vx"] / half, -known.y[1] * np.sin(known.y[0]), rtol=0, atol=1e-6)
     assert not run.doubts
+
+
+def test_rows_that_are_redundant_everywhere_are_left_out_where_others_are_not():
+    """A plate on four cranks in space. 11 rows too many, those across the plane everywhere, others by turns."""
+    g, turned, ground, n = 1.0, -0.4, mb.Ground(), 4
+    plate, elements = mb.Body("plate", 1.0, (0.1, 0.1, 0.1), mb.Spatial()), []
+    along = np.array([np.cos(turned), np.sin(turned), 0.0])
+    guess = dict(zip(("plate.x", "plate.y"), along, strict=False))
+    for i, pin in enumerate([(0, 0, 0), (1, 0.2, 0), (0.4, 0.9, 0), (0.3, -0.9, 0)]):
+        crank = mb.Body(f"c{i}", 1.0, (0.01, 1 / 12, 1 / 12), mb.Spatial())
+        elements += [
+            crank,
+            mb.Revolute(f"A{i}", ground.point(*pin), crank.point(-0.5, 0, 0)),
+            mb.Revolute(f"B{i}", crank.point(0.5, 0, 0), plate.point(*pin)),
+        ]
+        guess |= dict(zip((f"c{i}.x", f"c{i}.y"), pin + along / 2, strict=False))
+        guess[f"c{i}.rotation"] = mb.rotation((0, 0, 1), turned)
+    start = {"c0.rotation": guess.pop("c0.rotation"), "c0.omega": (0, 0, -2.0)}
+    times = np.linspace(0, 4, 21)
+    system = mb.System(plate, *elements, mb.Gravity(0, -g))
+    scene = mb.Scene(system, start, times, guess=guess)
+    simulator = mb.DAESimulator(scene, mb.DormandPrince())
+    assert simulator.dae.rank == 29
+    assert simulator.dae.n_r < 34
+    k = g * (1 + n / 2) / (1 + n / 3)  # the plate does not turn
+    known = solve_ivp(
+        lambda _, z: (z[1], -k * np.cos(z[0])), (0, 4), (turned, -2.0), "DOP853", times, rtol=1e-12, atol=1e-12
+    )
+    run = mb.simulate(scene, mb.DormandPrince())
+    assert_allclose(run["plate.x"], np.cos(known.y[0]), rtol=0, atol=1e-6)
+    assert_allclose(run["c3.omega_z"], known.y[1], rtol=0, atol=1e-6)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from symmb.symbolic.linear import independent, singular_solver, vanishing_rows
+from symmb.symbolic.linear import independent, least_multipliers, singular_solver, vanishing_rows
 
 
 def rows_of_rank(n: int, nullity: int, seed: int, off: float = 0.0) -> np.ndarray:
@@ -47,3 +47,16 @@ def test_rows_that_vanish_leave_their_multipliers_at_zero():
     lam = ca.SX.sym("lam", 8)
     J = np.array(ca.DM(ca.jacobian(independent(ca.SX(ca.DM(G @ G.T)) @ lam, lam, ca.SX(ca.DM(N))), lam)))
     assert np.linalg.cond(J) < 1e4
+
+
+@pytest.mark.parametrize("nullity", [0, 1, 5])
+def test_multipliers_of_least_norm_are_those_of_the_pseudo_inverse(nullity):
+    """Also beside velocities that no row moves, and in units that differ."""
+    G = np.hstack([rows_of_rank(12, nullity, 4), np.zeros((12, 2))])
+    G[:, :5] *= 1e-6
+    force = G.T @ np.random.default_rng(5).normal(size=12)
+    unit = np.where(np.arange(26) < 5, 1e6, 1.0)
+    known = np.linalg.lstsq((G * unit).T, force * unit, rcond=1e-9)[0]
+    symbols = ca.SX.sym("G", 12, 26), ca.SX.sym("force", 26)
+    lam = ca.Function("lam", symbols, [least_multipliers(*symbols)])(G, force).full().ravel()
+    assert_allclose(lam, known, atol=1e-9 * np.abs(known).max())
