@@ -228,7 +228,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     moved = _retract(reduced, displacement)
     retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
     contacts = Contacts(reduced) if c.impacts else None
-    redundant = {} if rows is None else redundancy_equations(system, reduced, rows, nullities)
+    redundant = {} if rows is None else redundancy_equations(system, reduced, nullities)
     functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(reduced, contacts, redundant)
     for name, values in (
         ("assembly_cosines", c.assembly_cosines),

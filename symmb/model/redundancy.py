@@ -1,19 +1,15 @@
 """Equations for redundant rows: multipliers of least norm, and combinations of rows that vanish."""
 
-from collections.abc import Sequence
-
 import casadi as ca
 
 from symmb.model.system import System
 from symmb.symbolic import least_multipliers, vanishing_rows
 
 
-def redundancy_equations(
-    system: System, reduced: System, rows: Sequence[int], nullities: tuple[int, int]
-) -> dict[str, dict[str, ca.SX]]:
-    """Outputs of the DAE's Functions for redundant rows of a system, of which the reduced one has `rows`.
+def redundancy_equations(system: System, reduced: System, nullities: tuple[int, int]) -> dict[str, dict[str, ca.SX]]:
+    """Outputs of the DAE's Functions for a system with redundant rows, reduced to those that determine the motion.
 
-    Of all its rows and of the position rows among them, so many combinations vanish as `nullities` says. None do where
+    Of these rows and of the position rows among them, so many combinations vanish as `nullities` says. None do where
     they are independent wherever the system can move.
     """
     every = least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam))

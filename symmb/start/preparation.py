@@ -41,7 +41,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     dae = with_coarse_scales(dae, q0, t0)
     G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows = independent_rows(dae, q0, t0)
-    kept, nullities = (None, (0, 0)) if rows is None else lasting_rows(dae, q0, t0, rows)
+    sufficient, nullities = (None, (0, 0)) if rows is None else lasting_rows(dae, q0, t0, rows)
     positions = _solve_positions(scene, dae, reference, q0, t0, free, G)
     velocities = start_velocities(scene, dae, prescribed.v, _probes(positions, p0), t0)
     free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
@@ -63,7 +63,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         free_velocities=tuple(
             f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.setdiff1d(free_velocities, solved_velocities)
         ),
-        rows=None if kept is None else tuple(kept.tolist()),
+        rows=None if sufficient is None else tuple(sufficient.tolist()),
         nullities=nullities,
         redundant=() if rows is None else redundant_names(G, dae.rows),
         is_equilibrium=scene.equilibrium,

@@ -117,16 +117,17 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[Indices,
     walked = [_measured(dae, at, t0, scales) for at in _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE)]
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
-    kept = np.setdiff1d(np.arange(dae.n_r), _superfluous(np.array([np.linalg.svd(G)[0][:, rank:] for G in walked])))
-    of_positions = kept[kept < dae.n_c]
+    vanishing = np.array([np.linalg.svd(G)[0][:, rank:] for G in walked])
+    sufficient = np.setdiff1d(np.arange(dae.n_r), _superfluous(vanishing))
+    of_positions = sufficient[sufficient < dae.n_c]
     G0 = _measured(dae, q, t0, scales)[of_positions]
-    return kept, (len(kept) - rank, len(of_positions) - len(independent_rows_and_columns(G0)[0]))
+    return sufficient, (len(sufficient) - rank, len(of_positions) - len(independent_rows_and_columns(G0)[0]))
 
 
 def _superfluous(N: Array) -> list[int]:
     """Rows that can be left out together, from orthonormal combinations (n, n_r, k) that vanish at n positions.
 
-    Without them the least singular value of the rows falls to that of their part of the combinations at most.
+    Without them the least singular value falls by no more than the least one of their part of the combinations.
     """
     rows: list[int] = []
     rest = N
