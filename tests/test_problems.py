@@ -1,5 +1,6 @@
 """Hard problems to the digits that are known, and what symmb does with them if no solver is given."""
 
+import re
 from contextlib import nullcontext
 
 import numpy as np
@@ -140,9 +141,9 @@ def test_what_nothing_gets_through_is_told_with_every_reason():
 def test_singular_positions_are_told():
     scene = problems.n_four_bar(2).make().with_times(np.linspace(0, 1, 101))
     run = mb.simulate(scene, AUGMENTED)
-    assert run.singularity is not None and abs(run.singularity.time - 0.7143555) < 0.01
-    assert "singular    near t = 0.71 s rows of " in str(run)
-    with pytest.raises(mb.SimulationError, match=r"The position may be singular: near t = 0\.71 s rows of '"):
+    assert run.singularity is not None and abs(run.singularity.time - 0.7143555) < 1e-3
+    assert re.search(r"singular    near t = 0\.714\d* s rows of ", str(run))
+    with pytest.raises(mb.SimulationError, match=r"The position may be singular: near t = 0\.71[34]\d* s rows of '"):
         mb.simulate(scene, mb.CVODES())
     assert mb.simulate(problems.andrews().make()).singularity is None
 

@@ -17,13 +17,16 @@ from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import Baumgarte, Projection, Stabilization
 from symmb.integrate.stabilized_index2 import stabilized_problem
 from symmb.model import DAE
+from symmb.symbolic import has_kinks
 
 UNTESTED = 1e10
-"""Absolute tolerance of variables that take no part in error tests [N, N m, -]: above any value that occurs."""
+"""Absolute tolerance of multipliers [N, N m, -], above any value that occurs: they take no part in error tests. At
+index 2 their errors do not fall with the step. At index 1 their rounding rejects steps: 100 times as many are taken."""
+FIRST_STEP = 1e-3
+"""First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject it ten times,
+and takes a quarter each time, so that it may be a million times too long where steps begin anew."""
 SHORTEST_STEP = 1e-14
 """Shortest step over the horizon: shorter ones are lost in rounding. tests/integrate/test_failures.py"""
-FIRST_STEP = 1e-3
-"""First step of index 2, over sqrt(rtol) and the horizon: a longer one is rejected too often for SUNDIALS to go on."""
 
 
 class _Multistep(Solver):
@@ -35,24 +38,19 @@ class _Multistep(Solver):
     stabilization: Stabilization
 
     @abstractmethod
-    def _method(self, length: float) -> dict[str, Any]:
-        """CasADi's options beside the tolerances, for an integration over a time of this length."""
+    def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
+        """CasADi's options, from those for tolerances, for an integration over a time of this length."""
+
+    def has_dense_output(self, dae: DAE) -> bool:
+        return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         def problem_of(dae: DAE) -> Problem:
             return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
 
         options, units = _measures(self.tolerances(dae, order))
-        return multistep_integration(
-            problem_of,
-            dae,
-            self.plugin,
-            lambda _, length: options | self._method(length),
-            times,
-            self.rtol,
-            units,
-            order,
-        )
+        method = partial(self._method, options)
+        return multistep_integration(problem_of, dae, self.plugin, method, times, self.rtol, units, order)
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,8 +72,8 @@ class IDAS(_Multistep):
     atol: float | None = None
     stabilization: Stabilization = None
 
-    def _method(self, length: float) -> dict[str, Any]:
-        return {}
+    def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
+        return _with_multipliers(options, problem)
 
 
 @dataclass(frozen=True, repr=False)
@@ -98,10 +96,10 @@ class CVODES(_Multistep):
     stiff: bool = False
     stabilization: Stabilization = None
 
-    def _method(self, length: float) -> dict[str, Any]:
+    def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
         adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         # A run that reaches a singularity would otherwise creep into it with ever shorter steps.
-        return {**adams, "min_step_size": SHORTEST_STEP * length}
+        return {**options, **adams, "min_step_size": SHORTEST_STEP * length}
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,21 +118,20 @@ class StabilizedIndex2(Solver):
     rtol: float = 1e-8
     atol: float | None = None
 
+    def has_dense_output(self, dae: DAE) -> bool:
+        return not has_kinks(dae.rhs)
+
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         options, units = _measures(self.tolerances(dae))
-        # Errors of index-2 multipliers do not fall with the step, so multipliers take no part in error tests.
-        atol = options.pop("abstol")
-        options |= {"suppress_algebraic": True, "calc_ic": False}
-        first = FIRST_STEP * self.rtol**0.5
-        between = first * float(np.diff(times).min(initial=1.0))
+        # IDAS computes no consistent rates at index 2. With rates of zero, the first step is rejected until the motion
+        # in it is within the tolerance.
+        first = FIRST_STEP * self.rtol / dae.scales.rate
 
-        def of_problem(problem: Problem, length: float) -> dict[str, Any]:
-            absolute = [atol] * problem.x.numel() + [UNTESTED] * problem.z.numel()
-            return {**options, "abstolv": absolute, "step0": min(between, first * length)}
+        def method(problem: Problem, length: float) -> dict[str, Any]:
+            return _with_multipliers(options, problem) | {"calc_ic": False}
 
-        return multistep_integration(
-            partial(stabilized_problem, work=work), dae, "idas", of_problem, times, self.rtol, units
-        )
+        problem_of = partial(stabilized_problem, work=work)
+        return multistep_integration(problem_of, dae, "idas", method, times, self.rtol, units, first=first)
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,6 +163,14 @@ class Collocation(Solver):
         problem = build_problem(dae, self.stabilization, algebraic=True, work=work, one_step=True).jets(order)
         step = float(times[-1] - times[0]) / self.steps
         return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
+
+
+def _with_multipliers(options: dict[str, Any], problem: Problem) -> dict[str, Any]:
+    """The options of IDAS for a problem whose multipliers are unknowns."""
+    tolerances = [options["abstol"]] * problem.x.numel() + [UNTESTED] * problem.z.numel()
+    # Rows of the constraints are small beside those of short steps: CasADi's own QR factorisation, without pivoting,
+    # is not accurate then.
+    return options | {"abstolv": tolerances, "suppress_algebraic": True, "linear_solver": "csparse"}
 
 
 def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:

@@ -35,6 +35,9 @@ class EventDriven(Solver):
     rtol: float = 1e-10
     atol: float | None = None
 
+    def has_dense_output(self, dae: DAE) -> bool:
+        return True
+
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if dae.impacts is None:
             return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)

@@ -84,6 +84,9 @@ class DormandPrince(_Explicit):
     def runs_in_lanes(self, dae: DAE) -> bool:
         return True
 
+    def has_dense_output(self, dae: DAE) -> bool:
+        return True
+
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if not dae.n_q + dae.n_v + dae.n_s:
             return stateless_integration(dae, times, order)

@@ -1,21 +1,24 @@
 """Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
 
 import io
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, redirect_stderr
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._interrupts import Interrupts
-from symmb._types import Array, Mask
+from symmb._types import Array, Indices, Mask
 from symmb.events import Event
 from symmb.integrate.marching import Marching
 from symmb.integrate.side_walk import Stops, no_stops
 from symmb.model import DAE
-from symmb.symbolic import batch
+from symmb.symbolic import batch, so_far
 
 _COUNTED = {
     "nsteps": "steps",
@@ -24,6 +27,10 @@ _COUNTED = {
     "nniters": "nonlinear iterations",
     "nncfails": "nonlinear convergence failures",
 }
+
+
+Advance = Callable[[float, float, Array], tuple[Array, Array]]
+"""(begin, end, x (n_x,)) -> x, quad (n_quad,) of one sample."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,10 @@ class Run:
     message: str = ""
     events: tuple[Event, ...] = ()
 
+    def at(self, which: Indices) -> "Run":
+        """The run at some of its times."""
+        return replace(self, X=self.X[which], quad=self.quad[which])
+
 
 class Integration:
     """Compiled runs over one time grid. They can be pickled: threads and processes get copies.
@@ -44,13 +55,17 @@ class Integration:
     ----------
     times : (n_t,) array                 [s]
     n_x, n_quad : int
-    whole : Function, optional           (x0, z0, p) -> x (n_x, n_t), z, quad (n_quad, n_t) at all times
-    between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of one interval
+    whole : Function, optional           (x0, z0, p) -> x (n_x, m), z, quad (n_quad, m) at its times
+    between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of an interval of `times`
     guess : Function                     (x, p, t) -> z0
     project : Function, optional         (x, p, t) -> x on the constraints
     marching : Marching, optional        the single steps of a scheme with a fixed step
     stops : x0, p -> Stops               switches of N samples, where steps end; optional
     units : (n_x,) array, optional       the Functions take and give states over these units
+    whole_times : (m,), (n_t,), optional times of `whole` [s], and where `times` stand among them; else they are `times`
+    onward : Function, optional          `between` for intervals of the times of `whole`
+    limit : (float, float)               steps per time of a usual run [1/s]; most steps beyond it of one sample, in
+                                         such intervals
     """
 
     def __init__(
@@ -65,12 +80,17 @@ class Integration:
         marching: Marching | None = None,
         stops: Callable[[Array, Array], Stops] | None = None,
         units: Array | None = None,
+        whole_times: tuple[Array, Indices] | None = None,
+        onward: ca.Function | None = None,
+        limit: tuple[float, float] = (np.inf, np.inf),
     ) -> None:
-        self.times = times
+        self.times, self._limit = times, limit
+        self._whole_times, self._outputs = whole_times or (times, np.arange(len(times)))
         self.n_x, self.n_quad = n_x, n_quad
         self._whole, self._between, self._guess, self._project = whole, between, guess, project
+        self._onward = onward or between
         self._marching, self._stops, self._units = marching, stops, units
-        self._counted = False
+        self._statistics: Counter[str] = Counter()
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
@@ -89,6 +109,7 @@ class Integration:
         return runs
 
     def _run(self, x0: Array, p: Array, threads: int, interrupts: Interrupts) -> list[Run]:
+        self._statistics = Counter()
         started: Mask = np.atleast_1d(np.isfinite(x0).all(axis=1))
         if not started.all():
             parts = iter(self._run(x0[started], p[started], threads, interrupts))
@@ -98,64 +119,112 @@ class Integration:
             stops = self._stops(x0 if self._units is None else x0 * self._units, p)
         if self._whole is None or not len(x0) or stops.times.size:
             return [self._walk(x0[k], p[k], stops.of(k), interrupts) for k in range(len(x0))]
+        (z0,) = batch(self._guess, x0, p, self.times[:1])
+        runs = self._together(self._whole, x0, z0, p, threads, interrupts) if len(x0) > 1 else [None]
+        samples = zip(runs, x0, z0, p, strict=True)
+        return [run or self._alone(self._whole, x, z, values, interrupts) for run, x, z, values in samples]
+
+    def _together(
+        self, whole: ca.Function, x0: Array, z0: Array, p: Array, threads: int, interrupts: Interrupts
+    ) -> list[Run | None]:
+        """All samples in one call; None for those that fail, or for all of them if one fails the call."""
         try:
-            self._counted = True
-            (z0,) = batch(self._guess, x0, p, self.times[:1])
             with quiet(), interrupts:
-                xf, _, qf, *_ = batch(self._whole, x0, z0, p, threads=threads)
-        except RuntimeError:  # one failing sample fails the whole call; the walk finds out where
-            if len(x0) > 1:
-                samples = zip(x0[:, None], p[:, None], strict=True)
-                return [run for sample in samples for run in self._run(*sample, 1, interrupts)]
-            return [self._walk(x0[0], p[0], stops.of(0), interrupts)]
+                xf, _, qf, *_ = batch(whole, x0, z0, p, threads=threads)
+        except RuntimeError:
+            return [None] * len(x0)
+        self._statistics = _counts(whole)
         X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
         done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
-        return [
-            Run(X[k], quad[k]) if done[k] else self._walk(x0[k], p[k], stops.of(k), interrupts) for k in range(len(x0))
-        ]
+        return [self._run_of(X[k], quad[k]) if done[k] else None for k in range(len(x0))]
+
+    def _alone(self, whole: ca.Function, x0: Array, z0: Array, p: Array, interrupts: Interrupts) -> Run:
+        """One sample. Where its call fails, it is tried once more from the last known state on."""
+        times = self._whole_times
+        X, quad = np.full((len(times), self.n_x), np.nan), np.zeros((len(times), self.n_quad))
+        if not interrupts.noticed:
+            with quiet(), interrupts:
+                xf, _, qf, *_ = so_far(whole, x0, z0, p)
+            X, quad = xf[0].T.copy(), qf[0].T.copy()
+            self.count(whole)
+        X[0], quad[0] = self._projected(x0, p, times[0]), 0.0
+        known: Mask = np.atleast_1d(np.isfinite(X).all(axis=1))
+        if known.all():
+            return self._run_of(X, quad)
+        last = int(known.argmin()) - 1
+        X[last + 1 :], quad[last + 1 :] = np.nan, 0.0
+        onward = partial(self.advance, self._onward, p)
+        return self._run_of(X, quad, *self._go_on(onward, times, last, X, quad, p, np.empty(0), interrupts))
+
+    def _walk(self, x0: Array, p: Array, stops: Stops, interrupts: Interrupts) -> Run:
+        """One sample, whose steps begin anew at stops and at output times."""
+        X, quad = np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad))
+        X[0] = self._projected(x0, p, self.times[0])
+        return Run(X, quad, *self._go_on(self._pieces(p, stops), self.times, 0, X, quad, p, stops.times, interrupts))
+
+    def _pieces(self, p: Array, stops: Stops) -> Advance:
+        """How one sample goes along one piece between its stops after the other."""
+        return partial(self.advance, self._between, p)
+
+    def _go_on(
+        self,
+        advance: Advance,
+        times: Array,
+        last: int,
+        X: Array,
+        quad: Array,
+        p: Array,
+        stops: Array,
+        interrupts: Interrupts,
+    ) -> tuple[float, str]:
+        """Fill X and quad behind the last known of the times, one by one. Returns when that fails, and why."""
+        x, (usual, spare), first = X[last], self._limit, self._statistics["steps"]
+        for i, (begin, end) in enumerate(pairwise(times[last:].tolist()), start=last + 1):
+            if interrupts.noticed:
+                return begin, "interrupted"
+            quad[i] = quad[i - 1]
+            try:
+                for piece in pieces_between(begin, end, stops):
+                    before = self._statistics["steps"]
+                    with interrupts:
+                        x, q = advance(*piece, x)
+                    quad[i] += q
+                    spare -= max(self._statistics["steps"] - before - usual * (piece[1] - piece[0]), 0.0)
+            except RuntimeError as error:
+                return begin, _reason(error)
+            if not np.isfinite(x).all():
+                return begin, "the state became infinite or NaN"
+            if spare < 0:
+                return begin, f"{self._statistics['steps'] - first} steps are not enough"
+            X[i] = x = self._projected(x, p, end)
+        return np.nan, ""
+
+    def _run_of(self, X: Array, quad: Array, t_failed: float = np.nan, message: str = "") -> Run:
+        """The run with states (m, n_x) at the times of the call over the whole grid."""
+        return Run(X, quad, t_failed, message).at(self._outputs)
 
     def _unstarted(self) -> Run:
         n_t = len(self.times)
         message = "the start could not be solved for"
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
-    def _walk(self, x0: Array, p: Array, stops: Stops, interrupts: Interrupts) -> Run:
-        X = np.full((len(self.times), self.n_x), np.nan)
-        quad = np.zeros((len(self.times), self.n_quad))
-        X[0] = x = self.project(x0[None], p[None], 0)[0]
-        advance = self._pieces(p, stops)
-        for i in range(1, len(self.times)):
-            if interrupts.noticed:
-                return Run(X, quad, float(self.times[i - 1]), "interrupted")
-            try:
-                quad[i] = quad[i - 1]
-                for begin, end in pieces_between(self.times[i - 1], self.times[i], stops.times):
-                    with interrupts:
-                        x, q = advance(begin, end, x)
-                    quad[i] += q
-            except RuntimeError as error:
-                return Run(X, quad, float(self.times[i - 1]), _reason(error))
-            if not np.isfinite(x).all():
-                return Run(X, quad, float(self.times[i - 1]), "the state became infinite or NaN")
-            X[i] = x = self.project(x[None], p[None], i)[0]
-        return Run(X, quad)
-
-    def _pieces(self, p: Array, stops: Stops) -> Callable[[float, float, Array], tuple[Array, Array]]:
-        """(begin, end, x) -> x, quad of one sample, to be called for one piece between its stops after the other."""
-        return lambda begin, end, x: self.advance(begin, end, x, p)
-
-    def advance(self, begin: float, end: float, x: Array, p: Array) -> tuple[Array, Array]:
-        """From one time to another, of one sample: x (n_x,), p (n_p,) -> x (n_x,), quad (n_quad,)."""
-        if self._between is None:
+    def advance(self, f: ca.Function | None, p: Array, begin: float, end: float, x: Array) -> tuple[Array, Array]:
+        """From one time to another by f, of one sample: p (n_p,), x (n_x,) -> x (n_x,), quad (n_quad,)."""
+        if f is None:
             return x, np.zeros(self.n_quad)
         (z0,) = batch(self._guess, x[None], p[None], np.array([begin]))
         with quiet():
-            xf, _, qf, *_ = batch(self._between, x[None], z0, np.hstack([p, begin, end - begin])[None])
+            xf, _, qf, *_ = batch(f, x[None], z0, np.hstack([p, begin, end - begin])[None])
+        self.count(f)
         return xf[0], qf[0]
 
-    def project(self, x: Array, p: Array, i: int) -> Array:
-        """States (N, n_x) on the constraints of time i, if the solver projects."""
-        return x if self._project is None else batch(self._project, x, p, self.times[i : i + 1])[0]
+    def count(self, f: ca.Function) -> None:
+        """Add the counts of the last call of an integrator."""
+        self._statistics.update(_counts(f))
+
+    def _projected(self, x: Array, p: Array, t: float) -> Array:
+        """The state (n_x,) of one sample on the constraints at a time, if the solver projects."""
+        return x if self._project is None else batch(self._project, x[None], p[None], np.array([t]))[0][0]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
         """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time.
@@ -171,9 +240,14 @@ class Integration:
         yield from self._marching.march(x0, p, self._project)
 
     def statistics(self) -> dict[str, int]:
-        """Counts of the integrator in its last call over the whole time grid; empty without counts."""
-        counted = self._whole.buffer()[0].stats() if self._whole is not None and self._counted else {}
-        return {ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted}
+        """Counts of the integrator for its last samples; empty without counts."""
+        return dict(self._statistics)
+
+
+def _counts(integrator: ca.Function) -> Counter[str]:
+    """Of its last call; empty without counts."""
+    counted = integrator.buffer()[0].stats()
+    return Counter({ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted})
 
 
 def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration:

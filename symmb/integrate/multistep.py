@@ -7,9 +7,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.events import longest_step
-from symmb.integrate.integration import Integration, quiet
+from symmb.integrate.cells import CELLS, refined
+from symmb.integrate.integration import Advance, Integration, quiet
 from symmb.integrate.one_sided import OneSided, one_sided
 from symmb.integrate.problem import Problem
 from symmb.integrate.side_walk import SideWalk, Stops
@@ -19,6 +20,10 @@ from symmb.symbolic import batch
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
 """Most steps of a run, and most steps times states: more take minutes."""
+USUAL, LEAST, LOST = 2.0, 200, 0.05
+"""SUNDIALS counts steps from one time to the next, so that it is given times close together. From one to the next a run
+may take this many times the mean of a run of most steps, and at least so many. If it takes more, it goes on from one to
+the next, and is lost, as at a singular position, when it has taken this share of most steps more."""
 CLOSE_TIMES = 1e-6
 """Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
 _SCALED = {"ode", "alg", "quad"}
@@ -37,50 +42,63 @@ def multistep_integration(
     rtol: float,
     units: Array | None = None,
     order: int = 0,
+    first: float | None = None,
 ) -> Integration:
     """Problems of DAEs compiled for CasADi's interface to SUNDIALS; options for an integration over a given time.
 
     Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of the states
-    (n_x,) are measured by their units.
+    (n_x,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
     """
     problem = problem_of(dae).jets(order)
     problem = problem if units is None else problem.in_units(units)
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
-    project = problem.projection()
-    whole = between = None
-    longest = longest_step(dae, times)
-    stops = SwitchPasses(dae, times, rtol).stops
-    if not problem.x.numel() or len(times) < 2:
-        return _MultistepIntegration(times, problem, None, None, guess, project, stops, units, None)
-    # The limit holds from one output time to the next; a run that needs more is lost in a singularity.
-    per_interval = max(min(MOST_STEPS, MOST_STATES // problem.x.numel()) // (len(times) - 1), 1000)
+    project, passes = problem.projection(), SwitchPasses(dae, times, rtol)
+    n_x = problem.x.numel()
+    if not n_x or len(times) < 2:
+        return _MultistepIntegration(times, problem, guess, project, passes.stops, units)
+    whole = between = onward = smooth = None
+    (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
+    most = min(MOST_STEPS, MOST_STATES // n_x)
+    steps = {"step0": first, "max_step_size": longest_step(dae, times)}
+    steps = {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
-    def limited(problem: Problem, length: float, unit: float, most: float = math.inf) -> dict[str, Any]:
-        limit = {"max_num_steps": min(most, per_interval)}
-        return options(problem, length) | limit | ({"max_step_size": longest / unit} if np.isfinite(longest) else {})
+    def limited(problem: Problem, length: float, unit: float, most: float) -> dict[str, Any]:
+        lengths = {name: step / unit for name, step in steps.items()}
+        return options(problem, length) | lengths | {"max_num_steps": max(int(most), LEAST)}
 
-    if project is None:
-        unit = _time_unit(times)
-        part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
-        length = float(times[-1] - times[0]) / unit
-        whole = ca.integrator("whole", plugin, part, times[0] / unit, times / unit, limited(problem, length, unit))
-
-    def from_0_to_1(name: str, problem: Problem, most: float = math.inf) -> ca.Function:
+    def from_0_to_1(name: str, problem: Problem, ends: Array, most: float) -> ca.Function:
         """One integrator for every interval, by the time since its begin over its length."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
-        return ca.integrator(name, plugin, part, 0, 1, limited(problem, 1.0, float(np.diff(times).max()), most))
+        return ca.integrator(name, plugin, part, 0, 1, limited(problem, 1.0, float(np.diff(ends).max()), most))
 
-    between = from_0_to_1("between", problem)
-    equations = None if order else one_sided(dae)
-    if equations is None:
-        smooth = None
-    else:
+    if project is None:
+        unit = _time_unit(fine)
+        part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
+        limits = limited(problem, horizon / unit, unit, USUAL * most / CELLS)
+        whole = ca.integrator("whole", plugin, part, times[0] / unit, fine / unit, limits)
+        onward = from_0_to_1("onward", problem, fine, LOST * most)
+    if project is not None or passes.are_possible:
+        between = from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
+    equations = one_sided(dae) if passes.are_possible and not order else None
+    if equations is not None:
         one = problem_of(equations.dae)
-        smooth = _SmoothPieces(
-            equations, one, from_0_to_1("smooth", one.from_begin(), _SMOOTH_STEPS), dae.n_q, rtol, units
-        )
-    return _MultistepIntegration(times, problem, whole, between, guess, project, stops, units, smooth)
+        integrator = from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)
+        smooth = _SmoothPieces(equations, one, integrator, dae.n_q, rtol, units)
+    return _MultistepIntegration(
+        times,
+        problem,
+        guess,
+        project,
+        passes.stops,
+        units,
+        whole=whole,
+        between=between,
+        smooth=smooth,
+        whole_times=(fine, outputs),
+        onward=onward,
+        limit=(USUAL * most / horizon, LOST * most),
+    )
 
 
 class _MultistepIntegration(Integration):
@@ -90,30 +108,39 @@ class _MultistepIntegration(Integration):
         self,
         times: Array,
         problem: Problem,
-        whole: ca.Function | None,
-        between: ca.Function | None,
         guess: ca.Function,
         project: ca.Function | None,
         stops: Callable[[Array, Array], Stops],
         units: Array | None,
-        smooth: "_SmoothPieces | None",
+        *,
+        whole: ca.Function | None = None,
+        between: ca.Function | None = None,
+        smooth: "_SmoothPieces | None" = None,
+        whole_times: tuple[Array, Indices] | None = None,
+        onward: ca.Function | None = None,
+        limit: tuple[float, float] = (math.inf, math.inf),
     ) -> None:
         n_x, n_quad = problem.x.numel(), problem.quad.numel()
-        super().__init__(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units)
+        grid = {"whole_times": whole_times, "onward": onward, "limit": limit}
+        super().__init__(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units, **grid)
         self._smooth = smooth
 
-    def _pieces(self, p: Array, stops: Stops) -> Callable[[float, float, Array], tuple[Array, Array]]:
+    def _pieces(self, p: Array, stops: Stops) -> Advance:
         smooth, n = self._smooth, self.n_x
         if smooth is None or not np.isfinite(stops.passes).any():
             return super()._pieces(p, stops)
         units = np.ones(n) if self._units is None else self._units
 
         def free(begin: float, end: float, y: Array, p: Array) -> Array:
-            x, quad = self.advance(begin, end, y[:n] / units, p)
+            x, quad = self.advance(self._between, p, begin, end, y[:n] / units)
             return np.concatenate([x * units, y[n:] + quad])
 
-        span = float(np.ptp(self.times))
-        walk = SideWalk(smooth.equations, p, stops, span, smooth.advance, smooth.advance, free)
+        def one_sided(begin: float, end: float, y: Array, p: Array) -> Array:
+            y = smooth.advance(begin, end, y, p)
+            self.count(smooth.integrator)
+            return y
+
+        walk = SideWalk(smooth.equations, p, stops, float(np.ptp(self.times)), one_sided, one_sided, free)
 
         def piece(begin: float, end: float, x: Array) -> tuple[Array, Array]:
             y = walk.piece(begin, end, np.concatenate([x * units, np.zeros(self.n_quad)]))
@@ -130,9 +157,9 @@ class _SmoothPieces:
     """
 
     def __init__(
-        self, equations: OneSided, problem: Problem, between: ca.Function, n_q: int, rtol: float, units: Array | None
+        self, equations: OneSided, problem: Problem, integrator: ca.Function, n_q: int, rtol: float, units: Array | None
     ) -> None:
-        self.equations, self._between, self._n_q, self._rtol = equations, between, n_q, rtol
+        self.equations, self.integrator, self._n_q, self._rtol = equations, integrator, n_q, rtol
         self._units = np.ones(problem.x.numel()) if units is None else units
         at = [problem.x, problem.p, problem.t]
         speed = equations.dae.rhs.call(list(equations.dae.arguments(*at)))[0]
@@ -150,7 +177,7 @@ class _SmoothPieces:
         offset = np.full(len(y), noise / share)
         with quiet():
             parameters = np.concatenate([p, y[:n], units, offset, [begin, end - begin]])
-            yf = batch(self._between, offset, z0, parameters)[0][0]
+            yf = batch(self.integrator, offset, z0, parameters)[0][0]
         return y + units * (yf - offset)
 
 

@@ -54,6 +54,10 @@ class Solver(ABC):
         """Whether the engine of `codegen` can run many samples of this DAE side by side with this solver."""
         return False
 
+    def has_dense_output(self, dae: DAE) -> bool:
+        """Whether the state at output times is interpolated, so that these leave the steps as they are."""
+        return False
+
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of one DAE.
 

@@ -51,6 +51,11 @@ class SwitchPasses:
             self._engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
             self._engine.most_steps = _MOST_STEPS
 
+    @property
+    def are_possible(self) -> bool:
+        """Whether a run may have such stops."""
+        return self._of_time is not None or self._engine is not None
+
     def __call__(self, x0: Array, p: Array) -> Array:
         """Stops (N, k) in order, infinite behind the last one [s], of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
         return self.stops(x0, p).times

@@ -8,9 +8,10 @@ import numpy as np
 
 from symmb._interrupts import carry, runs_of
 from symmb._types import Array
-from symmb.integrate import Run, Solver, stiffness
+from symmb.integrate import Run, Solver, refined, stiffness
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.examination import Examination, work_of
 from symmb.simulation.solver_choice import MANY, Pilot
 from symmb.simulation.trajectory import Trajectory
 
@@ -18,7 +19,7 @@ POSITION_DRIFT, ENERGY_DRIFT, SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
 singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
 STIFFNESS_SAMPLES = 5
-"""Output times at which stiffness is estimated."""
+"""Times at which stiffness is estimated."""
 
 
 class PilotRuns:
@@ -50,19 +51,24 @@ class PilotRuns:
         """Run by a solver, and keep the trajectory."""
         begin = time.perf_counter()
         simulator = self.simulator.solved_by(solver)
-        integration = simulator.integration(work=simulator.dae.power is not None or simulator.dae.impacts is not None)
+        dae, times = simulator.dae, simulator.times
+        is_close = solver.has_dense_output(dae)
+        fine, outputs = refined(times) if is_close else (times, np.arange(len(times)))
+        integration = solver.integration(dae, fine, work=dae.power is not None or dae.impacts is not None)
         built = time.perf_counter()
         try:
             run = integration.run(self.x0, self.p[None])[0]
         except KeyboardInterrupt as interrupt:
             for run in runs_of(interrupt):
-                known = int(np.argmin([*np.isfinite(run.X).all(axis=1), False]))
-                some = self._trajectory(simulator, run, {}, built - begin, time.perf_counter() - built, known)
+                at_outputs = run.at(outputs)
+                known = int(np.argmin([*np.isfinite(at_outputs.X).all(axis=1), False]))
+                some = self._trajectory(simulator, at_outputs, {}, built - begin, time.perf_counter() - built, known)
                 carry(interrupt, some if known > 1 else None)
             raise
         seconds, counts = time.perf_counter() - built, integration.statistics()
-        trajectory = self._trajectory(simulator, run, counts, built - begin, seconds, len(run.X))
-        self.done[solver] = run, trajectory
+        examination = Examination.of(simulator, self.p, fine, run.X, work_of(run), is_close)
+        trajectory = self._trajectory(simulator, run.at(outputs), counts, built - begin, seconds, len(times))
+        self.done[solver] = run.at(outputs), replace(trajectory, run_examination=examination)
         return Pilot(run.message, counts.get("steps", 0), seconds, False)
 
     def _trajectory(
@@ -85,7 +91,7 @@ class PilotRuns:
             reason="",
             t=times,
             x=run.X[:known],
-            work=run.quad[:known, 0] if run.quad.shape[1] else np.zeros(known),
+            work=work_of(run)[:known],
             statistics={"start": {key: list(some) for key, some in names.items()}, "integrator": counts},
             setup_seconds=self._setup + setup,
             run_seconds=seconds,
@@ -100,16 +106,25 @@ class PilotRuns:
             return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
         drift = trajectory.position_drift / self.simulator.dae.scales.length
         if not drift < POSITION_DRIFT:
-            return replace(pilot, doubt=f"drifts off its constraints by {drift:.0e} of its size")
+            doubt = f"drifts off its constraints by {drift:.0e} of its size"
+            return replace(pilot, doubt=doubt, drift=float(np.nan_to_num(drift, nan=np.inf)) / POSITION_DRIFT)
         singularity = trajectory.singularity
-        if trajectory.energy_drift > (SINGULAR_ENERGY_DRIFT if singularity else ENERGY_DRIFT):
+        limit = SINGULAR_ENERGY_DRIFT if singularity else ENERGY_DRIFT
+        if trajectory.energy_drift > limit:
             # Branches of the motion meet in singular positions: the solver may have taken another one.
             where = f"{singularity}, " if singularity else ""
-            return replace(pilot, doubt=f"{where}energy drifts by {trajectory.energy_drift:.0e}")
-        return replace(pilot, slow=pilot.steps > MANY and self.is_stiff_along(run.X))
+            doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
+            return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
+        states = trajectory.examination
+        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(states.x, states.t))
 
-    def is_stiff_along(self, X: Array) -> bool:
-        """Whether the motion linearised about some of the states X (m, n_x) is stiff over the horizon."""
-        times = self.simulator.times
-        some = np.unique(np.linspace(0, len(X) - 1, STIFFNESS_SAMPLES).astype(int))
-        return stiffness(self.simulator.dae, X[some], self.p, times[some]).is_stiff(float(times[-1] - times[0]))
+    @property
+    def starts_stiff(self) -> bool:
+        """Whether the motion linearised about the start is stiff over the horizon."""
+        return self._is_stiff(self.x0, self.simulator.times[:1])
+
+    def _is_stiff(self, X: Array, t: Array) -> bool:
+        """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
+        some = np.unique(np.linspace(0, len(t) - 1, STIFFNESS_SAMPLES).astype(int))
+        horizon = float(np.ptp(self.simulator.times))
+        return stiffness(self.simulator.dae, X[some], self.p, t[some]).is_stiff(horizon)

@@ -75,14 +75,15 @@ def simulate(
         solver, reason = runs.solver, runs.reason
         runs.run(solver)
     else:
-        stiff = runs.is_stiff_along(runs.x0)
+        stiff = runs.starts_stiff
         solver, reason = choose(for_one_run(stiff, kinks(runs.simulator.dae) is not None), runs.judge)
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
     run, trajectory = runs.done[solver]
     switches = kinks(runs.simulator.dae) if reason or run.message else None
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
-    count = switches.met(run.X, runs.p, runs.simulator.times) if switches else 0
+    states = trajectory.examination
+    count = switches.met(states.x, runs.p, states.t) if switches else 0
     trajectory = replace(trajectory, reason=f"{reason}; {switches} met {count} times or more" if count else reason)
     _require_sound(runs, solver, trajectory)
     trajectory = replace(trajectory, run_doubts=_switch_doubts(runs, solver))
@@ -94,8 +95,8 @@ def simulate(
 def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> None:
     """SimulationError if the run has left its constraints, or has outputs that are not finite."""
     about = f"{runs.scene.name} ({runs.text}) by {trajectory.solver}"
-    size = runs.simulator.dae.scales.length
-    fault = unreached(trajectory.t, trajectory.drift.position, size, getattr(solver, "rtol", None))
+    states, size = trajectory.examination, runs.simulator.dae.scales.length
+    fault = unreached(states.t, states.drift.position, size, getattr(solver, "rtol", None))
     irregular = ~np.isfinite(trajectory.values)
     if irregular.any():
         k, i = np.argwhere(irregular)[0]

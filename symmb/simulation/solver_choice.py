@@ -16,13 +16,17 @@ _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
 
 @dataclass(frozen=True)
 class Pilot:
-    """A run at the nominal parameters: why it failed, steps, run time [s], why others may be faster or better."""
+    """A run at the nominal parameters: why it failed, steps, run time [s], why others may be faster or better.
+
+    `drift` is what the doubt is about, over the largest drift that raises none.
+    """
 
     message: str
     steps: int
     seconds: float
     slow: bool
     doubt: str = ""
+    drift: float = 0.0
 
 
 class Candidates(NamedTuple):
@@ -67,7 +71,7 @@ def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[So
             return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
         return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
     verdicts = [_fault(first, run)]
-    finished = [] if run.message else [first]
+    finished = {} if run.message else {first: run.drift}
     for solver in dict.fromkeys((*others, implicit)):
         if solver == first:
             continue
@@ -75,8 +79,8 @@ def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[So
         if not (run.message or run.doubt):
             return solver, "; ".join([*verdicts, _count(run)])
         verdicts.append(_fault(solver, run))
-        finished += [] if run.message else [solver]
-    return (finished or [first])[0], "; ".join(verdicts)
+        finished |= {} if run.message else {solver: run.drift}
+    return min(finished, key=lambda solver: finished[solver], default=first), "; ".join(verdicts)
 
 
 def _fault(solver: Solver, run: Pilot) -> str:

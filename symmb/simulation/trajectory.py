@@ -20,17 +20,9 @@ from symmb.events import Event, event_doubts, longest_step
 from symmb.model import Scene
 from symmb.simulation.certainty import error_doubts, rounding_of_outputs
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.examination import Examination, drift, energy
 from symmb.simulation.outputs import output_function
-from symmb.simulation.run_quality import (
-    closest_singularity,
-    drift_doubts,
-    energies,
-    energy_change,
-    falls_with_tolerance,
-    largest_kinetic_energy,
-    pulse_doubts,
-    unexplained,
-)
+from symmb.simulation.run_quality import drift_doubts, pulse_doubts, unexplained
 from symmb.simulation.trajectory_file import Drift, Energy, of_record, of_table
 from symmb.simulation.trajectory_text import doubt_lines, event_lines, pulse_lines, start_lines
 from symmb.start import Singularity
@@ -57,6 +49,7 @@ class Trajectory:
     events : tuple of Event    impacts, and contacts that close and open, in order
     error : (n_t, n_y)         estimated error of the outputs, of a run with check=True; None for others
     run_doubts : tuple of str  what the start and the solver cannot vouch for; `doubts` are all
+    run_examination            the examination of the run between its output times as well; None if it was read
     """
 
     scene: Scene | None = field(repr=False)
@@ -73,6 +66,7 @@ class Trajectory:
     events: tuple[Event, ...] = field(default=(), repr=False)
     error: Array | None = field(default=None, repr=False)
     run_doubts: tuple[str, ...] = field(default=(), repr=False)
+    run_examination: Examination | None = field(default=None, repr=False)
 
     @property
     def _p(self) -> Array:
@@ -180,48 +174,43 @@ class Trajectory:
         return self._along(reaction.force), self._along(reaction.torque)
 
     @cached_property
-    def drift(self) -> Drift:
-        """Violation of the constraints."""
-        dae, zero = self._model[1].start.dae, np.zeros(len(self.t))
-        at = (self.q, self.v, *((self.s,) if dae.n_s else ()), self._p, self.t[:, None])
-        position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
-        velocity = zero if dae.Phi_dot is None else np.abs(batch(dae.Phi_dot, *at)[0]).max(axis=1)
-        return Drift(position, velocity)
+    def examination(self) -> Examination:
+        """What the run is judged by."""
+        return self.run_examination or Examination.of(self._model[1], self._p, self.t, self.x, self.work)
 
     @cached_property
+    def drift(self) -> Drift:
+        """Violation of the constraints at the output times."""
+        return drift(self._model[1], self.x, self._p, self.t)
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Kinetic and potential energy and the work done at the output times."""
+        return energy(self._model[1], self.x, self._p, self.t, self.work)
+
+    @property
     def singularity(self) -> Singularity | None:
-        """The time closest to a singular position, if one is close. Runs that fail or drift are examined closely."""
-        examine = unexplained(self.energy_drift, self._rtol)
-        return closest_singularity(self._model[1], self.x, self._p, self.t, examine)
+        """The time closest to a singular position, if one is close."""
+        return self.examination.singularity
 
     @property
     def _rtol(self) -> float | None:
         return getattr(self._model[1].solver, "rtol", None)
 
     @cached_property
-    def energy(self) -> Energy:
-        """Kinetic and potential energy and the work done."""
-        return Energy(*energies(self._model[1].dae, self.x, self._p, self.t), self.work)
-
-    @property
     def position_drift(self) -> float:
         """Largest violation of a position row."""
-        return float(self.drift.position.max(initial=0.0))
+        return float(self.examination.drift.position.max(initial=0.0))
 
-    @property
+    @cached_property
     def velocity_drift(self) -> float:
         """Largest violation of a velocity row."""
-        return float(self.drift.velocity.max(initial=0.0))
+        return float(self.examination.drift.velocity.max(initial=0.0))
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0| at output times over the largest kinetic energy; nan if nothing moves."""
-        change, largest = energy_change(*self.energy), float(self.energy.kinetic.max(initial=0.0))
-        if change > _EXAMINED * largest > 0:  # all output times may be those at which it rests
-            span = float(self.t[0]), float(self.t[-1])
-            largest = max(largest, largest_kinetic_energy(self._model[1], self.x[0], self._p, *span))
-        scales = self._model[1].dae.scales
-        return change / largest if largest > _STILL * scales.energy * scales.rate**2 else math.nan
+        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        return self.examination.energy_drift
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -230,7 +219,7 @@ class Trajectory:
         position, energy = self.position_drift / simulator.dae.scales.length, self.energy_drift
         is_singular = self.singularity is not None
         if not is_singular and unexplained(energy, self._rtol):
-            energy *= not falls_with_tolerance(simulator, self.x[0], self._p, self.values, energy_change(*self.energy))
+            energy *= not self.examination.falls_with_tolerance()
         found = [
             *simulator.start.doubts,
             *event_doubts(self.events),
@@ -342,9 +331,3 @@ class Trajectory:
     def plot(self, path: str | Path) -> None:
         """Picture of the outputs over time."""
         figures.plot_trajectory(self.t, self.values, figures.labels(self.names, self.units), path, title=self.name)
-
-
-_STILL = 1e-20
-"""Kinetic energy over that of a motion of the scene's size, below which speeds are rounding."""
-_EXAMINED = 1e-6
-"""Drift of energy over the largest kinetic energy at output times above which that between them is computed."""

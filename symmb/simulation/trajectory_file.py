@@ -67,7 +67,7 @@ def of_record(record: Record) -> Contents:
         "row_names": rows,
         "drift": drift,
         "energy": energy,
-        "energy_drift": record.number("energy_drift"),
+        **{name: record.number(name) for name in ("position_drift", "velocity_drift", "energy_drift")},
         "doubts": record.texts("doubts") if "doubts" in record else (),
         "_text": record.text("text"),
     }
@@ -95,7 +95,7 @@ def of_table(table: Record) -> Contents:
         **dict.fromkeys(("setup_seconds", "run_seconds"), math.nan),
         "drift": dict.fromkeys(Drift._fields, unknown),
         "energy": dict.fromkeys(Energy._fields, unknown),
-        "energy_drift": math.nan,
+        **dict.fromkeys(("position_drift", "velocity_drift", "energy_drift"), math.nan),
     }
     return of_record(Record(entries))
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from symmb._cleanup import end_group, lead_group, note_group
-from symmb._errors import SimulationError, SymmbError
+from symmb._errors import SymmbError
 from symmb._types import Array
 from symmb.files import Record
 from symmb.integrate import Solver
@@ -26,8 +26,6 @@ SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _MANY_STEPS)
 """How the reasons begin of runs that were not finished for want of time."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers whose number of steps is limited."""
-_CLOSER = 100
-"""Output times are so many times closer where a solver limits the number of steps from one to the next."""
 _ENERGY = "the energy"
 """How the reasons begin of runs whose energy is wrong."""
 WRONG_ENERGY = 0.5
@@ -188,16 +186,16 @@ def _results(scene: Scene, solver: Solver) -> dict[str, Any]:
     """The attributes of the trial of a run that finishes."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the trial tells what is wrong with the run
-        run, every = _simulated(scene, solver)
+        run = simulate(scene, solver)
         return {
             "reason": _fault(run),
             "seconds": run.run_seconds,
-            "position": run.drift.position[::every],
-            "velocity": run.drift.velocity[::every],
+            "position": run.drift.position,
+            "velocity": run.drift.velocity,
             "energy": run.energy_drift,
-            "times": run.t[::every],
-            "values": run.values[::every],
-            "states": run.x[::every],
+            "times": run.t,
+            "values": run.values,
+            "states": run.x,
         }
 
 
@@ -211,18 +209,6 @@ def _fault(run: Trajectory) -> str:
     if run.energy_drift > WRONG_ENERGY:
         return f"{_ENERGY} is off by {run.energy_drift:.1g} of the largest kinetic energy"
     return ""
-
-
-def _simulated(scene: Scene, solver: Solver) -> tuple[Trajectory, int]:
-    """A run, and how many of its times lie from one time of the scene to the next."""
-    try:
-        return simulate(scene, solver), 1
-    except SimulationError as error:
-        if _LIMITED[0] not in str(error):
-            raise
-    n = len(scene.times)
-    closer = np.interp(np.arange((n - 1) * _CLOSER + 1) / _CLOSER, np.arange(n), scene.times)
-    return simulate(scene.with_times(closer), solver), _CLOSER
 
 
 @dataclass

@@ -1,5 +1,7 @@
 """CasADi Functions over many samples at once, in and out as plain arrays without a copy through CasADi's matrices."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 import casadi as ca
@@ -38,22 +40,33 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
     RuntimeError             if a sample fails, which integrators may
     """
     N = max((len(a) for a in arguments if a.ndim == 2), default=1)
-    mapped = _mapped(f, N, threads) if N > 1 else f
-    buffer, evaluate = mapped.buffer()
-    held = []  # the buffer knows addresses only
-    for i, a in enumerate(arguments):
-        held.append(np.ascontiguousarray(np.broadcast_to(a, (N, f.numel_in(i))), dtype=float))
-        if held[-1].size:
-            buffer.set_arg(i, memoryview(held[-1].reshape(-1)))  # pyright: ignore[reportCallIssue]
-    results = []
-    for i in range(f.n_out()):
-        results.append(np.zeros((N, f.nnz_out(i))))
-        if results[-1].size:
-            buffer.set_res(i, memoryview(results[-1].reshape(-1)))  # pyright: ignore[reportCallIssue]
+    results = [np.zeros((N, f.nnz_out(i))) for i in range(f.n_out())]
+    arrays = [np.broadcast_to(a, (N, f.numel_in(i))) for i, a in enumerate(arguments)]
+    _evaluate(_mapped(f, N, threads) if N > 1 else f, arrays, results)
+    return tuple(_shaped(f, i, values) for i, values in enumerate(results))
+
+
+def so_far(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
+    """The results of `batch` for one sample, nan where f has not written them before it failed."""
+    results = [np.full((1, f.nnz_out(i)), np.nan) for i in range(f.n_out())]
+    with suppress(RuntimeError):
+        _evaluate(f, arguments, results)
+    return tuple(_shaped(f, i, values) for i, values in enumerate(results))
+
+
+def _evaluate(f: ca.Function, arguments: Sequence[Array], results: list[Array]) -> None:
+    """Write the results. The arrays are contiguous, in the order of the nonzeros."""
+    buffer, evaluate = f.buffer()
+    inputs: list[Array] = [np.ascontiguousarray(a, dtype=float) for a in arguments]  # the buffer knows addresses only
+    for i, a in enumerate(inputs):
+        if a.size:
+            buffer.set_arg(i, memoryview(a.reshape(-1)))  # pyright: ignore[reportCallIssue, reportArgumentType]
+    for i, values in enumerate(results):
+        if values.size:
+            buffer.set_res(i, memoryview(values.reshape(-1)))  # pyright: ignore[reportCallIssue, reportArgumentType]
     evaluate()
     if buffer.ret():
         raise RuntimeError(f"evaluation of {f.name()!r} failed")
-    return tuple(_shaped(f, i, values) for i, values in enumerate(results))
 
 
 def _shaped(f: ca.Function, i: int, values: Array) -> Array:

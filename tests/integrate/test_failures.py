@@ -18,7 +18,7 @@ ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]
 
 @pytest.mark.parametrize("solver", ADAPTIVE, ids=repr)
 def test_a_blow_up_is_an_error_with_time_and_parameters(solver):
-    with pytest.raises(mb.SimulationError, match=r"explosion: the run breaks down at t = 0\.9 s \(a = 1\): ."):
+    with pytest.raises(mb.SimulationError, match=r"explosion: the run breaks down at t = 0\.99\d* s \(a = 1\): ."):
         mb.simulate(explosion(), solver)
 
 
@@ -34,9 +34,9 @@ def test_a_failed_sample_leaves_its_neighbours_alone(solver):
     simulator = mb.DAESimulator(explosion(), solver)
     ensemble = simulator.run(np.array([[0.3], [1.0], [0.25], [2.0], [0.0]]))
     assert_array_equal(ensemble.ok, [True, False, True, False, True])
-    assert_allclose(ensemble.t_failed, [np.nan, 0.9, np.nan, 0.4, np.nan], atol=1e-12)
+    assert_allclose(ensemble.t_failed, [np.nan, 1.0, np.nan, 0.5, np.nan], atol=2e-3)
     first, second = ensemble.messages
-    assert first.startswith("t = 0.9 s, a = 1: ") and second.startswith("t = 0.4 s, a = 2: ")
+    assert re.match(r"t = 0\.99\d* s, a = 1: ", first) and re.match(r"t = 0\.49\d* s, a = 2: ", second)
     alone = simulator.run(np.array([[0.3], [0.25], [0.0]]))
     assert alone.ok.all() and alone.messages == ()
     assert_array_equal(ensemble.Y[[0, 2, 4]], alone.Y)

@@ -1,0 +1,33 @@
+"""Times close together over the whole horizon, whatever the output times: there runs are limited and judged."""
+
+import numpy as np
+
+from symmb._types import Array, Indices
+
+CELLS = 1000
+"""Parts of a horizon, none of which is longer than the horizon over this."""
+_LONGEST, _GOLDEN = 1.5, 0.5 * (5**0.5 - 1)
+"""Longest of the unequal pieces of an interval over their mean, and the ratio that makes them unequal."""
+_FIRST = 1e-5
+"""Time after the start, over the horizon, that is one of them: SUNDIALS' first step, and all others, follow from it."""
+
+
+def refined(times: Array) -> tuple[Array, Indices]:
+    """Output times (n_t,) with others in between (m,), and where the former stand among them (n_t,).
+
+    Longer intervals are cut into unequal pieces: with equal ones all times may be those at which a motion rests.
+    One of the times follows the start closely, so that solvers begin alike.
+    """
+    spans = np.diff(times)
+    if not spans.size:
+        return times, np.arange(len(times))
+    shares = spans * (CELLS / float(times[-1] - times[0]))
+    counts = np.where(shares > 1 + 1e-9, np.ceil(_LONGEST * shares), 1).astype(np.intp)
+    ends = np.cumsum(counts)
+    k = np.arange(ends[-1]) - np.repeat(ends - counts, counts)
+    parts = (k + (_LONGEST - 1) * (k * _GOLDEN % 1)) / np.repeat(counts, counts)
+    fine = np.append(np.repeat(times[:-1], counts) + parts * np.repeat(spans, counts), times[-1])
+    first = float(times[0] + _FIRST * (times[-1] - times[0]))
+    if fine[1] < 2 * first - fine[0]:
+        return fine, np.append(0, ends)
+    return np.insert(fine, 1, first), np.append(0, ends + 1)
