@@ -66,6 +66,11 @@ class Examination:
         return drift(self.simulator, self.x, self.p, self.t)
 
     @cached_property
+    def violation(self) -> Array:
+        """Largest violation of a position row (m,) over its change by displacements of the scene's size [-]."""
+        return relative_violation(self.simulator, self.x, self.p, self.t)
+
+    @cached_property
     def _energy(self) -> Energy:
         return energy(self.simulator, self.x, self.p, self.t, self.work)
 
@@ -147,6 +152,17 @@ def drift(simulator: DAESimulator, x: Array, p: Array, t: Array) -> Drift:
     position = zero if dae.Phi is None else np.abs(batch(dae.Phi, *at)[0]).max(axis=1)
     velocity = zero if dae.Phi_dot is None else np.abs(batch(dae.Phi_dot, *at)[0]).max(axis=1)
     return Drift(position, velocity)
+
+
+def relative_violation(simulator: DAESimulator, X: Array, p: Array, times: Array) -> Array:
+    """Largest violation of a position row (n_t,) over its change by displacements of the scene's size [-]."""
+    dae, scales = simulator.start.dae, simulator.dae.displacement_scales
+    if dae.Phi is None or dae.G is None:
+        return np.zeros(len(times))
+    at = _at(dae, X, p, times)
+    G = dae.G(*(part[0] for part in at[:-2]), p, times[0]).full()[: dae.n_c]
+    changes = np.abs(G * scales).max(axis=1)
+    return np.abs(batch(dae.Phi, *at)[0] / np.where(changes > 0, changes, simulator.dae.scales.length)).max(axis=1)
 
 
 def energy(simulator: DAESimulator, x: Array, p: Array, t: Array, work: Array) -> Energy:

@@ -104,7 +104,7 @@ class PilotRuns:
         run, trajectory = self.done[solver]
         if pilot.message:
             return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
-        drift = trajectory.position_drift / self.simulator.dae.scales.length
+        drift = float(trajectory.examination.violation.max(initial=0.0))
         if not drift < POSITION_DRIFT:
             doubt = f"drifts off its constraints by {drift:.0e} of its size"
             return replace(pilot, doubt=doubt, drift=float(np.nan_to_num(drift, nan=np.inf)) / POSITION_DRIFT)

@@ -32,15 +32,15 @@ def drift_doubts(position: float, energy: float, is_singular: bool, rtol: float 
     return (f"{drift} Try a smaller one.",)
 
 
-def unreached(t: Array, violation: Array, size: float, rtol: float | None) -> str:
-    """When and why a run leaves its constraints, as violations (n_t,) over the size tell; empty if it does not."""
-    left = ~(violation <= _UNREACHED * size)
+def unreached(t: Array, violation: Array, rtol: float | None) -> str:
+    """When and why a run leaves its constraints, as relative violations (n_t,) tell; empty if it does not."""
+    left = ~(violation <= _UNREACHED)
     if not left.any():
         return ""
     k = int(left.argmax())
     cause = "drives contradict each other, or ask for positions that cannot be reached"
     return (
-        f"the run leaves its constraints at t = {t[k]:g} s, by up to {violation.max() / size:.0e} of its size: "
+        f"the run leaves its constraints at t = {t[k]:g} s, by up to {violation.max():.0e} of its size: "
         f"{'steps are too long, ' if rtol is None else ''}{cause}"
     )
 

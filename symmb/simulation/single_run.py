@@ -95,8 +95,8 @@ def simulate(
 def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> None:
     """SimulationError if the run has left its constraints, or has outputs that are not finite."""
     about = f"{runs.scene.name} ({runs.text}) by {trajectory.solver}"
-    states, size = trajectory.examination, runs.simulator.dae.scales.length
-    fault = unreached(states.t, states.drift.position, size, getattr(solver, "rtol", None))
+    states = trajectory.examination
+    fault = unreached(states.t, states.violation, getattr(solver, "rtol", None))
     irregular = ~np.isfinite(trajectory.values)
     if irregular.any():
         k, i = np.argwhere(irregular)[0]

@@ -216,11 +216,12 @@ class Trajectory:
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
         simulator = self._model[1]
-        position, energy = self.position_drift / simulator.dae.scales.length, self.energy_drift
+        position = float(self.examination.violation.max(initial=0.0))
+        energy = self.energy_drift
         is_singular = self.singularity is not None
         if not is_singular and unexplained(energy, self._rtol):
             energy *= not self.examination.falls_with_tolerance()
-        found = [
+        doubts = [
             *simulator.start.doubts,
             *event_doubts(self.events),
             *self.run_doubts,
@@ -229,8 +230,8 @@ class Trajectory:
         ]
         if self.error is not None:
             at = simulator.y, simulator.dae, self.x, self._p, self.t
-            found += error_doubts(self.t, self.names, self.values, self.error, partial(rounding_of_outputs, *at))
-        return tuple(found)
+            doubts += error_doubts(self.t, self.names, self.values, self.error, partial(rounding_of_outputs, *at))
+        return tuple(doubts)
 
     def __str__(self) -> str:
         return self._text
