@@ -29,7 +29,8 @@ def propagate(
     solver : of a Scene; default: chosen by pilot runs, mostly DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
-    progress : called with the finished runs and all runs
+    progress : called with the finished runs and all runs; adaptive methods plan more as they go, and call its method
+        ``estimate`` with the estimated error that they have reached, if it has one
 
     Returns
     -------

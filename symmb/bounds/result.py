@@ -13,12 +13,18 @@ from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.summary import MEANING, widest_bounds
+from symmb.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful
 from symmb.polynomials import Expansion, Moments, moments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Kind = Literal["enclosure", "estimate", "sampled"]
+
+_ROUNDING = 1e-9
+"""Share of an output's largest value below which errors are rounding."""
+_LEAST_WIDTH = 0.1
+"""Width in a window of time, over that over all times, which counts at least: bounds may touch for a moment."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +43,7 @@ class Bounds:
     method : text of the method's constructor
     evaluations : runs; a run with derivatives counts as many as they cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
+    noise : (n_y,) how far runs may be off, or None where it is not known
     inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
     failed : the runs that failed
     seconds : wall time of runs and bounding [s]
@@ -59,6 +66,7 @@ class Bounds:
     method: str
     evaluations: int
     estimate: Array | None = None
+    noise: Array | None = None
     inner: tuple[Array, Array] | None = None
     failed: tuple[Failure, ...] = ()
     seconds: float = field(default=float("nan"))
@@ -71,7 +79,10 @@ class Bounds:
         """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
         doubts = list(self.run_doubts)
         if self.failed:
-            doubts.append(f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others.")
+            doubts.append(
+                f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
+                "happens near the failed ones is not known."
+            )
         if since := [f"{name} from {t:g} s" for name, t in self.doubtful().items()]:
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(since)}.")
         if self.caution:
@@ -85,20 +96,45 @@ class Bounds:
             return self.lower, self.upper
         return self.lower - self.estimate, self.upper + self.estimate
 
-    def doubtful(self, share: float = 0.1) -> dict[str, float]:
+    def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
         """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
 
-        Both are root mean squares from a time to the end. The result is empty without an estimate.
+        Both are root mean squares from a time to the end. Errors within the noise of the runs, and rounding, do not
+        count. The result is empty without an estimate.
         """
         if self.estimate is None:
             return {}
-        error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (self.estimate, self.upper - self.lower))
-        bad = error > share**2 * width
+        bad = is_doubtful(self.estimate, self.upper - self.lower, self._floor, share)
         return {
             name: float(self.t[int(np.argmax(rest))])
             for name, rest in zip(self.names, bad.T, strict=True)
             if rest.any()
         }
+
+    def doubtful_windows(self, share: float = DOUBTFUL) -> tuple[tuple[str, float, float], ...]:
+        """Doubtful outputs with windows of time, as (name, from, to) [s]: there the estimated error exceeds a share of
+        the width.
+
+        Both are root mean squares over 2 % of the times, the width at least a tenth of that over all times.
+        """
+        if self.estimate is None:
+            return ()
+        width = np.square(self.upper - self.lower)
+        width = np.maximum(average_over_window(width), _LEAST_WIDTH**2 * width.mean(axis=0))
+        enough = share**2 * width + np.square(self._floor)
+        bad = average_over_window(np.square(self.estimate)) > enough
+        edges = np.diff(np.pad(bad, ((1, 1), (0, 0))).astype(int), axis=0)
+        return tuple(
+            (name, float(self.t[first]), float(self.t[behind - 1]))
+            for name, edge in zip(self.names, edges.T, strict=True)
+            for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
+        )
+
+    @property
+    def _floor(self) -> Array:
+        """Errors that are noise or rounding, (n_y,)."""
+        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+        return np.maximum(_ROUNDING * scale, 0.0 if self.noise is None else self.noise)
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """(lower, upper) of one output, each (n_t,)."""
@@ -158,6 +194,7 @@ class Bounds:
             "method": self.method,
             "evaluations": self.evaluations,
             "estimate": self.estimate,
+            "noise": self.noise,
             "inner_lower": inner_lower,
             "inner_upper": inner_upper,
             "failed": [asdict(run) for run in self.failed],
@@ -184,6 +221,7 @@ class Bounds:
             method=record.text("method"),
             evaluations=record.whole("evaluations"),
             estimate=record.size("estimate", *shape) if "estimate" in record else None,
+            noise=record.size("noise", len(names)) if "noise" in record else None,
             inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
             failed=tuple(
                 Failure(run.numbers("parameters"), run.number("time"), run.text("message"))

@@ -26,7 +26,7 @@ from symmb.integrate import (
     impacts_text,
 )
 from symmb.model import DAE, Scene, compile_dae, unit_of
-from symmb.simulation.certainty import error_doubts, rounding_of_outputs
+from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
@@ -185,7 +185,8 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        self._doubts: tuple[str, ...] | None = None
+        for name in ("doubts", "noise"):  # of the solver before
+            self.__dict__.pop(name, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
@@ -204,16 +205,19 @@ class DAESimulator:
             message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
         return Pilot(message, steps, seconds, steps > MANY)
 
-    @property
+    @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted about runs at the nominal parameters, by a second one at a tenth of the tolerance."""
-        if self._doubts is None:
-            P = self.dae.p_nominal[None]
-            first, second = self.run(P), self.tighter().run(P)
-            error = np.where(first.ok[0] & second.ok[0], np.abs(first.Y[0] - second.Y[0]), 0.0)
-            lost = error_doubts(self.times, self.outputs, first.Y[0], error, self._rounding)
-            self._doubts = (*self.start.doubts, *lost)
-        return self._doubts
+        P = self.dae.p_nominal[None]
+        first, second = self.run(P), self.tighter().run(P)
+        error = np.where(first.ok[0] & second.ok[0], np.abs(first.Y[0] - second.Y[0]), 0.0)
+        return (*self.start.doubts, *error_doubts(self.times, self.outputs, first.Y[0], error, self._rounding))
+
+    @cached_property
+    def noise(self) -> Array:
+        """How far outputs may be off by the errors of the solver's steps (n_y,)."""
+        p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
+        return noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
 
     def _rounding(self) -> Array:
         """Changes of outputs (n_y,) that rounding of states can make."""

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._names import name_faults
+from symmb._names import did_you_mean, name_faults
 from symmb._options import is_finite_number
 from symmb._types import Array, Executor
 from symmb.simulation.simulator import Ensemble, Progress, Reduction, stream
@@ -27,11 +27,14 @@ class FunctionSimulator:
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
+    noise : how far values may be off by name of the output, as ``{"x": 1e-6}``; others have none. None: not known, it
+        is measured if it matters
 
     Raises
     ------
     DeclarationError
-        If times do not increase, names repeat or are not allowed, there are no outputs, or a value is no number.
+        If times do not increase, names repeat or are not allowed, there are no outputs, or a value is no number, or
+        noise is negative or of an output that there is not.
 
     Examples
     --------
@@ -46,8 +49,16 @@ class FunctionSimulator:
     parameters: Mapping[str, float]
     times: Array
     outputs: tuple[str, ...]
+    noise: Array | None
 
-    def __init__(self, f: Callable[..., Any], parameters: Mapping[str, float], times: Array, outputs: Sequence[str]):
+    def __init__(
+        self,
+        f: Callable[..., Any],
+        parameters: Mapping[str, float],
+        times: Array,
+        outputs: Sequence[str],
+        noise: Mapping[str, float] | None = None,
+    ):
         try:
             times = np.array(times, dtype=float)
         except (TypeError, ValueError):
@@ -70,6 +81,7 @@ class FunctionSimulator:
         object.__setattr__(self, "parameters", _numbers(parameters))
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "outputs", names)
+        object.__setattr__(self, "noise", None if noise is None else _noise(noise, names))
 
     def run(self, P: Array) -> Ensemble:
         """Call f for each row of P (N, d)."""
@@ -117,6 +129,18 @@ class FunctionSimulator:
 
     def __repr__(self) -> str:
         return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"
+
+
+def _noise(noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    """Noise (n_y,) of all outputs."""
+    if not isinstance(noise, Mapping):
+        raise DeclarationError(f"FunctionSimulator: noise must be numbers by name of the output, got {noise!r}.")
+    for name, value in noise.items():
+        if name not in names:
+            raise DeclarationError(f"FunctionSimulator: noise: no output {name!r}.{did_you_mean(str(name), names)}")
+        if not is_finite_number(value) or value < 0:
+            raise DeclarationError(f"FunctionSimulator: noise of {name!r} must be at least 0, got {value!r}.")
+    return np.array([float(noise.get(name, 0.0)) for name in names])
 
 
 def _numbers(parameters: Mapping[str, float]) -> dict[str, float]:

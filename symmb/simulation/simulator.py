@@ -139,6 +139,16 @@ class Kinked(Protocol):
 
 
 @runtime_checkable
+class Noisy(Protocol):
+    """Capability: how far responses may be off."""
+
+    @property
+    def noise(self) -> Array | None:
+        """(n_y,) errors of the runs in units of the outputs; None if they are not known."""
+        ...
+
+
+@runtime_checkable
 class March(Protocol):
     """Capability: all samples advance in parallel from one output time to the next."""
 

@@ -77,7 +77,7 @@ def test_expected_errors_are_of_the_size_of_true_ones_and_small_at_nodes():
     coefficients = grid.coefficients(f(grid.nodes).reshape(49, -1)).reshape(49, 41, 1)
     tails = TruncationError.of(grid.alpha, coefficients)
     errors = np.abs(f(points) - np.tensordot(basis_values(grid.alpha, points), coefficients, axes=1)).max(axis=0)
-    largest = tails.at(np.array([0.26, 0.26]))
+    largest = np.max([tails.at(np.array([x, x])) for x in np.linspace(-1, 1, 41)], axis=0)
     assert (largest > 0.5 * errors).all() and (largest < 20 * errors).all()
     assert (tails.at(np.array([1.0, 1.0])) < 0.2 * largest).all() and (tails.least <= largest).all()
 
@@ -118,13 +118,18 @@ def test_dense_search_finds_the_extremes_that_branch_and_bound_proves(d, order):
 
 @pytest.mark.parametrize(
     ("spread", "tolerance", "most", "mean", "worst", "outer"),
-    [(5, 1e-2, 30, 1e-3, 3e-3, 5e-3), (20, 1e-1, 100, 1e-2, 3e-2, 5e-2), (20, 3e-2, 450, 1e-3, 3e-3, 5e-2)],
+    [
+        (5, 1e-2, 35, 1e-2, 4e-2, 5e-2),
+        (5, 1e-3, 45, 1e-3, 4e-3, 5e-3),
+        (20, 1e-1, 80, 1e-1, 3e-1, 5e-1),
+        (20, 1e-2, 180, 1e-2, 4e-2, 5e-2),
+    ],
 )
 def test_the_paper_s_pendulum(spread, tolerance, most, mean, worst, outer):
     """Against bounds from 641,601 runs, all 12 states: runs, errors, and what the estimates cover."""
     scene = double_pendulum.scene().with_times(np.array(DATA["times"]))
     box = mb.Box.around(scene.system.parameters, spread / 100)
-    late = pytest.warns(mb.SymmbWarning, match="above 10 % of the width") if tolerance == 0.1 else nullcontext()
+    late = pytest.warns(mb.SymmbWarning, match="above 10 % of the width") if spread > 10 else nullcontext()
     with late:
         bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=tolerance), box)
     true = DATA["cases"][f"{spread}%"]["true"]
@@ -158,7 +163,7 @@ def test_many_parameters_with_few_runs():
 def test_budgets_are_spent_on_nodes_and_checks():
     names = [f"p{i}" for i in range(5)]
     simulator = mb.FunctionSimulator(
-        lambda **p: [[np.sin(3 * sum(p.values()))]], dict.fromkeys(names, 0.0), [0.0], ["f"]
+        lambda **p: [[np.sin(1 + 30 * sum(x**2 for x in p.values()))]], dict.fromkeys(names, 0.0), [0.0], ["f"]
     )
     box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
     for budget in (11, 40, 41, 100):
@@ -195,18 +200,18 @@ def test_nodes_that_fail_are_told_and_predicted(names):
 
 def test_too_many_failures_at_first_are_an_error():
     def f(a, b):
-        if a > 0.5:
+        if a > -0.5:
             raise ValueError("no convergence")
         return [[a + b]]
 
     simulator = mb.FunctionSimulator(f, {"a": 0.0, "b": 0.0}, [0.0], ["f"])
-    with pytest.raises(mb.PropagationError, match=r"3 of the first 9 runs failed(.|\n)*no convergence"):
+    with pytest.raises(mb.PropagationError, match=r"6 of the first 9 runs failed(.|\n)*no convergence"):
         mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0)))
 
 
 @pytest.mark.parametrize(
     ("f", "highest", "runs"),
-    [(lambda x: abs(x - 0.123), 1.123, 130), (lambda x: float(x > 0.123), 1.0, 50)],
+    [(lambda x: abs(x - 0.123), 1.123, 130), (lambda x: float(x > 0.123), 1.0, 55)],
     ids=["kink", "jump"],
 )
 def test_a_response_that_is_not_smooth_is_bounded_in_pieces(f, highest, runs):
@@ -278,10 +283,10 @@ def test_grids_of_too_many_points_are_an_error(method):
         mb.propagate(simulator, method, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
 
 
-def test_ten_parameters_take_fewer_than_a_thousand_runs():
+def test_ten_parameters_take_450_runs():
     """Five rods whose lengths and masses are known to 5 %: the 1,024 corners are where most extremes lie.
 
-    Extremes of equal size make the number of runs depend on rounding: 750 to 1,190. The median counts.
+    Extremes of equal size make the number of runs depend on rounding. The median counts.
     """
     n = 5
     p = mb.Parameters(**{f"{name}{i}": 1 / n for i in range(n) for name in ("l", "m")})
@@ -302,7 +307,7 @@ def test_ten_parameters_take_fewer_than_a_thousand_runs():
     evaluations = [mb.propagate(simulator, mb.PolynomialChaos(), box).evaluations for box in others]
     attained = mb.propagate(simulator, mb.Vertex(), scene.box)
     width = np.sqrt(np.mean((attained.upper - attained.lower) ** 2, axis=0))
-    assert np.median([bounds.evaluations, *evaluations]) < 1000
+    assert np.median([bounds.evaluations, *evaluations]) <= 450
     assert (np.sqrt(np.mean(bounds.estimate**2, axis=0)) <= 1.01e-2 * width).all()
     short = np.maximum(np.maximum(bounds.lower - attained.lower, attained.upper - bounds.upper), 0.0)
     assert (np.sqrt(np.mean(short**2, axis=0)) < 5e-3 * width).all()

@@ -122,6 +122,19 @@ def test_threads_change_nothing_but_the_time():
     assert "2 threads" in str(together)
 
 
+def test_progress_of_adaptive_methods_counts_all_runs_and_tells_the_error():
+    seen = []
+    compare_simulator(
+        simulator(lambda k: np.abs(k * T - 0.4)),
+        [PolynomialChaos()],
+        BOX,
+        Vertex(),
+        progress=lambda *told: seen.append(told),
+    )
+    done = [k for label, k, _ in seen if label.startswith("PolynomialChaos()")]
+    assert done[:5] == sorted(done[:5]) and "estimated error" in seen[-1][0]
+
+
 def test_progress_names_what_runs():
     seen = []
     compare_simulator(

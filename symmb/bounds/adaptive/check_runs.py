@@ -4,7 +4,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds.adaptive.constants import CANDIDATES, HEAVIEST, SAFETY
-from symmb.bounds.adaptive.error_estimate import average_over_window
+from symmb.bounds.time_windows import average_over_window
 
 
 def select_dispersed(places: Array, weights: Array, number: int) -> Array:

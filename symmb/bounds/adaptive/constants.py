@@ -19,10 +19,19 @@ FARTHEST_SCALING = 10.0
 ROUNDING_SHARE = 1e-6
 """Share of an expected error below which it is rounding, so that the place is a node."""
 
+# --- Noise -------------------------------------------------------------------------------------------------------
+
+NOISE_RUNS, NOISE_SPACING = 5, 1e-7
+"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there."""
+LEAST_COST = 3
+"""Runs of a refinement, over those that measure noise, from which it is worth while to measure."""
+NOISE_SAFETY = 3.0
+"""Factor on the standard deviation of noise: as far as its values reach."""
+NOISE_OF_COEFFICIENTS = 2.0
+"""Coefficients of high degrees over the noise of the runs from which they are computed."""
+
 # --- Error estimate ----------------------------------------------------------------------------------------------
 
-WINDOW = 0.02
-"""Share of the times over which squares of coefficients are averaged: coefficients of a swinging response pass 0."""
 SHELLS = 4
 """Degree shells, of two degrees each, whose sizes give the decay."""
 DECAY_POWER, FAST_DECAY = 0.6, 0.8
@@ -32,10 +41,26 @@ NODE_SHARE = 0.4
 """Share of the largest error that is expected even at nodes, over the degree (at most 4): places of extremes are known
 only nearly."""
 
+MOST_SMOOTHED = 200
+"""Failed nodes of a piece that get the values of the smoothest interpolant: more of them are a region of their own."""
+LARGEST_SHARE = 0.25
+"""Weight of the output with the largest error: the bounds of many outputs may be done when one is four times as far
+off as the tolerance."""
+MANY_VALUES = 1000
+"""Values of a run from which check runs tell how far the estimate is from errors: their ratio is a mean over many."""
+FIELD_TRUST = 0.15
+"""Least share of the estimate that errors of so many values are expected to have where check runs show less."""
+CHEAP_RUNS, DOUBTED_SHARE = 60, 0.8
+"""Runs up to which bounds are refined until they are not doubtful, and the share of the estimate that is reported where
+they are: `outer` then covers 99 % of the outputs and times of the double pendulum at +-20 %."""
+WINDOW_SHARE = 0.2
+"""Weight of the largest error in a window of time: what acts for a moment counts, but less than what stays."""
+
 # --- Tensor grids ------------------------------------------------------------------------------------------------
 
-TENSOR_PROBES = 1
-"""Quasi-random check points. Nodes lie at middles, ends and halves, where symmetric responses may be alike."""
+TENSOR_PROBES = ((10, 6), (100, 3))
+"""Most values of a run, and quasi-random check points; with more values there is 1. Nodes lie at middles, ends and
+halves, where symmetric responses may be alike. What one value hides, others show."""
 REFINED_SHARE = 0.25
 """Directions with at least this share of the largest error are refined together."""
 SMOOTH_DECAY = 0.6
@@ -60,13 +85,50 @@ SURPRISE = 3.0
 PATIENCE, LEAST_PROGRESS = 30, 0.7
 """Nodes for each parameter before growth may be given up, and the share of the error that remains, when the number of
 nodes doubles, above which it is."""
+SLOW = 60, 0.25
+"""Nodes for each parameter at which an error above this share of the width takes more runs than it is worth."""
 CONTINUED_SHARE = 0.2
 """Share of the expected error that remains at places of check runs, since the continuation does not interpolate."""
+EARLY = 5.0
+"""Estimated error over the tolerance at which check runs may show that it is enough."""
+MOST_ROUNDS, LEAST_GAIN = 8, 0.9
+"""Most rounds of check runs, and the share of the error that remains after a round above which they end."""
+CHECKED_SHARE = 0.2
+"""Least share of the estimated error that is left after check runs at extremes have corrected the expansion."""
 SPARSE_RANGE = 0.02
 """Accuracy of a range, over the tolerance."""
 RANGE_WORK, FEWEST_BOXES = 200_000, 20
 """Coefficients in all boxes that the search of a range may take, since many parameters leave it unproved anyway, and
 fewest boxes."""
+
+# --- Response surfaces -------------------------------------------------------------------------------------------
+
+SURFACE_RESPONSES = 8
+"""Most outputs times times of a response surface: each extreme of each is searched by itself."""
+SURFACE_RUNS = 100, 20
+"""Runs after which a surface that does not converge is given up: in all, and for each parameter."""
+SLOPE_STEP = 0.1
+"""Distance from the middle at which slopes are taken."""
+RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
+"""Lengths of a ridge of which the most likely one is the start of a search."""
+REFIT, UNLIKELY = 1.2, 20.0
+"""Growth of the runs after which the kernel is chosen anew; logarithm of the ratio of likelihoods beyond which a kernel
+is given up."""
+DEVIATIONS, LATEST = 2.0, 10
+"""Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
+show more."""
+OBSERVED_SHARE = 0.5
+"""Share of the error of the latest runs that extremes may have."""
+SPREAD, FEWEST_SPREAD = 4, 12
+"""Runs of a round that are spread over the box, and fewest of all rounds."""
+PLATEAU = 3
+"""Runs inside the box that share an extreme where the response is constant."""
+DOUBTFUL_SHARE = 0.1
+"""Error over the width from which bounds are those that runs attained."""
+SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
+"""Points of the box, and as many corners, of which so many start local searches."""
+EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
+"""Most polynomials of the expansion of a surface, and largest error of it, over the standard deviation."""
 
 # --- Runs --------------------------------------------------------------------------------------------------------
 

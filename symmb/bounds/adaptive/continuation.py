@@ -87,6 +87,11 @@ def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
     return {index: _extrapolated(index, size) for index in sorted(grid.ahead())}
 
 
+def largest(sizes: dict[Index, float], number: int) -> set[Index]:
+    """So many indices with the largest sizes."""
+    return set(sorted(sizes, key=lambda a: (-sizes[a], sum(a), a))[: max(number, 0)])
+
+
 def _extrapolated(index: Index, size: dict[Index, float]) -> float:
     candidates = [size[b] for b in below(index)]
     for b in below(index):

@@ -1,14 +1,23 @@
 """The estimated truncation error of an interpolant, from the decay of its last coefficients."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
-from symmb.bounds.adaptive.constants import DECAY_POWER, FAST_DECAY, NODE_SHARE, SHELLS, SMOOTH_DECAY, WINDOW
+from symmb.bounds.adaptive.constants import (
+    DECAY_POWER,
+    FAST_DECAY,
+    NODE_SHARE,
+    NOISE_OF_COEFFICIENTS,
+    SHELLS,
+    SMOOTH_DECAY,
+)
+from symmb.bounds.time_windows import average_over_window
+from symmb.nodes.grid import line
 from symmb.polynomials import MultiIndices
 
 
@@ -41,21 +50,24 @@ class TruncationError:
     degrees: Indices | None
 
     @classmethod
-    def of(cls, alpha: MultiIndices, coefficients: Array) -> "TruncationError":
-        """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y)."""
+    def of(cls, alpha: MultiIndices, coefficients: Array, noise: Array | float = 0.0) -> "TruncationError":
+        """From multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y).
+
+        What errors of the runs up to `noise` (n_y,) make of a coefficient does not count.
+        """
         degrees = alpha.max(axis=0)
         tensor = len(alpha) == int(np.prod(degrees + 1))
         directions = np.zeros((alpha.shape[1], *coefficients.shape[1:]))
         slow = np.zeros(directions.shape, dtype=bool)
         mixed = np.zeros(coefficients.shape[1:])
         for i, groups in enumerate(_groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)):
-            sizes = _sizes(coefficients, *groups.shells)
+            sizes = _sizes(coefficients, noise, *groups.shells)
             ratios = _ratio(sizes[:-1], sizes[1:])
             decay = np.max(ratios, axis=0) if tensor else ratios[0]
             power = np.maximum(1 - decay / FAST_DECAY, DECAY_POWER) if tensor else DECAY_POWER
             directions[i], slow[i] = sizes[0] * decay**power, decay > SMOOTH_DECAY
             if groups.unmixed.size:
-                product, factor, unmixed = _sizes(coefficients, *groups.products, groups.unmixed)
+                product, factor, unmixed = _sizes(coefficients, noise, *groups.products, groups.unmixed)
                 mixed += np.square(unmixed * _ratio(product, factor))
         return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
@@ -75,26 +87,17 @@ class TruncationError:
 
 
 def _node_polynomial(x: Array, degree: int) -> Array:
-    """|sin(degree a) sin(a)| for x = cos(a), of a degree that is a power of 2: 0 at the nodes, at most 1."""
-    cosine, sine = x, np.sqrt(np.maximum(1.0 - x * x, 0.0))
-    product = sine
-    while degree > 1:
-        cosine, product, degree = 2 * cosine * cosine - 1, 2 * product * cosine, degree // 2
-    return np.abs(product * sine)
+    """|(x - x_0) ... (x - x_n)| of the nodes of a degree: 0 at the nodes, at most 1."""
+    product = np.full(x.shape, 1 / _largest_product(degree))
+    for node in line(degree + 1).tolist():
+        product *= 2 * (x - node)  # the product of n differences is about 2^-n
+    return np.abs(product)
 
 
-def average_over_window(squares: Array) -> Array:
-    """Moving average over a window of times of squares (..., n_t, n_y)."""
-    n_t = squares.shape[-2]
-    half = int(WINDOW * n_t / 2)
-    if not half:
-        return squares
-    ends = [(0, 0)] * (squares.ndim - 2) + [(half + 1, half), (0, 0)]
-    sums = np.pad(squares, ends, mode="edge")
-    np.cumsum(sums, axis=-2, out=sums)
-    means = sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]
-    means /= 2 * half + 1
-    return np.maximum(means, 0.0, out=means)
+@cache
+def _largest_product(degree: int) -> float:
+    x = np.cos(np.linspace(0, np.pi, 64 * degree + 1))
+    return float(np.abs(2 * (x[:, None] - line(degree + 1))).prod(axis=1).max())
 
 
 def _ratio(a: Array, b: Array) -> Array:
@@ -102,15 +105,19 @@ def _ratio(a: Array, b: Array) -> Array:
     return np.divide(a, b, out=np.ones_like(a), where=a < b)
 
 
-def _sizes(coefficients: Array, *groups: Indices) -> Array:
-    """Root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y)."""
+def _sizes(coefficients: Array, noise: Array | float, *groups: Indices) -> Array:
+    """Root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y).
+
+    The squares that noise (n_y,) is expected to give are subtracted.
+    """
     _, n_t, n_y = coefficients.shape
     sizes = np.empty((len(groups), n_t, n_y))
     for size, rows in zip(sizes, groups, strict=True):
         for window in windows(n_t, n_y * len(rows)):
             part = coefficients[rows, window]
             size[window] = np.einsum("iab,iab->ab", part, part)
-        size[:] = np.sqrt(average_over_window(size))
+        size -= len(rows) * np.square(NOISE_OF_COEFFICIENTS * noise)
+        size[:] = np.sqrt(np.maximum(average_over_window(size), 0.0))
     return sizes
 
 

@@ -11,6 +11,7 @@ from symmb.bounds.adaptive.check_runs import inflated_error
 from symmb.bounds.adaptive.constants import (
     HALF_DEGREE,
     INHERITED_SHARE,
+    MOST_SMOOTHED,
     REFINED_SHARE,
     ROUNDING_SHARE,
     SMALL_HALF_WIDTH,
@@ -35,6 +36,13 @@ def nodes_of(part: Part) -> Array:
     """Nodes (N, d) in the unit box."""
     centre, half, degrees = part
     return centre + half * _grid(*degrees.tolist()).nodes
+
+
+def _higher(degrees: Indices) -> Indices:
+    """The next of the degrees 2, 4, 6, 8, 12, 16, 24, ..., the highest one at most."""
+    power = 1 << np.array([int(k).bit_length() - 1 for k in degrees])
+    step = np.where(degrees > power, 2 * power - degrees, np.maximum(power // 2, 2))
+    return np.minimum(degrees + step, HIGHEST_DEGREE)
 
 
 @cache
@@ -69,10 +77,13 @@ class Piece:
 
     @classmethod
     def of(cls, runs: Runs, part: Part, parent: "Piece | None" = None) -> "Piece":
-        """Run the nodes that are new; the parent, which holds this piece, predicts those that fail."""
+        """Run the nodes that are new; failed ones get the values that make the interpolant smoothest."""
         centre, half, degrees = part
         grid = _grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, parent and parent.values)
+        lost = rows[~runs.is_attained[rows]]
+        if 0 < len(lost) <= MOST_SMOOTHED:
+            runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
         coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1), rows).reshape(-1, *runs.shape)
         expansion = Expansion(grid.alpha, coefficients, runs.box.names)
         return cls(centre, half, expansion, grid.nodes, runs, rows, runs.rms_widths(), parent and parent.inherited)
@@ -85,7 +96,7 @@ class Piece:
     @cached_property
     def truncation(self) -> TruncationError:
         """The estimated truncation error."""
-        return TruncationError.of(self.expansion.alpha, self.expansion.coefficients)
+        return TruncationError.of(self.expansion.alpha, self.expansion.coefficients, self.runs.noise)
 
     @cached_property
     def _direction_errors(self) -> Array:
@@ -174,7 +185,7 @@ class Piece:
         return error if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), error, 0.0)
 
     def refined_parts(self, all_directions: bool = False) -> list[Part]:
-        """The part with twice the degree in directions of large error, or its halves if it is rough.
+        """The part with the next degree in directions of large error, or its halves if it is rough.
 
         There are no parts if the degree or the piece is at its limit.
         """
@@ -182,7 +193,7 @@ class Piece:
         rough = self.rough_direction
         if rough is None:
             is_large = all_directions | (self._direction_errors >= REFINED_SHARE * self._direction_errors.max())
-            higher = np.where(is_large & (2 * degrees <= HIGHEST_DEGREE), 2, 1) * degrees
+            higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
         if self.half[rough] < SMALLEST_HALF_WIDTH:
             return []
@@ -202,6 +213,18 @@ class Piece:
                 share = INHERITED_SHARE ** (1 / len(self.half))
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
+
+
+def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:
+    """Changes (k, n_t, n_y) of values Y at rows that are lost, which make the coefficients of high degree least.
+
+    Coefficients of smooth responses fall by a factor with each degree: here it is 2.
+    """
+    weights = 2.0 ** np.minimum(grid.alpha.sum(axis=1), 40)[:, None]
+    c = grid.coefficients(Y.reshape(len(Y), -1), rows)
+    of_lost = grid.coefficients((rows[:, None] == lost).astype(float))
+    change = np.linalg.lstsq(weights * of_lost, -weights * c)[0]
+    return change.reshape(-1, *Y.shape[1:])
 
 
 def _branch_and_bound(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:

@@ -8,25 +8,37 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bounds.adaptive.constants import NODE_DIGITS, ROUNDING_WIDTH
+from symmb.bounds.adaptive.check_runs import quasi_random_points
+from symmb.bounds.adaptive.constants import (
+    LARGEST_SHARE,
+    NODE_DIGITS,
+    NOISE_RUNS,
+    NOISE_SAFETY,
+    NOISE_SPACING,
+    ROUNDING_WIDTH,
+    WINDOW_SHARE,
+)
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
+from symmb.bounds.time_windows import average_over_window
 from symmb.model import Box
-from symmb.polynomials import Expansion
-from symmb.simulation import Progress, Simulator, note_attained, run_blocks
+from symmb.polynomials import Expansion, TotalDegree, basis_values
+from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
 
 
 class EstimatedRange(NamedTuple):
     """Range of an interpolant, its estimated error, each (n_t, n_y), and its expansion over the box if it is whole.
 
-    The expansion is made on call: it is as large as the runs, which are not needed any more then.
+    The expansion is made on call: it is as large as the runs, which are not needed any more then. `places` are those of
+    the minima and the maxima, (2, n_t, n_y, d), if they are known.
     """
 
     lower: Array
     upper: Array
     estimate: Array
-    expansion: Callable[[], Expansion] | None
+    expansion: Callable[[], Expansion | None] | None
+    places: Array | None = None
 
 
 @dataclass
@@ -39,8 +51,11 @@ class Runs:
     ----------
     most : the runs that are allowed
     nodes : (N, n_t, n_y) responses at nodes
+    is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
+    lost : (F, d) points whose runs failed
+    noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
     extremes : smallest and largest responses of all runs (n_t, n_y)
     """
 
@@ -53,6 +68,8 @@ class Runs:
     checks: Array = field(init=False)
     points: Array = field(init=False)
     extremes: tuple[Array, Array] = field(init=False)
+    lost: Array = field(init=False)
+    noise: Array = field(init=False)
     events: Indices | None = None
     failed: tuple[Failure, ...] = ()
 
@@ -60,13 +77,17 @@ class Runs:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
         self.nodes = self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
-        self.points = np.empty((0, len(self.box)))
-        self._attained = np.empty(0, dtype=bool)
+        self.points = self.lost = np.empty((0, len(self.box)))
+        told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
+        self.noise_is_known = told is not None
+        self.noise = np.zeros(self.shape[1]) if told is None else told
+        self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
+        self._count = 0
 
     def __len__(self) -> int:
         """Number of runs so far, with those that failed."""
-        return len(self._attained) + len(self.checks) + len(self.failed) - int((~self._attained).sum())
+        return self._count
 
     @property
     def left(self) -> int:
@@ -80,28 +101,30 @@ class Runs:
     def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
         """Rows of ``nodes`` for points (N, d) of the unit box; ``predict`` gives the values of those that fail.
 
+        Without it, a quadratic polynomial through the others does.
+
         Raises
         ------
-        PropagationError        if a run fails and there is no prediction
+        PropagationError        if most of the first runs fail
         """
         keys = _keys(points)
         new = [i for i, key in enumerate(keys) if key not in self._row]
         self._row |= {keys[i]: len(self.nodes) + k for k, i in enumerate(new)}
         if new:
             Y, ok, events = self._run(points[new])
+            if predict is None and 2 * ok.sum() < len(ok):
+                raise PropagationError(
+                    f"{len(self.failed)} of the first {len(new)} runs failed, too many to go on from.\n"
+                    + failure_text(self.failed)
+                )
             if not ok.all():
-                if predict is None:
-                    raise PropagationError(
-                        f"{len(self.failed)} of the first {len(new)} runs failed, too many to go on from. "
-                        "PolynomialChaos(order=..., basis=TotalDegree()) can fit around some.\n"
-                        + failure_text(self.failed)
-                    )
+                predict = predict or _quadratic(points[new][ok], Y[ok])
                 Y[~ok] = predict(points[new][~ok])
             if events is not None:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
             self.nodes = np.concatenate([self.nodes, Y]) if len(self.nodes) else Y
-            self._attained = np.concatenate([self._attained, ok])
+            self.is_attained = np.concatenate([self.is_attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
     def check(self, points: Array) -> tuple[Array, Array]:
@@ -113,19 +136,73 @@ class Runs:
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
 
+    def _progress(self, before: int) -> Progress | None:
+        """Progress that counts the runs before."""
+        progress = self.progress
+        return progress and (lambda done, n: progress(before + done, before + n))
+
+    def tell(self, error: float) -> None:
+        """Tell whoever watches the progress the error that is reached."""
+        if hasattr(self.progress, "estimate"):
+            self.progress.estimate(error)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
+
     def rms_widths(self) -> Array:
         """Root mean square widths (n_y,), by which errors are measured; infinite if a width is only rounding."""
         low, high = self.extremes
         width, scale = rms(high - low), np.maximum(rms(low), rms(high))
-        return np.where(width > ROUNDING_WIDTH * scale, width, np.inf)
+        return np.where(width > np.maximum(ROUNDING_WIDTH * scale, 2 * self.noise), width, np.inf)
+
+    def is_near_lost(self, places: Array) -> Mask:
+        """At which places (..., d) the nearest point that was run is one that failed."""
+        if not len(self.lost):
+            return np.zeros(places.shape[:-1], dtype=bool)
+        known = np.array([np.frombuffer(key) for key in self._row])[self.is_attained]
+        near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)
+        is_lost = _distance(near, self.lost) < _distance(near, np.concatenate([known, self.points]))
+        return is_lost[which.ravel()].reshape(places.shape[:-1])
+
+    def beyond(self, lower: Array, upper: Array) -> Array:
+        """How far runs go beyond bounds (n_t, n_y), less noise."""
+        lowest, highest = self.extremes
+        return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
+
+    def measure_noise(self) -> None:
+        """Measure the noise by runs on a short line, whose third differences are 0 but for noise.
+
+        References
+        ----------
+        More, Wild (2011), Estimating computational noise, SIAM Journal on Scientific Computing 33, 1292-1314.
+        """
+        d = len(self.box)
+        middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
+        Y, ok, _ = self._run(middle + NOISE_SPACING * np.arange(NOISE_RUNS)[:, None] * direction)
+        differences = np.diff(Y[ok], 3, axis=0) / np.sqrt(20.0)  # the norm of (1, 3, 3, 1)
+        if differences.size:
+            self.noise = NOISE_SAFETY * np.sqrt(np.mean(np.square(differences), axis=(0, 1)))
+        self.noise_is_known = True
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
-        """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t)."""
+        """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t).
+
+        Points that failed before fail again without a run.
+        """
+        lost = set(_keys(self.lost))
+        if (again := np.array([key in lost for key in _keys(points)], dtype=bool)).any():
+            values, fine, numbers = self._run(points[~again])
+            Y, ok = np.full((len(points), *self.shape), np.nan), np.zeros(len(points), dtype=bool)
+            Y[~again], ok[~again] = values, fine
+            events = None
+            if numbers is not None:
+                events = np.full((len(points), self.shape[0]), -1)
+                events[~again] = numbers
+            return Y, ok, events
         P = parameter_samples(self.simulator, self.box, points)
-        ensemble = run_blocks(self.simulator, P, self.executor, self.progress)
+        ensemble = run_blocks(self.simulator, P, self.executor, self._progress(self._count))
+        self._count += len(P)
         bad = np.flatnonzero(~ensemble.ok)
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
+        self.lost = np.concatenate([self.lost, points[bad]])
         low, high = ensemble.extremes()
         self.extremes = np.minimum(self.extremes[0], low), np.maximum(self.extremes[1], high)
         note_attained(low, high, len(P))
@@ -133,13 +210,44 @@ class Runs:
 
 
 def relative_rms(error: Array, widths: Array) -> float:
-    """Largest over outputs of the root mean square of error (n_t, n_y) over the rms width (n_y,)."""
-    return float(np.max(rms(error) / widths, initial=0.0))
+    """Largest over outputs of the `relative_errors`."""
+    return float(np.max(relative_errors(error, widths), initial=0.0))
+
+
+def typical_error(error: Array, widths: Array) -> float:
+    """Mean over outputs of the `relative_errors`, at least a share LARGEST_SHARE of the largest one."""
+    errors = relative_errors(error, widths)[np.isfinite(widths)]
+    return float(max(np.mean(errors), LARGEST_SHARE * errors.max())) if errors.size else 0.0
+
+
+def relative_errors(error: Array, widths: Array) -> Array:
+    """Root mean square of error (n_t, n_y) over the rms width (n_y,) of each output.
+
+    It is at least a share WINDOW_SHARE of that in any window of time.
+    """
+    squares = np.square(error)
+    largest = WINDOW_SHARE**2 * average_over_window(squares).max(axis=0, initial=0.0)
+    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=0), largest)) / widths)
 
 
 def rms(a: Array) -> Array:
     """Root mean square over the first axis."""
     return np.sqrt(np.mean(np.square(a), axis=0))
+
+
+def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:
+    """The quadratic polynomial of least coefficients through responses Y (N, n_t, n_y) at points (N, d)."""
+    alpha = TotalDegree().indices(points.shape[1], 2)
+    coefficients = np.linalg.lstsq(basis_values(alpha, points), Y.reshape(len(Y), -1))[0]
+    return lambda others: (basis_values(alpha, others) @ coefficients).reshape(-1, *Y.shape[1:])
+
+
+def _distance(places: Array, points: Array) -> Array:
+    """Distance (k,) of places (k, d) from the nearest of some points (m, d)."""
+    nearest = np.full(len(places), np.inf)
+    for point in points:
+        nearest = np.minimum(nearest, np.square(places - point).sum(axis=1))
+    return nearest
 
 
 def _keys(points: Array) -> list[bytes]:

@@ -10,19 +10,27 @@ from symmb._limits import windows
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
+    CHECKED_SHARE,
     CONTINUED_SHARE,
+    EARLY,
     FEWEST_BOXES,
     GROWTH,
+    LEAST_GAIN,
     LEAST_PROGRESS,
+    MOST_ROUNDS,
     PATIENCE,
     RANGE_WORK,
+    SLOW,
     SPARSE_PROBES,
     SPARSE_RANGE,
+    SURFACE_RESPONSES,
+    SURFACE_RUNS,
     SURPRISE,
     TRUST,
 )
-from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes
+from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes, largest
 from symmb.bounds.adaptive.error_estimate import TruncationError
+from symmb.bounds.adaptive.response_surface import surface_bounds
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, rms
 from symmb.nodes import Grid, Index
 from symmb.nodes import grid as corners
@@ -34,7 +42,8 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
     """Range of an interpolant on a grid that grows by the indices with the largest expected coefficients.
 
     Its error is estimated from its last coefficients. Runs at some of its extremes then check the estimate and correct
-    the expansion. Unless `patient`, growth ends when it does not help, as with kinks.
+    the expansion. Growth ends when it does not help, as with kinks, or, unless `patient`, too slowly. Few responses are
+    left to a response surface.
     """
     d = len(runs.box)
     grid, expansion, n_checks = Grid(d), None, 2 * d
@@ -44,20 +53,26 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
         expansion = _interpolant(runs, grid, step, expansion)
         sizes, estimate = _expected(runs, grid, expansion)
         widths = runs.rms_widths()
-        step = _largest(sizes, min(max(d, int(GROWTH * len(grid.row))), runs.left - n_checks))
+        step = largest(sizes, min(max(d, int(GROWTH * len(grid.row))), runs.left - n_checks))
         errors[len(grid.row)] = relative_rms(estimate, widths)
-        is_stalled = not patient and _is_stalled(errors, d)
-        if is_stalled and 2**d <= min(len(runs), runs.left - n_checks):
-            runs.check(corners(np.array([-1.0, 1.0]), d))
-        is_last = not step or is_stalled
-        if not is_last and relative_rms(estimate, widths) > tolerance / TRUST:  # check runs may show that much less
+        runs.tell(errors[len(grid.row)])
+        is_converging = not step or errors[len(grid.row)] <= tolerance / TRUST
+        if not is_converging and runs.shape[0] * runs.shape[1] <= SURFACE_RESPONSES:
+            most = runs.most if patient else SURFACE_RUNS[0] + SURFACE_RUNS[1] * d
+            return surface_bounds(runs, grid.nodes, tolerance, most)
+        if _is_stalled(errors, d, patient):
+            return _attained(runs, expansion, estimate, runs.left if patient else len(runs) // 2)
+        is_last = not step
+        if not is_last and errors[len(grid.row)] > EARLY * tolerance:  # check runs may show that much less
             continue
-        corrected, (lower, upper), estimate = _correct(
-            runs, grid, expansion, sizes, SPARSE_RANGE * tolerance, estimate, widths, n_checks
+        corrected, (lower, upper, places), estimate = _correct(
+            runs, grid, expansion, sizes, tolerance, estimate, widths
         )
-        if is_last or relative_rms(estimate, widths) <= tolerance:
+        error = relative_rms(estimate, runs.rms_widths())
+        if is_last or error <= tolerance:
             estimate = estimate + SPARSE_RANGE * tolerance * (upper - lower)
-            return EstimatedRange(lower, upper, estimate, corrected.expansion)
+            return EstimatedRange(lower, upper, estimate, corrected.expansion, places)
+        step = largest({a: sizes[a] for a in step}, int(len(step) * (error / tolerance - 1)))
 
 
 def _interpolant(runs: Runs, grid: Grid, step: set[Index], before: Expansion | None) -> Expansion:
@@ -78,7 +93,7 @@ def _expected(runs: Runs, grid: Grid, expansion: Expansion) -> tuple[dict[Index,
     """
     widths, coefficients = runs.rms_widths(), expansion.coefficients
     sizes = extrapolated_sizes(grid, (rms(coefficients.swapaxes(0, 1)) / widths).max(axis=1))
-    estimate = TruncationError.of(grid.alpha, coefficients).least
+    estimate = TruncationError.of(grid.alpha, coefficients, runs.noise).least
     probes, values = runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES]
     observed = np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0)
     if relative_rms(observed, widths) > SURPRISE * relative_rms(estimate, widths):
@@ -88,15 +103,35 @@ def _expected(runs: Runs, grid: Grid, expansion: Expansion) -> tuple[dict[Index,
     return sizes, estimate
 
 
-def _is_stalled(errors: dict[int, float], d: int) -> bool:
-    """Whether errors, by the numbers of nodes, are as large as the response and do not fall."""
+def _is_stalled(errors: dict[int, float], d: int, patient: bool) -> bool:
+    """Whether errors, by the numbers of nodes, are as large as the response and do not fall, or fall too slowly."""
     nodes, error = list(errors.items())[-1]
     before = min((e for n, e in errors.items() if n <= nodes / 2), default=np.inf)
+    if nodes >= SLOW[0] * d and error > SLOW[1] and not patient:
+        return True
     return nodes >= PATIENCE * d and error > 1 and error > LEAST_PROGRESS * before
 
 
-def _largest(sizes: dict[Index, float], number: int) -> set[Index]:
-    return set(sorted(sizes, key=lambda a: (-sizes[a], sum(a), a))[: max(number, 0)])
+def _attained(runs: Runs, expansion: Expansion, estimate: Array, number: int) -> EstimatedRange:
+    """What runs attain, after more of them at corners or, if these are too many, at some and at points near others.
+
+    An interpolant that does not converge says nothing beyond this, except of the outputs that it does resolve.
+    """
+    d = len(runs.box)
+    spread = quasi_random_points(SPARSE_PROBES + number // 2, d)[SPARSE_PROBES:]
+    points = np.concatenate([spread, np.sign(spread)]) if 2**d > number else corners(np.array([-1.0, 1.0]), d)
+    runs.check(points[: runs.left])
+    lowest, highest = runs.extremes
+    is_resolved = rms(estimate) <= rms(highest - lowest)
+    if not is_resolved.any():
+        return EstimatedRange(lowest, highest, np.minimum(estimate, highest - lowest), None)
+    lower, upper, _ = _Corrected(expansion, None, runs.points[:0], runs.checks[:0]).range(SPARSE_RANGE)
+    return EstimatedRange(
+        np.where(is_resolved, lower, lowest),
+        np.where(is_resolved, upper, highest),
+        np.where(is_resolved, estimate, np.minimum(estimate, highest - lowest)),
+        None,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,24 +205,18 @@ class _Corrected:
 
 
 def _correct(
-    runs: Runs,
-    grid: Grid,
-    base: Expansion,
-    sizes: dict[Index, float],
-    tolerance: float,
-    estimate: Array,
-    widths: Array,
-    number: int,
-) -> tuple[_Corrected, tuple[Array, Array], Array]:
-    """The expansion continued through check runs at some of its extremes, in two rounds, its range, and its error.
+    runs: Runs, grid: Grid, base: Expansion, sizes: dict[Index, float], tolerance: float, estimate: Array, widths: Array
+) -> tuple[_Corrected, tuple[Array, Array, Array], Array]:
+    """The expansion continued through check runs at some of its extremes, its range, and its error.
 
-    The runs of the second round show the error of the expansion that the first round has corrected. An error at a place
-    where the continuation leaves the share s(x) of the typical error suggests the error e / s(x) elsewhere.
+    The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
+    enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
+    error suggests the error e / s(x) elsewhere.
     """
-    corrected, largest = _Corrected(base, None, runs.points[:0], runs.checks[:0]), estimate
-    lower, upper, extremes = corrected.range(tolerance)
-    continuation = Continuation.of(grid, sizes)
-    typical = rms(continuation.expected_error(base.alpha, extremes, runs.points).ravel())
+    continuation, n_round = Continuation.of(grid, sizes), len(runs.box)
+    corrected = _Corrected(base, continuation if len(runs.points) else None, runs.points, runs.checks)
+    lower, upper, extremes = corrected.range(SPARSE_RANGE * tolerance)
+    typical = rms(continuation.expected_error(base.alpha, extremes, runs.points[:SPARSE_PROBES]).ravel())
 
     def remaining_share(places: Array, points: Array) -> Array:
         """Share of the error typical of extremes that runs at points (C, d) leave at places (..., d)."""
@@ -195,15 +224,31 @@ def _correct(
         ratio = np.divide(error, typical, out=np.ones_like(error), where=error < typical)
         return CONTINUED_SHARE + (1 - CONTINUED_SHARE) * ratio
 
-    for n_round in (number // 2, number - number // 2):
-        before = runs.points
-        weights = remaining_share(extremes, before) * estimate / widths
+    remaining, before = estimate, np.inf
+    for _ in range(MOST_ROUNDS):
+        known = runs.points
+        weights = remaining_share(extremes, known) * estimate / widths
         points, Y = runs.check(select_dispersed(extremes, weights, min(n_round, runs.left)))
         if not len(points):
-            continue
-        errors = (Y - corrected.values(points)) / remaining_share(points, before)[:, None, None]
-        largest = inflated_error(np.square(errors).max(axis=0))
+            break
+        errors = (Y - corrected.values(points)) / remaining_share(points, known)[:, None, None]
+        largest = (1 + 1 / len(points)) * inflated_error(np.mean(np.square(errors), axis=0))
         corrected = _Corrected(base, continuation, runs.points, runs.checks)
-        lower, upper, extremes = corrected.range(tolerance)
-    share = remaining_share(extremes, runs.points).max(axis=0)
-    return corrected, (lower, upper), share * np.maximum(largest, TRUST * estimate)
+        lower, upper, extremes = corrected.range(SPARSE_RANGE * tolerance)
+        share = remaining_share(extremes, runs.points).max(axis=0)
+        remaining = share * np.maximum(largest, CHECKED_SHARE * estimate)
+        widths = runs.rms_widths()
+        error = relative_rms(remaining, widths)
+        if len(known) >= n_round and (error <= tolerance or error > LEAST_GAIN * before):
+            break
+        before = error
+    return corrected, (lower, upper, extremes), _spread_over_times(remaining, upper - lower)
+
+
+def _spread_over_times(error: Array, width: Array) -> Array:
+    """Errors (n_t, n_y) of which half the square is that of one share of the width (n_t, n_y) at all times.
+
+    Few check runs tell the size of errors, but not well at which times they are small.
+    """
+    share = np.divide(rms(error), rms(width), out=np.zeros(width.shape[1]), where=rms(width) > 0)
+    return np.sqrt((np.square(error) + np.square(share * width)) / 2)

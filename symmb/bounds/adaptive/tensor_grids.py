@@ -1,13 +1,28 @@
 """Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
-from symmb.bounds.adaptive.constants import FARTHEST_SCALING, TENSOR_PROBES, TENSOR_RANGE, TRUST
+from symmb.bounds.adaptive.constants import (
+    CHEAP_RUNS,
+    DOUBTED_SHARE,
+    FARTHEST_SCALING,
+    FIELD_TRUST,
+    LEAST_COST,
+    MANY_VALUES,
+    NOISE_RUNS,
+    SAFETY,
+    TENSOR_PROBES,
+    TENSOR_RANGE,
+    TRUST,
+)
 from symmb.bounds.adaptive.piece import Part, Piece, nodes_of
-from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms
+from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.union import Union
+from symmb.bounds.time_windows import is_doubtful
 
 
 def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
@@ -24,6 +39,10 @@ def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
         if isinstance(outcome, EstimatedRange):
             return outcome
         old, parts = outcome
+        if not runs.noise_is_known and _cost(parts, runs) >= LEAST_COST * NOISE_RUNS:
+            runs.measure_noise()
+            pieces = [replace(piece, widths=runs.rms_widths()) for piece in pieces]  # their errors are estimated anew
+            continue
         pieces = [piece for piece in pieces if piece is not old] + old.replaced(parts, runs)
         del outcome, old  # pieces are large
 
@@ -37,33 +56,69 @@ def _range_or_refinement(
     Check runs may show that the error is smaller than the estimate, by TRUST at most.
     """
     widths, parts = runs.rms_widths(), pieces[0].refined_parts()
+    is_field = len(pieces) == 1 and pieces[0].jumps is None and runs.shape[0] * runs.shape[1] >= MANY_VALUES
+    measure, trust = (typical_error, FIELD_TRUST) if is_field else (relative_rms, TRUST)
     if len(pieces) == 1 and _affordable(parts, runs):
-        if relative_rms(pieces[0].truncation.least, widths) > tolerance / TRUST:
+        if measure(pieces[0].truncation.least, widths) > tolerance / trust:
             return pieces[0], parts
     union = Union.of(pieces)
     worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
     parts = worst.refined_parts()
     estimate = union.errors.max(axis=0)
-    if _affordable(parts, runs) and relative_rms(union.trust * estimate, widths) > tolerance:
+    share = FIELD_TRUST if is_field else union.trust
+    if _affordable(parts, runs) and measure(share * estimate, widths) > tolerance:
         return worst, parts
     expected = relative_rms(estimate, widths)
-    estimate, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
+    runs.tell(expected)
+    estimate, inflated, ratio, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
+    beyond = runs.beyond(union.lower, union.upper)
+    if len(runs.checks) and relative_rms(beyond, widths) > relative_rms(estimate, widths):
+        worst = _farthest(runs, union, widths)
+    estimate = np.maximum(estimate, beyond)
     widths = runs.rms_widths()
-    error = relative_rms(estimate, widths)
-    parts = worst.refined_parts(all_directions=error > FARTHEST_SCALING * expected)
+    error = measure(estimate, widths)
+    if is_field:
+        expected_errors = ratio * union.errors.max(axis=0)
+        estimate = np.maximum(np.maximum(inflated, SAFETY * expected_errors), beyond)
+        is_doubted = is_doubtful(estimate, union.upper - union.lower, runs.noise)[:, np.isfinite(widths)].any()
+        if is_doubted and _affordable(parts, runs) and len(runs) + _cost(parts, runs) <= CHEAP_RUNS:
+            return worst, parts
+        if is_doubted:
+            estimate = np.maximum(estimate, DOUBTED_SHARE * union.errors.max(axis=0))
+        error = measure(np.maximum(expected_errors, beyond), widths)
+    parts = worst.refined_parts(all_directions=np.isfinite(error) and error > FARTHEST_SCALING * expected)
     if error > tolerance and _affordable(parts, runs):
         return worst, parts
     whole = pieces[0].expansion
     estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
-    return EstimatedRange(union.lower, union.upper, estimate, (lambda: whole) if len(pieces) == 1 else None)
+    return EstimatedRange(
+        union.lower, union.upper, estimate, (lambda: whole) if len(pieces) == 1 else None, union.places
+    )
 
 
 def _affordable(parts: list[Part], runs: Runs) -> bool:
     """Whether there are parts, and the budget is enough for their nodes."""
-    return bool(parts) and runs.unknown(np.concatenate([nodes_of(part) for part in parts])) <= runs.left
+    return bool(parts) and _cost(parts, runs) <= runs.left
 
 
-def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -> tuple[Array, Piece]:
+def _cost(parts: list[Part], runs: Runs) -> int:
+    """How many of the nodes of some parts have not run."""
+    return runs.unknown(np.concatenate([nodes_of(part) for part in parts]))
+
+
+def _probes(runs: Runs) -> int:
+    """The number of quasi-random check points."""
+    values = runs.shape[0] * runs.shape[1]
+    return next((number for most, number in TENSOR_PROBES if values <= most), 1)
+
+
+def _farthest(runs: Runs, union: Union, widths: Array) -> Piece:
+    """The piece that holds the check run which goes farthest beyond the range."""
+    beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in runs.checks]
+    return union.piece_at(runs.points[int(np.argmax(beyond))])
+
+
+def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -> tuple[Array, Array, Array, Piece]:
     """Check runs at some of the extremes, and at quasi-random points.
 
     A run with the error e at a place where the estimate is E(x) suggests the error e E / E(x) where it is E. The factor
@@ -72,24 +127,31 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
     Returns
     -------
     (n_t, n_y) array        the new estimate
+    (n_t, n_y) array        what the check runs alone show
+    (n_y,) array            errors to expect over the old one: the ratio of their root mean squares at check runs
     Piece                   the piece to refine next: that with the largest observed error, or else the worst
     """
     estimate = union.errors.max(axis=0)
-    n_known, probes = len(runs.points), quasi_random_points(TENSOR_PROBES, len(runs.box))
+    n_known, probes = len(runs.points), quasi_random_points(_probes(runs), len(runs.box))
     selected = select_dispersed(union.places, union.checkable_error / widths, number)
     runs.check(np.concatenate([probes, selected])[: runs.left])
-    rows = [k for k in range(len(runs.points)) if k < TENSOR_PROBES or k >= n_known]
+    rows = [k for k in range(len(runs.points)) if k < len(probes) or k >= n_known]
     if not rows:
-        return estimate, worst
+        return estimate, np.zeros_like(estimate), np.ones(runs.shape[1]), worst
     squares, largest = np.zeros_like(estimate), -1.0
+    seen, foreseen = np.zeros((2, runs.shape[1]))
     for row in rows:  # one by one: several errors at once would take more memory than the runs
         x = runs.points[row]
         piece = union.piece_at(x)
         error, expected = piece.observed_error(x, runs.checks[row]), piece.expected_error(x)
         ratio = np.divide(estimate, expected, out=np.ones_like(error), where=expected > estimate / FARTHEST_SCALING)
         ratio = np.where(np.abs(error) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)
-        squares = np.maximum(squares, np.square(error * ratio))
-        observed = relative_rms(error, widths)
+        beyond_noise = np.maximum(np.square(error) - np.square(runs.noise), 0.0)
+        squares = np.maximum(squares, beyond_noise * np.square(ratio))
+        seen, foreseen = seen + beyond_noise.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
+        observed = relative_rms(np.sqrt(beyond_noise), widths)
         if observed > largest:
             largest, worst = observed, piece
-    return np.maximum(inflated_error(squares), union.trust * estimate), worst
+    ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
+    inflated = inflated_error(squares)
+    return np.maximum(inflated, union.trust * estimate), inflated, np.maximum(ratio, FIELD_TRUST), worst

@@ -1,0 +1,197 @@
+"""Bounds of few responses over many parameters, from a Gaussian process that knows in which directions they vary."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.bounds.adaptive.check_runs import quasi_random_points
+from symmb.bounds.adaptive.constants import (
+    DEVIATIONS,
+    DOUBTFUL_SHARE,
+    FEWEST_SPREAD,
+    LATEST,
+    OBSERVED_SHARE,
+    PLATEAU,
+    REFIT,
+    RIDGE_LENGTHS,
+    ROUNDING_WIDTH,
+    SEARCH_CANDIDATES,
+    SEARCH_STARTS,
+    SLOPE_STEP,
+    SPREAD,
+    UNLIKELY,
+)
+from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
+from symmb.bounds.adaptive.runs import EstimatedRange, Runs
+from symmb.bounds.adaptive.surface_expansion import surface_expansion
+
+
+def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> EstimatedRange:
+    """Range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
+
+    Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
+    those of the mean and some standard deviations, and at points that are spread over the box. The estimated error is
+    what these deviations allow beyond the extremes, or a share of the error that the latest runs showed. Where it
+    remains large the bounds are those that runs attained.
+
+    Parameters
+    ----------
+    nodes : (N, d)          points of ``runs.nodes``
+    tolerance : of the error, over the width
+    most : runs after which the range is taken as it is
+    """
+    d, n_spread, n_fit = nodes.shape[1], 0, 0
+    latest, deviant, kernels = np.ones(1), np.ones(1), list[Kernel]()
+    runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
+    while True:
+        data = _Responses.of(runs, nodes)
+        if len(data.points) >= REFIT * n_fit:
+            kernels, n_fit = _kernels(kernels, data), len(data.points)
+        surface = GaussianProcess(kernels[0], data.points, data.Y)
+        places, ends = _extremes(surface, DEVIATIONS * max(1.0, _rms(deviant)))
+        attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
+        ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
+        ends = np.where(_is_plateau(data, attained)[:, None], attained[:, None], ends)
+        observed = np.where(_is_plateau(data, attained), 0.0, OBSERVED_SHARE * _rms(latest) * width)
+        estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
+        is_enough = n_spread >= FEWEST_SPREAD and (estimate <= tolerance * width).all()
+        if is_enough or len(runs) >= most or not runs.left:
+            return data.range(runs, surface, ends, attained, estimate)
+        spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
+        n_spread += SPREAD
+        points, responses = runs.check(_distinct([*places.reshape(-1, d), *spread], data.points)[: runs.left])
+        if len(points):
+            errors = np.abs(data.relative(responses) - surface.mean(points))
+            latest = (errors / width).max(axis=1)
+            expected = np.sqrt(np.square(surface.deviation(points)) + kernels[0].noise)
+            deviant = np.append(deviant, errors.max(axis=1) / expected)[-LATEST:]
+
+
+@dataclass(frozen=True, eq=False)
+class _Responses:
+    """Runs that did not fail, and those of their responses that vary, relative to their mean and standard deviation.
+
+    Attributes
+    ----------
+    points, Y : (N, d) and (N, m)
+    mean, deviation : (n_t n_y,) of all responses
+    varies : (n_t n_y,) which of these are the m responses
+    """
+
+    points: Array
+    Y: Array
+    mean: Array
+    deviation: Array
+    varies: Mask
+
+    @classmethod
+    def of(cls, runs: Runs, nodes: Array) -> "_Responses":
+        points = np.concatenate([nodes[runs.is_attained], runs.points])
+        Y = np.concatenate([runs.nodes[runs.is_attained], runs.checks]).reshape(len(points), -1)
+        mean, deviation, varies = Y.mean(axis=0), Y.std(axis=0), np.ptp(Y, axis=0) > ROUNDING_WIDTH * abs(Y).max(axis=0)
+        return cls(points, (Y - mean)[:, varies] / deviation[varies], mean, deviation, varies)
+
+    def relative(self, responses: Array) -> Array:
+        """Responses (C, n_t, n_y) in the units of Y, (C, m)."""
+        return (responses.reshape(len(responses), -1) - self.mean)[:, self.varies] / self.deviation[self.varies]
+
+    def range(
+        self, runs: Runs, surface: GaussianProcess, ends: Array, attained: Array, estimate: Array
+    ) -> EstimatedRange:
+        """From ends (2, 2, m) of the mean, and of it and deviations; those attained (2, m) where these are doubtful."""
+        doubtful = estimate > DOUBTFUL_SHARE * np.ptp(attained, axis=0)
+        lower, upper = np.where(doubtful, attained, ends[:, 0])
+        estimate = np.where(doubtful, np.maximum(estimate, np.abs(ends[:, 1] - attained).max(axis=0)), estimate)
+        expansion = partial(surface_expansion, lambda points: self.absolute(surface.mean(points)), runs)
+        return EstimatedRange(
+            self.absolute(lower).reshape(runs.shape),
+            self.absolute(upper).reshape(runs.shape),
+            (self.absolute(estimate) - self.mean).reshape(runs.shape),
+            None if doubtful.any() else expansion,
+        )
+
+    def absolute(self, values: Array) -> Array:
+        """Values (..., m) in the units of Y as (..., n_t n_y)."""
+        relative = np.zeros((*values.shape[:-1], len(self.mean)))
+        relative[..., self.varies] = values
+        return self.mean + self.deviation * relative
+
+
+def _is_plateau(data: _Responses, attained: Array) -> Mask:
+    """Which minima and maxima (2, m) several runs inside the box share: the response is constant there, as at steps."""
+    inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
+    shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING_WIDTH * np.ptp(attained, axis=0)
+    return np.asarray(shared.sum(axis=1) >= PLATEAU)
+
+
+def _rms(a: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(a))))
+
+
+def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
+    """Likely kernels without a ridge, with one and with two, the most likely one first.
+
+    The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
+    """
+    slope, plain = _slope(data), Kernel.of(data.points.shape[1])
+    starts = [*(kernels or [plain]), *([_with_ridge(plain, slope, data)] if slope.any() else [])]
+    found = [kernel.most_likely(data.points, data.Y) for kernel in starts]
+    ridges = [each for each in found if len(each[0].ridges) == 1]
+    if ridges:
+        first, _ = min(ridges, key=lambda each: each[1])
+        direction = GaussianProcess(first, data.points, data.Y).rest_direction()
+        found.append(_with_ridge(first, direction, data).most_likely(data.points, data.Y))
+    found.sort(key=lambda each: each[1])
+    likely: dict[int, Kernel] = {}  # the best one of each number of ridges
+    for kernel, value in found:
+        if value < found[0][1] + UNLIKELY or len(kernel.ridges) < 2:
+            likely.setdefault(len(kernel.ridges), kernel)
+    return list(likely.values())
+
+
+def _slope(data: _Responses) -> Array:
+    """Slope (d,) in the middle of the response for which it is largest."""
+    is_near = (np.abs(data.points) > 0).sum(axis=1) == 1
+    is_near &= np.isclose(data.points.sum(axis=1), SLOPE_STEP)
+    middle = data.Y[(data.points == 0).all(axis=1)]
+    if not len(middle):
+        return np.zeros(data.points.shape[1])
+    slopes = (data.Y[is_near] - middle[0]).T @ data.points[is_near]
+    return slopes[np.argmax(np.square(slopes).sum(axis=1))]
+
+
+def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
+    """A kernel with one more ridge along a direction, of the most likely length."""
+    direction = direction / np.linalg.norm(direction)
+    kernels = [kernel.with_ridge(length * direction) for length in RIDGE_LENGTHS]
+    return min(kernels, key=lambda each: each.unlikeliness(data.points, data.Y)[0])
+
+
+def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
+    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of it and deviations, and values there.
+
+    Local searches start from the best of points of the box, of corners and of runs.
+    """
+    d, m = surface.points.shape[1], surface.Y.shape[1]
+    spread = quasi_random_points(SEARCH_CANDIDATES, d)
+    candidates = np.concatenate([spread, np.sign(spread), surface.points])
+    mean, deviation = surface.mean(candidates), surface.deviation(candidates)
+    places, ends = np.empty((2, 2, m, d)), np.empty((2, 2, m))
+    for end, sign in enumerate((1.0, -1.0)):
+        for k, deviations in enumerate((0.0, factor)):
+            for j in range(m):
+                best = np.argsort(sign * mean[:, j] - deviations * deviation, kind="stable")[:SEARCH_STARTS]
+                places[end, k, j], least = surface.smallest(j, sign, deviations, candidates[best])
+                ends[end, k, j] = sign * least
+    return places, ends
+
+
+def _distinct(points: list[Array], known: Array) -> Array:
+    """Points (N, d) that are not close to each other or to known ones (M, d)."""
+    distinct = known
+    for x in points:
+        if np.abs(distinct - x).max(axis=1).min() > 1e-3:
+            distinct = np.concatenate([distinct, x[None]])
+    return distinct[len(known) :]

@@ -1,0 +1,36 @@
+"""Averages over windows of time."""
+
+import numpy as np
+
+from symmb._types import Array, Mask
+
+WINDOW = 0.02
+"""Length of a window, over that of all times: coefficients and widths of a swinging response pass 0."""
+
+
+DOUBTFUL = 0.1
+"""Share of the width above which an estimated error is doubtful."""
+
+
+def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
+    """From which times on (n_t, n_y) an estimated error exceeds a share of the width, and a floor (n_y,).
+
+    All are root mean squares from a time to the end.
+    """
+    enough = np.square(share * width) + np.square(floor)
+    error, enough = (np.cumsum(a[::-1], axis=0)[::-1] for a in (np.square(estimate), enough))
+    return np.asarray(error > enough)
+
+
+def average_over_window(squares: Array) -> Array:
+    """Moving average over a window of times of squares (..., n_t, n_y)."""
+    n_t = squares.shape[-2]
+    half = int(WINDOW * n_t / 2)
+    if not half:
+        return squares
+    ends = [(0, 0)] * (squares.ndim - 2) + [(half + 1, half), (0, 0)]
+    sums = np.pad(squares, ends, mode="edge")
+    np.cumsum(sums, axis=-2, out=sums)
+    means = sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]
+    means /= 2 * half + 1
+    return np.maximum(means, 0.0, out=means)

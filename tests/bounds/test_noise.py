@@ -1,0 +1,96 @@
+"""Bounds of responses with noise, and of runs that fail: what they cost, and what is told."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+T = np.linspace(0, 1, 11)
+BOX = mb.Box(a=(0.9, 1.1), b=(0.9, 1.1))
+
+
+def random_looking(a, b):
+    """Numbers from -1 to 1 that look random."""
+    return 2 * np.modf(np.abs(1e4 * np.sin(1e5 * a + 3e4 * b + 77 * T)))[0] - 1
+
+
+def simulator(f, noise=None, outputs=("x", "other")):
+    return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, T, outputs, noise=noise)
+
+
+@pytest.mark.parametrize("noise", [None, {"other": 1e-13}], ids=["measured", "told"])
+def test_an_output_of_rounding_noise_costs_nothing_and_is_not_doubtful(noise):
+    def f(a, b):
+        return np.stack([np.sin(a + b + T), 1e-13 * random_looking(a, b)], axis=1)
+
+    bounds = mb.propagate(simulator(f, noise), mb.PolynomialChaos(), BOX)
+    alone = mb.propagate(simulator(lambda a, b: np.sin(a + b + T), outputs=("x",)), mb.PolynomialChaos(), BOX)
+    assert bounds.evaluations <= alone.evaluations + 5 and not bounds.doubts
+    moments = bounds.moments()
+    assert np.isnan(moments.first[:, :, 1]).all() and (moments.variance[:, 1] == 0).all()
+    assert_allclose(moments.first[:, :, 0], alone.moments().first[:, :, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("level", [1e-6, 1e-4, 1e-2])
+def test_noise_is_not_refined(level):
+    def f(a, b):
+        return np.exp(a * b * T) + level * random_looking(a, b)
+
+    bounds = mb.propagate(simulator(f, outputs=("x",)), mb.PolynomialChaos(tolerance=1e-3), BOX)
+    assert bounds.evaluations < 60
+    assert bounds.noise is not None and bounds.noise[0] < 6 * level
+    assert level < 1e-2 or bounds.noise[0] > level / 3
+    assert (bounds.outer[0][:, 0] < np.exp(0.81 * T) + level).all()
+    assert (bounds.outer[1][:, 0] > np.exp(1.21 * T) - level).all()
+
+
+def test_a_box_of_no_width_is_bounded_by_its_point():
+    bounds = mb.propagate(
+        simulator(lambda a, b: a * T, outputs=("x",)), mb.PolynomialChaos(), mb.Box(a=(1.0, 1.0), b=(1.0, 1.0))
+    )
+    assert not bounds.doubts and bounds.evaluations < 20
+    assert_allclose(bounds.lower[:, 0], T)
+
+
+def test_scenes_tell_the_noise_of_their_runs():
+    body = mb.Body("ball", 1.0, pose=mb.Particle())
+    p = mb.Parameters(g=9.81)
+    system = mb.System(body, mb.Gravity(0, -p.g), parameters=p)
+    scene = mb.Scene(system, {"ball.y": 2.0}, T, {"y": body.y, "nothing": body.x * 1e-3})
+    noise = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-6)).noise
+    tighter = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-9)).noise
+    assert 0 < noise[0] < 1e-5 and noise[1] == 0
+    assert_allclose(noise, 1e3 * tighter)
+
+
+@pytest.mark.parametrize("noise", [{"z": 1.0}, {"x": -1.0}, {"x": np.nan}, 1e-3])
+def test_malformed_noise_is_refused(noise):
+    with pytest.raises(mb.DeclarationError, match="noise"):
+        simulator(lambda a, b: T, noise, outputs=("x",))
+
+
+def test_a_pulse_is_doubtful_in_its_window():
+    lower, upper = np.zeros((200, 1)), np.ones((200, 1))
+    estimate = np.full((200, 1), 1e-3)
+    estimate[100:104] = 0.3
+    bounds = mb.Bounds(np.arange(200.0), ("x",), lower, upper, "estimate", "", 1, estimate)
+    (window,) = bounds.doubtful_windows()
+    assert window[0] == "x" and 97 <= window[1] <= 100 and 103 <= window[2] <= 106
+    assert not bounds.doubtful()
+
+
+def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_attained():
+    points = []
+
+    def f(a, b):
+        points.append((a, b))
+        if a + b > 2.12:
+            raise ValueError("no convergence")
+        return np.exp(5 * a + 10 * b) * (1 + T)
+
+    with pytest.warns(mb.SymmbWarning, match="what happens near the failed ones is not known"):
+        bounds = mb.propagate(simulator(f, outputs=("x",)), mb.PolynomialChaos(), BOX)
+    assert len(points) == len(set(points)) == bounds.evaluations < 100
+    assert bounds.inner is not None
+    assert (bounds.upper == bounds.inner[1]).all()

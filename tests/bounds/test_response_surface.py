@@ -1,0 +1,113 @@
+"""Gaussian processes of few directions, and bounds of few responses over many parameters."""
+
+import warnings
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.stats import multivariate_normal
+
+import symmb as mb
+from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
+
+RNG = np.random.default_rng(5)
+X = RNG.uniform(-1, 1, (30, 4))
+KERNEL = Kernel(RNG.normal(size=(2, 4)), np.exp(RNG.normal(size=4)), np.array([0.7, 0.3, 0.5]), 1e-3)
+
+
+def covariance(a, b):
+    """The formula, pair by pair."""
+    total = np.empty((len(a), len(b)))
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            ridges = sum(
+                s * np.exp(-(((x - y) @ w) ** 2) / 2) for s, w in zip(KERNEL.sizes, KERNEL.ridges, strict=False)
+            )
+            total[i, j] = ridges + KERNEL.sizes[-1] * np.exp(-np.sum((KERNEL.rates * (x - y)) ** 2) / 2)
+    return total
+
+
+def test_the_likelihood_is_that_of_a_normal_distribution():
+    """Two kernels are compared: the difference holds no constant; the prior is taken off."""
+    Y, vector = RNG.normal(size=(30, 2)), KERNEL.vector
+    noisy = covariance(X, X) + (KERNEL.noise + 1e-10) * np.eye(30)
+    normal = multivariate_normal(np.zeros(30), noisy)
+    expected = -sum(normal.logpdf(y) for y in Y.T) - 30 * np.log(2 * np.pi)
+    mean, deviation = np.zeros_like(vector), np.full_like(vector, 4.0)
+    mean[8:12], mean[-1], deviation[8:12] = np.log(0.3), np.log(1e-6), 1.5
+    prior = np.sum(((vector - mean) / deviation) ** 2) / 2
+    value, gradient = KERNEL.unlikeliness(X, Y)
+    assert value == pytest.approx(expected + prior)
+    for i, step in enumerate(1e-6 * np.eye(len(vector))):
+        ends = [Kernel.of_vector(vector + sign * step, 2).unlikeliness(X, Y)[0] for sign in (1, -1)]
+        assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(gradient[i], rel=1e-5, abs=1e-5)
+
+
+def test_mean_and_deviation_are_those_of_a_conditional_normal_distribution():
+    Y, places = np.cos(2 * X @ np.ones((4, 1))), RNG.uniform(-1, 1, (6, 4))
+    process = GaussianProcess(KERNEL, X, Y)
+    between, inverse = covariance(places, X), np.linalg.inv(covariance(X, X) + (KERNEL.noise + 1e-10) * np.eye(30))
+    assert_allclose(process.mean(places), between @ inverse @ Y, atol=1e-9)
+    variance = np.diag(covariance(places, places) - between @ inverse @ between.T)
+    assert_allclose(process.deviation(places), np.sqrt(variance), atol=1e-7)
+    place, least = process.smallest(0, -1.0, 2.0, places)
+    assert least == pytest.approx(-process.mean(place[None])[0, 0] - 2 * process.deviation(place[None])[0])
+    assert least <= (-process.mean(places)[:, 0] - 2 * process.deviation(places)).min()
+
+
+def bounds_of(f, d):
+    names = [f"p{i}" for i in range(d)]
+    simulator = mb.FunctionSimulator(
+        lambda **p: np.atleast_2d(f(np.array(list(p.values())))), dict.fromkeys(names, 0.0), [0.0], ["f"]
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", mb.SymmbWarning)
+        return mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+
+
+def distance(bounds, lower, upper):
+    """Error of the bounds over the width."""
+    return max(abs(bounds.lower[0, 0] - lower), abs(bounds.upper[0, 0] - upper)) / (upper - lower)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("d", [6, 10, 20])
+@pytest.mark.parametrize("second", [0.0, 0.05])
+def test_ridges_take_few_runs(d, second):
+    """Along b, which is orthogonal to a, the cosine is constant, so that both terms reach their extremes together."""
+    a, b = 0.7 ** np.arange(d), np.zeros(d)
+    b[[1, 0]] = 1.0, -0.7
+    bounds = bounds_of(lambda x: np.cos(1 + 3.5 * a @ x) + second * np.sin(2 * b @ x), d)
+    assert bounds.evaluations <= 150
+    assert distance(bounds, -1 - second, 1 + second) <= 1e-2
+
+
+@pytest.mark.slow
+def test_sums_of_functions_of_single_combinations_take_few_runs():
+    d = 8
+    a, b = np.repeat([1.0, 0.0], d // 2), np.repeat([0.0, 1.0], d // 2)
+    bounds = bounds_of(lambda x: np.sin(a @ x) + np.exp(0.4 * b @ x), d)
+    assert bounds.evaluations <= 150
+    assert distance(bounds, -1 + np.exp(-1.6), 1 + np.exp(1.6)) <= 1e-2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("d", "depth"), [(5, 1.1), (8, 1.4)])
+def test_steps_between_constants_are_bounded_by_what_many_runs_share(d, depth):
+    bounds = bounds_of(lambda x: float((x > 1 - depth).all()), d)
+    assert distance(bounds, 0.0, 1.0) == 0 and bounds.evaluations <= 200
+
+
+@pytest.mark.slow
+def test_moments_of_a_surface_are_those_of_its_expansion():
+    """The second output varies with other parameters, the third not at all."""
+    names = [f"p{i}" for i in range(5)]
+    simulator = mb.FunctionSimulator(
+        lambda **p: [[np.exp(p["p0"] + 0.5 * p["p1"]), np.cosh(1.5 * p["p3"]) + p["p4"] ** 3, 1.0]],
+        dict.fromkeys(names, 0.0), [0.0], ["f", "g", "one"],
+    )  # fmt: skip
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-3), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    expected = np.array([np.sinh(1) * 2 * np.sinh(0.5), np.sinh(1.5) / 1.5, 1.0])
+    assert_allclose(bounds.moments().mean[0], expected, rtol=2e-2)
+    assert_allclose(bounds.upper[0], [np.exp(1.5), np.cosh(1.5) + 1, 1.0], rtol=2e-3)
+    assert_allclose(bounds.lower[0], [np.exp(-1.5), 0.0, 1.0], atol=1e-2)
