@@ -32,7 +32,8 @@ class PolynomialChaos(Method):
 
     ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
     parameters, in pieces of the box where the response has kinks or jumps; for more parameters sparse grids that grow
-    where the response varies; and check runs at the extremes of the expansion.
+    where the response varies; and check runs at the extremes of the expansion. A few outputs and times, up to eight
+    numbers, of more than three parameters are left to a Gaussian process that looks for directions in which they vary.
     ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the exact range of the
     interpolant.
     ``PolynomialChaos.paper(order=2)`` is the method of the paper.

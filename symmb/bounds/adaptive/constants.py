@@ -111,9 +111,9 @@ SLOPE_STEP = 0.1
 """Distance from the middle at which slopes are taken."""
 RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
 """Lengths of a ridge of which the most likely one is the start of a search."""
-REFIT, UNLIKELY = 1.2, 20.0
+REFIT, UNLIKELY, DECIDED = 1.2, 20.0, 8
 """Growth of the runs after which the kernel is chosen anew; logarithm of the ratio of likelihoods beyond which a kernel
-is given up."""
+is given up, from so many runs for each parameter on."""
 DEVIATIONS, LATEST = 2.0, 10
 """Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
 show more."""

@@ -12,7 +12,8 @@ _ROUNDING = 1e-10
 _MEAN_RATE, _DEVIATION_RATE, _DEVIATION_RIDGE, _DEVIATION_SIZE = np.log(0.3), 1.5, 4.0, 4.0
 """Expected logarithm of rates; standard deviations of these, of components of ridges, of logarithms of sizes."""
 _LIMIT_RIDGE, _LIMITS_RATE, _LIMITS_SIZE, _LIMITS_NOISE = 15.0, (1e-3, 10.0), (1e-6, 1e4), (_ROUNDING, 1.0)
-_ITERATIONS = 60
+_ITERATIONS, _SEARCH_ITERATIONS = 120, 60
+"""Most steps to a likely kernel, whose directions turn slowly, and to an extreme."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,16 +75,18 @@ class Kernel:
 
         A weak prior keeps numbers that do not matter in place.
         """
-        from scipy.linalg import cho_factor, cho_solve
+        from scipy.linalg import cholesky, solve_triangular
 
         (n, d), (N, m) = self.ridges.shape, Y.shape
         parts, differences = self.parts(points, points)
         try:
-            factor = cho_factor(np.sum(parts, axis=0) + (self.noise + _ROUNDING) * np.eye(N), lower=True)
+            root = cholesky(np.sum(parts, axis=0) + (self.noise + _ROUNDING) * np.eye(N), lower=True)
         except np.linalg.LinAlgError:
             return 1e10, np.zeros(len(self.vector))
-        weights, inverse = cho_solve(factor, Y), cho_solve(factor, np.eye(N))
-        value = 0.5 * float((Y * weights).sum()) + m * float(np.log(np.diag(factor[0])).sum())
+        inverse_root = solve_triangular(root, np.eye(N), lower=True)
+        inverse = inverse_root.T @ inverse_root
+        weights = inverse @ Y
+        value = 0.5 * float((Y * weights).sum()) + m * float(np.log(np.diag(root)).sum())
         A = m * inverse - weights @ weights.T
         products = [A * part for part in parts]
         ridges = [-((p * z).sum(axis=1) @ points) for p, z in zip(products[:-1], differences, strict=True)]
@@ -193,7 +196,7 @@ class GaussianProcess:
             return float(weights @ covariance - factor * deviation), gradient
 
         limits = [(-1.0, 1.0)] * starts.shape[1]
-        options = {"maxiter": _ITERATIONS}
+        options = {"maxiter": _SEARCH_ITERATIONS}
         found = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits, options=options) for x in starts]
         best = min(found, key=lambda result: result.fun)
         return np.asarray(best.x), float(best.fun)

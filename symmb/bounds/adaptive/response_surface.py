@@ -8,6 +8,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.bounds.adaptive.check_runs import quasi_random_points
 from symmb.bounds.adaptive.constants import (
+    DECIDED,
     DEVIATIONS,
     DOUBTFUL_SHARE,
     FEWEST_SPREAD,
@@ -136,7 +137,8 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
-    starts = [*(kernels or [plain]), *([_with_ridge(plain, slope, data)] if slope.any() else [])]
+    without = bool(kernels) and not any(len(kernel.ridges) for kernel in kernels)
+    starts = [*(kernels or [plain]), *([_with_ridge(plain, slope, data)] if slope.any() and not without else [])]
     found = [kernel.most_likely(data.points, data.Y) for kernel in starts]
     ridges = [each for each in found if len(each[0].ridges) == 1]
     if ridges:
@@ -144,9 +146,10 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
         direction = GaussianProcess(first, data.points, data.Y).rest_direction()
         found.append(_with_ridge(first, direction, data).most_likely(data.points, data.Y))
     found.sort(key=lambda each: each[1])
+    is_decided = len(data.points) >= DECIDED * data.points.shape[1]
     likely: dict[int, Kernel] = {}  # the best one of each number of ridges
     for kernel, value in found:
-        if value < found[0][1] + UNLIKELY or len(kernel.ridges) < 2:
+        if value < found[0][1] + UNLIKELY or not (is_decided or len(kernel.ridges) > 1):
             likely.setdefault(len(kernel.ridges), kernel)
     return list(likely.values())
 
