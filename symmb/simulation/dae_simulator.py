@@ -40,8 +40,7 @@ S = TypeVar("S")
 NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 COMPILED_BLOCK = 1024
-"""Samples of a block for the engine: enough for its lanes on many cores. Small models without trajectories take up to 8
-times as many: starting threads costs little then. tests/benchmarks/ensemble.py"""
+"""Samples of a block for the engine; up to 8 times as many of small models without trajectories. benchmarks/ensemble.py"""
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
 STATELESS_VALUES = 10**6
@@ -185,8 +184,7 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        for name in ("doubts", "noise"):  # of the solver before
-            self.__dict__.pop(name, None)
+        self.__dict__ = {k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise")}  # of another solver
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
@@ -249,8 +247,7 @@ class DAESimulator:
         """Run samples P (N, d). Outputs of a sample are nan after its failure."""
         with LOCK:
             P = np.ascontiguousarray(P, dtype=float)
-            lanes = self._lanes()
-            if lanes is not None:
+            if (lanes := self._lanes()) is not None:
                 return CompiledEnsemble(self.dae, self.start, lanes, P, float(self.times[0]), self.threads)
             if self._stateless:
                 return ensemble_of_expressions(self.dae, self.y, P, self.times, self.threads)
