@@ -40,7 +40,7 @@ S = TypeVar("S")
 NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 COMPILED_BLOCK = 1024
-"""Samples of a block for the engine; up to 8 times as many of small models without trajectories. benchmarks/ensemble.py"""
+"""Samples of a block for the engine; up to 8 times as many of small models. tests/benchmarks/ensemble.py"""
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
 STATELESS_VALUES = 10**6
