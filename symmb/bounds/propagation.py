@@ -2,13 +2,17 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from symmb._errors import warn_of
 from symmb._types import Executor
-from symmb.bounds.method import Method, require_method
+from symmb.bounds.method import Method, parameter_samples, require_method
 from symmb.bounds.result import Bounds
+from symmb.events import longest_steps
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import Progress, Simulator, simulator_of
+from symmb.nodes import grid
+from symmb.simulation import DAESimulator, Progress, Simulator, simulator_of
 
 
 def propagate(
@@ -56,6 +60,31 @@ def propagate(
     require_method("propagate", method)
     simulator, box = simulator_of(scene_or_simulator, box, solver)
     bounds = method.bounds(simulator, box, executor=executor, progress=progress)
-    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *getattr(simulator, "doubts", ())))
+    doubts = (*bounds.run_doubts, *getattr(simulator, "doubts", ()), *_pulse_doubts(simulator, box))
+    bounds = replace(bounds, run_doubts=doubts)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
+
+
+def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
+    """Whether laws of time have pulses at corners of the box that are shorter than those which steps follow."""
+    if not isinstance(simulator, DAESimulator):
+        return ()
+    d = len(box)
+    unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else grid(_ENDS, d)
+    P = np.vstack([simulator.dae.p_nominal, parameter_samples(simulator, box, unit)])
+    usual, *others = longest_steps(simulator.dae, simulator.times, P).tolist()
+    k = int(np.argmin(others))
+    if others[k] > min(usual / 2, _LONG * float(np.ptp(simulator.times))):
+        return ()
+    where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
+    return (
+        f"At {where} a law of time has a pulse over which steps may pass: they follow the pulses at the nominal "
+        "parameters. Take nominal parameters at which it is shortest.",
+    )
+
+
+_LONG = 1e-2
+"""Share of the horizon above which steps meet a pulse anyway."""
+_CORNERS, _ENDS = 64, np.array([-1.0, 1.0])
+"""Most corners of the box at which laws are searched for pulses, and the ends of a parameter."""

@@ -28,11 +28,18 @@ class Kinks:
     names : tuple of str     operations that have them
     switches                 (x, p, t) -> what changes sign at each (m,)
     on_state : (m,) bool     which depend on the state; others depend on time
+    moving : TimeSwitches    switches of time that parameters move; None if there are none
     """
 
     names: tuple[str, ...]
     switches: ca.Function
     on_state: Mask
+    moving: TimeSwitches | None = None
+
+    @property
+    def spoil_derivatives(self) -> bool:
+        """Whether derivatives with respect to parameters may jump there."""
+        return self.moving is not None or bool(self.on_state.any())
 
     def met(self, X: Array, p: Array, times: Array) -> int:
         """Number of sign changes between states X (n_t, n_x). Two that cancel between two times do not count."""
@@ -40,24 +47,30 @@ class Kinks:
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
     def first(self, X: Array, p: Array, times: Array) -> float:
-        """The first of the times by which states X (n_t, n_x) have met one that depends on the state; nan if none."""
+        """The first of the times by which states X (n_t, n_x) have met one that parameters move; nan if none."""
         (values,) = batch(self.switches, X, p, times[:, None])
         changed = (np.diff(values > 0, axis=0) & self.on_state).any(axis=1)
-        return float(times[1:][changed].min(initial=np.inf)) if changed.any() else np.nan
+        moving = np.empty(0) if self.moving is None else self.moving(p[None])[0]
+        first = min(float(times[1:][changed].min(initial=np.inf)), float(moving.min(initial=np.inf)))
+        return first if np.isfinite(first) else np.nan
 
     def __str__(self) -> str:
         return f"kinks or jumps ({', '.join(self.names)})"
 
 
-def kinks(dae: DAE) -> Kinks | None:
-    """Kinks and jumps of the equations of motion, if there are any."""
+def kinks(dae: DAE, times: Array) -> Kinks | None:
+    """Kinks and jumps of the equations of motion over the output times (n_t,), if there are any."""
     f, at = _equations(dae)
     expression = switching(f, at)
     if not expression.kinks:
         return None
     symbols = [symbol for symbol, _ in at]
     on_state = np.array(ca.which_depends(expression.switches, symbols[0], 1, True), dtype=bool)
-    return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state)
+    of_time = branches(f, at).times
+    _, p, t = symbols
+    moved = [switch for switch in ca.vertsplit(of_time) if ca.depends_on(switch, p)]
+    moving = TimeSwitches(ca.vertcat(*moved), p, t, times) if moved else None
+    return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state, moving)
 
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
@@ -79,18 +92,27 @@ def longest_step(dae: DAE, times: Array) -> float:
     horizon, in which a law is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000 of
     the horizon are detected only at output times.
     """
+    return float(longest_steps(dae, times, dae.p_nominal[None])[0])
+
+
+def longest_steps(dae: DAE, times: Array, P: Array) -> Array:
+    """The `longest_step` (N,) at parameters P (N, n_p)."""
     f, at = _equations(dae)
     x, p, time = (symbol for symbol, _ in at)
     time_laws = laws(f(x, p, time), p, time)
     if len(times) < 2 or not time_laws.numel():
-        return np.inf
+        return np.full(len(P), np.inf)
     signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
-    (values,) = batch(signals, dae.p_nominal, t[:, None])
     switches = time_switches(dae, times)
-    stops = np.empty(0) if switches is None else switches(dae.p_nominal[None])[0]
-    pulses = [_shortest_pulse(t, law, stops) for law in values.T]
-    return min(pulses, default=np.inf) / 2
+    stops = np.empty((len(P), 0)) if switches is None else switches(P)
+    laws_at = (batch(signals, p, t[:, None])[0].T for p in P)
+    return np.array(
+        [
+            min((_shortest_pulse(t, law, own) for law in values), default=np.inf) / 2
+            for values, own in zip(laws_at, stops, strict=True)
+        ]
+    )
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:

@@ -217,7 +217,10 @@ def _positive(
     inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
 ) -> Iterator[tuple[str, ca.SX]]:
     for body, (mass, J) in inertial:
-        triangle = (("sum of two principal moments of inertia less the third", m) for m in _triangle_minors(body, J))
+        triangle = (
+            ("triangle inequality of moments of inertia (a leading minor of tr(J) / 2 - J)", m)
+            for m in _triangle_minors(body, J)
+        )
         for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
             if not is_zero(value) and all(bind.is_parameter(s) for s in ca.symvar(value)):
                 yield f"Body {body.name!r}: {what}", value
@@ -304,9 +307,10 @@ def _without_untouched(c: Collected) -> Collected:
     drop, q_at, v_at = [], 0, 0
     for body in c.bodies:
         if isinstance(body.pose, Particle):
-            for k in range(3):
-                if not depends[q_at + k] and not depends[n + v_at + k] and is_zero(c.Q[v_at + k]):
-                    drop.append((q_at + k, v_at + k))
+            free = [k for k in range(3) if not (depends[q_at + k] or depends[n + v_at + k])]
+            free = [k for k in free if is_zero(c.Q[v_at + k])]
+            if len(free) < 3 or not is_zero(c.M[v_at, v_at]):  # else nothing determines how the body moves
+                drop += [(q_at + k, v_at + k) for k in free]
         q_at += body.frame.q.numel()
         v_at += body.frame.v.numel()
     q_keep = [i for i in range(n) if i not in {d[0] for d in drop}]

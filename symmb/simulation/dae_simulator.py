@@ -314,12 +314,12 @@ class DAESimulator:
 
     @cached_property
     def _kinks(self) -> Kinks | None:
-        return kinks(self.dae)
+        return kinks(self.dae, self.times)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
         with LOCK:
-            if self._kinks is None or not self._kinks.on_state.any():
+            if self._kinks is None or not self._kinks.spoil_derivatives:
                 return None
             p0 = np.asarray(p0, dtype=float)
             x0, _ = self.start.states(p0[None])

@@ -31,7 +31,7 @@ class PilotRuns:
     solver, reason              the given or the required solver, and the reason; None if it is to be chosen
     p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
     start_fault : str           why the scene cannot start; empty if it can
-    text : str                  the parameters as text
+    where : str                 the parameters for a message; empty if there are none
     done : dict                 solver -> its run and trajectory
     """
 
@@ -42,8 +42,11 @@ class PilotRuns:
         is_free = solver is None and self.simulator.dae.impacts is None
         self.solver, self.reason = (None, "") if is_free else (self.simulator.solver, self.simulator.reason)
         self.p = np.array(list(parameters.values()))
+        # Steps follow the pulses of laws at these parameters.
+        self.simulator.dae = replace(self.simulator.dae, p_nominal=self.p)
         self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
-        self.text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
+        text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
+        self.where = f" ({text})" if text else ""
         self.done: dict[Solver, tuple[Run, Trajectory]] = {}
         self._setup = time.perf_counter() - begin
 

@@ -38,7 +38,7 @@ def unreached(t: Array, violation: Array, rtol: float | None) -> str:
     if not left.any():
         return ""
     k = int(left.argmax())
-    cause = "drives contradict each other, or ask for positions that cannot be reached"
+    cause = "drives contradict each other, jump within a step, or ask for positions that cannot be reached"
     return (
         f"the run leaves its constraints at t = {t[k]:g} s, by up to {violation.max():.0e} of its size: "
         f"{'steps are too long, ' if rtol is None else ''}{cause}"

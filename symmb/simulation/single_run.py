@@ -70,16 +70,18 @@ def simulate(
     runs = PilotRuns(scene, _parameter_values(scene, {} if parameters is None else parameters), solver)
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
-        raise SimulationError(f"{scene.name} does not start at {begin} ({runs.text}): {runs.start_fault}.")
+        raise SimulationError(f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}.")
     if runs.solver is not None:
         solver, reason = runs.solver, runs.reason
         runs.run(solver)
     else:
         stiff = runs.starts_stiff
-        solver, reason = choose(for_one_run(stiff, kinks(runs.simulator.dae) is not None), runs.judge)
+        solver, reason = choose(
+            for_one_run(stiff, kinks(runs.simulator.dae, runs.simulator.times) is not None), runs.judge
+        )
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
     run, trajectory = runs.done[solver]
-    switches = kinks(runs.simulator.dae) if reason or run.message else None
+    switches = kinks(runs.simulator.dae, runs.simulator.times) if reason or run.message else None
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
@@ -94,7 +96,7 @@ def simulate(
 
 def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> None:
     """SimulationError if the run has left its constraints, or has outputs that are not finite."""
-    about = f"{runs.scene.name} ({runs.text}) by {trajectory.solver}"
+    about = f"{runs.scene.name}{runs.where} by {trajectory.solver}"
     states = trajectory.examination
     fault = unreached(states.t, states.violation, getattr(solver, "rtol", None))
     irregular = ~np.isfinite(trajectory.values)
@@ -148,7 +150,7 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     run, trajectory = runs.done[solver]
     near = trajectory.singularity
     parts = [
-        f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s ({runs.text}): {run.message}",
+        f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s{runs.where}: {run.message}",
         f"The position may be singular: {near}" if near else "",
         f"The equations have {switches}, at which no motion can stay: {_SMOOTH}" if switches else "",
         f"No other solver gets through: {reason}" if len(runs.done) > 1 else "",
