@@ -17,7 +17,7 @@ from symmb.bounds.adaptive.constants import (
     SMOOTH_DECAY,
 )
 from symmb.bounds.time_windows import average_over_window
-from symmb.nodes.grid import line
+from symmb.nodes import line
 from symmb.polynomials import MultiIndices
 
 
