@@ -14,6 +14,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import Interrupts
 from symmb._types import Array, Indices, Mask
+from symmb.codegen import REASONS, FailureCode
 from symmb.events import Event
 from symmb.integrate.marching import Marching
 from symmb.integrate.side_walk import Stops, no_stops
@@ -44,8 +45,8 @@ class Run:
     events: tuple[Event, ...] = ()
 
     def at(self, which: Indices) -> "Run":
-        """The run at some of its times."""
-        return replace(self, X=self.X[which], quad=self.quad[which])
+        """The run at some of its times, in order."""
+        return self if len(which) == len(self.X) else replace(self, X=self.X[which], quad=self.quad[which])
 
 
 class Integration:
@@ -136,7 +137,7 @@ class Integration:
         self._statistics = _counts(whole)
         X, quad = xf.swapaxes(1, 2), qf.swapaxes(1, 2)
         done: Mask = np.atleast_1d(np.isfinite(X).all(axis=(1, 2)))
-        return [self._run_of(X[k], quad[k]) if done[k] else None for k in range(len(x0))]
+        return [Run(X[k], quad[k]).at(self._outputs) if done[k] else None for k in range(len(x0))]
 
     def _alone(self, whole: ca.Function, x0: Array, z0: Array, p: Array, interrupts: Interrupts) -> Run:
         """One sample. Where its call fails, it is tried once more from the last known state on."""
@@ -145,63 +146,54 @@ class Integration:
         if not interrupts.noticed:
             with quiet(), interrupts:
                 xf, _, qf, *_ = so_far(whole, x0, z0, p)
-            X, quad = xf[0].T.copy(), qf[0].T.copy()
+            X, quad = xf[0].T, qf[0].T
             self.count(whole)
         X[0], quad[0] = self._projected(x0, p, times[0]), 0.0
-        known: Mask = np.atleast_1d(np.isfinite(X).all(axis=1))
-        if known.all():
-            return self._run_of(X, quad)
-        last = int(known.argmin()) - 1
-        X[last + 1 :], quad[last + 1 :] = np.nan, 0.0
-        onward = partial(self.advance, self._onward, p)
-        return self._run_of(X, quad, *self._go_on(onward, times, last, X, quad, p, np.empty(0), interrupts))
+        known, run = np.atleast_1d(np.isfinite(X).all(axis=1)), Run(X, quad)
+        if not known.all():
+            last = int(known.argmin()) - 1
+            X[last + 1 :], quad[last + 1 :] = np.nan, 0.0
+            onward = partial(self.advance, self._onward, p)
+            run = self._go_on(onward, run, times, last, p, no_stops(1).of(0), interrupts)
+        return run.at(self._outputs)
 
     def _walk(self, x0: Array, p: Array, stops: Stops, interrupts: Interrupts) -> Run:
         """One sample, whose steps begin anew at stops and at output times."""
         X, quad = np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad))
         X[0] = self._projected(x0, p, self.times[0])
-        return Run(X, quad, *self._go_on(self._pieces(p, stops), self.times, 0, X, quad, p, stops.times, interrupts))
+        return self._go_on(self._pieces(p, stops), Run(X, quad), self.times, 0, p, stops, interrupts)
 
     def _pieces(self, p: Array, stops: Stops) -> Advance:
         """How one sample goes along one piece between its stops after the other."""
         return partial(self.advance, self._between, p)
 
     def _go_on(
-        self,
-        advance: Advance,
-        times: Array,
-        last: int,
-        X: Array,
-        quad: Array,
-        p: Array,
-        stops: Array,
-        interrupts: Interrupts,
-    ) -> tuple[float, str]:
-        """Fill X and quad behind the last known of the times, one by one. Returns when that fails, and why."""
-        x, (usual, spare), first = X[last], self._limit, self._statistics["steps"]
+        self, advance: Advance, run: Run, times: Array, last: int, p: Array, stops: Stops, interrupts: Interrupts
+    ) -> Run:
+        """The run at times behind the last known one, one by one."""
+        x, (usual, spare), first = run.X[last], self._limit, self._statistics["steps"]
         for i, (begin, end) in enumerate(pairwise(times[last:].tolist()), start=last + 1):
             if interrupts.noticed:
-                return begin, "interrupted"
-            quad[i] = quad[i - 1]
+                return replace(run, t_failed=begin, message="interrupted")
+            run.quad[i] = run.quad[i - 1]
             try:
-                for piece in pieces_between(begin, end, stops):
+                for piece in pieces_between(begin, end, stops.times):
+                    if piece[0] > stops.sticks:
+                        return replace(run, t_failed=float(stops.sticks), message=REASONS[FailureCode.STICKS])
                     before = self._statistics["steps"]
                     with interrupts:
                         x, q = advance(*piece, x)
-                    quad[i] += q
+                    run.quad[i] += q
                     spare -= max(self._statistics["steps"] - before - usual * (piece[1] - piece[0]), 0.0)
             except RuntimeError as error:
-                return begin, _reason(error)
+                return replace(run, t_failed=begin, message=_reason(error))
             if not np.isfinite(x).all():
-                return begin, "the state became infinite or NaN"
+                return replace(run, t_failed=begin, message="the state became infinite or NaN")
             if spare < 0:
-                return begin, f"{self._statistics['steps'] - first} steps are not enough"
-            X[i] = x = self._projected(x, p, end)
-        return np.nan, ""
-
-    def _run_of(self, X: Array, quad: Array, t_failed: float = np.nan, message: str = "") -> Run:
-        """The run with states (m, n_x) at the times of the call over the whole grid."""
-        return Run(X, quad, t_failed, message).at(self._outputs)
+                steps = self._statistics["steps"] - first
+                return replace(run, t_failed=begin, message=f"{steps} steps are not enough")
+            run.X[i] = x = self._projected(x, p, end)
+        return run
 
     def _unstarted(self) -> Run:
         n_t = len(self.times)

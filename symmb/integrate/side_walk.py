@@ -27,20 +27,22 @@ class Stops(NamedTuple):
     times : (N, k)           switches of time, and passes of switches of the state, in order
     passes : (N, m)          the latter alone
     until : (N,)             times from which on passes are not known
+    sticks : (N,)            times at which motions stick to a switch, and none goes on
     """
 
     times: Array
     passes: Array
     until: Array
+    sticks: Array
 
     def of(self, sample: int) -> "Stops":
-        """Those of one sample: (k,), (m,) and ()."""
+        """Those of one sample: (k,), (m,), () and ()."""
         return Stops(*(part[sample] for part in self))
 
 
 def no_stops(n: int) -> Stops:
     """None for n samples."""
-    return Stops(np.empty((n, 0)), np.empty((n, 0)), np.full(n, np.inf))
+    return Stops(np.empty((n, 0)), np.empty((n, 0)), np.full(n, np.inf), np.full(n, np.inf))
 
 
 class SideWalk:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
+import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
@@ -45,6 +46,9 @@ class StateSpace(Solver):
     rtol: float = 1e-8
     atol: float | None = None
 
+    def has_dense_output(self, dae: DAE) -> bool:
+        return True
+
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         if not dae.n_v:
             return stateless_integration(dae, times)
@@ -61,8 +65,10 @@ spatial mechanism is solved 20 to 50 times less accurately with 3 to 100, in up 
 class _Partitioned(Integration):
     def __init__(self, dae: DAE, times: Array, rtol: float, atol: Array, longest: float, work: bool) -> None:
         self.times, self.n_x, self.n_quad = times, dae.n_q + dae.n_v + dae.n_s, int(work)
-        self._dae, self._rtol, self._atol, self._longest = dae, rtol, atol, longest
-        self._stops, self._equations = SwitchPasses(dae, times, rtol), one_sided(dae)
+        self._rtol, self._atol, self._longest = rtol, atol, longest
+        self._stops, self._one_sided = SwitchPasses(dae, times, rtol), one_sided(dae)
+        daes = [dae] if self._one_sided is None else [dae, self._one_sided.dae]
+        self._equations = [_Equations.of(dae, work) for dae in daes]
         self._counts = {"steps": 0, "choices of coordinates": 0}
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
@@ -99,6 +105,9 @@ class _Partitioned(Integration):
         with np.errstate(all="ignore"):
             try:
                 for begin, end in pieces_between(t, float(times[-1]), stops.times):
+                    if begin > stops.sticks:
+                        t = float(stops.sticks)
+                        raise _Breakdown(REASONS[FailureCode.STICKS])
                     before = stored
                     y = piece(begin, end, y)
                 Y[stored:] = y  # an output time that is a switch of time
@@ -113,7 +122,7 @@ class _Partitioned(Integration):
 
     def _pieces_of(self, p: Array, stops: Stops, along: Advance) -> Callable[[float, float, Array], Array]:
         """(begin, end, y) -> y at the end of pieces between stops."""
-        if self._equations is None or not np.isfinite(stops.passes).any():
+        if self._one_sided is None or not np.isfinite(stops.passes).any():
             return lambda begin, end, y: along(begin, end, y, p)
 
         def shift(begin: float, end: float, y: Array, p: Array) -> Array:
@@ -123,14 +132,12 @@ class _Partitioned(Integration):
             _, x_new = stages(rates, x, rates(x, at), at, h)
             return motion.completed(x_new[:, 0], end)
 
-        return SideWalk(self._equations, p, stops, float(np.ptp(self.times)), along, shift, along).piece
+        return SideWalk(self._one_sided, p, stops, float(np.ptp(self.times)), along, shift, along).piece
 
     def _motion(self, y: Array, p: Array, t: float) -> "_Motion":
-        dae = self._dae
-        if self._equations is not None and len(p) > len(dae.p_names):
-            dae = self._equations.dae
+        (equations,) = (e for e in self._equations if len(e.dae.p_names) == len(p))
         self._counts["choices of coordinates"] += 1
-        return _Motion(dae, p, _chosen(dae, y[: self.n_x], p, t), t)
+        return _Motion(equations, p, equations.dependent(y[: self.n_x], p, t), t)
 
     def _advance(self, motion: "_Motion", y: Array, Y: Array, stored: int, end: float) -> tuple[Array, int]:
         """Steps from y until an end or until the coordinates no longer suit: y there, and how many outputs Y holds."""
@@ -169,19 +176,60 @@ class _Breakdown(RuntimeError):
     """A run cannot go on."""
 
 
+@dataclass(frozen=True)
+class _Equations:
+    """The equations of one sample in few calls: each takes longer than what it evaluates.
+
+    dae : DAE
+    moved : (x, delta, p, t) -> x moved by displacements (n_v,), and there Phi, Phi_dot and G
+    rates : (x, p, t) -> x', and the power if it is integrated
+    """
+
+    dae: DAE
+    moved: ca.Function
+    rates: ca.Function
+
+    @classmethod
+    def of(cls, dae: DAE, work: bool) -> "_Equations":
+        x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+        delta, none = ca.SX.sym("delta", dae.n_v), ca.SX(0, 1)
+        there = ca.vertcat(dae.retract(x[: dae.n_q], delta), x[dae.n_q :])
+        at = dae.arguments(there, p, t)
+        rows = [none if f is None else f(*at) for f in (dae.Phi, dae.Phi_dot)]
+        G = ca.SX(0, dae.n_v) if dae.G is None else dae.G(*at)
+        moved = ca.Function("moved", [x, delta, p, t], [ca.densify(e) for e in (there, *rows, G)], {"cse": True})
+        at = dae.arguments(x, p, t)
+        rates = list(dae.rhs.call(list(at)))
+        if work and dae.power is not None:
+            rates.append(dae.power(*at, dae.forward(*at, none if dae.gamma is None else dae.gamma(*at))[1]))
+        return cls(dae, moved, ca.Function("rates", [x, p, t], [ca.densify(ca.vertcat(*rates))], {"cse": True}))
+
+    def at(self, x: Array, p: Array, t: float, delta: Array | float = 0.0) -> tuple[Array, Array, Array, Array]:
+        """The state x (n_x,) moved by delta (n_v,), and there Phi (n_c,), Phi_dot (n_r,) and G (n_r, n_v)."""
+        delta = np.broadcast_to(delta, self.dae.n_v)
+        x, Phi, Phi_dot, G = (value[0] for value in batch(self.moved, x, delta, p, np.array([t])))
+        return x, Phi, Phi_dot, G.reshape(len(Phi_dot), self.dae.n_v)
+
+    def dependent(self, x: Array, p: Array, t: float) -> Indices:
+        """Velocities that depend on the others: as many as rows."""
+        *_, G = self.at(x, p, t)
+        return independent_rows_and_columns(G * self.dae.displacement_scales)[1] if len(G) else np.arange(0)
+
+
 class _Motion:
     """The equations of motion with chosen dependent velocities, at time t so far."""
 
-    def __init__(self, dae: DAE, p: Array, dependent: Indices, t: float = 0.0) -> None:
-        self._dae, self._p, self._dependent, self.t = dae, p, dependent, t
+    def __init__(self, equations: _Equations, p: Array, dependent: Indices, t: float) -> None:
+        self._equations, self._dae, self._p, self._dependent, self.t = equations, equations.dae, p, dependent, t
+        self._n_x = equations.moved.numel_in(0)
         self.first_condition = np.inf
 
     def condition(self, y: Array, t: float) -> float:
         """Of the matrix that determines the dependent velocities; the first is kept."""
         if not self._dependent.size:
             return 0.0
-        dae = self._dae
-        G = (_matrix(dae, y, self._p, t) * dae.displacement_scales)[:, self._dependent]
+        *_, G = self._equations.at(y[: self._n_x], self._p, t)
+        G = (G * self._dae.displacement_scales)[:, self._dependent]
         condition_number = float(np.linalg.cond(G / np.linalg.norm(G, axis=1, keepdims=True)))
         if self.first_condition == np.inf:
             self.first_condition = condition_number
@@ -189,13 +237,7 @@ class _Motion:
 
     def rates(self, t: float, y: Array) -> Array:
         """y' at the state whose dependent part follows from the constraints."""
-        dae, at = self._dae, self._at(self.completed(y, t), t)
-        parts = [rate[0] for rate in batch(dae.rhs, *at)]
-        if dae.power is not None and len(y) > dae.n_q + dae.n_v + dae.n_s:
-            gamma = batch(dae.gamma, *at)[0] if dae.gamma is not None else np.zeros((1, 0))
-            lam = batch(dae.forward, *at, gamma)[1]
-            parts.append(batch(dae.power, *at, lam)[0][0])
-        return np.concatenate(parts)
+        return batch(self._equations.rates, self.completed(y, t)[: self._n_x], self._p, np.array([t]))[0][0]
 
     def columns(self, y: Array, t: Array) -> Array:
         """The rates with states and times as columns."""
@@ -206,39 +248,14 @@ class _Motion:
         dae, which = self._dae, self._dependent
         if dae.Phi_dot is None:
             return y
-        y = y.copy()
-        y[: dae.n_q] = batch(dae.retract, y[: dae.n_q], np.zeros(dae.n_v))[0][0]
-        for _ in range(8):
-            if dae.Phi is None:
-                break
-            (violation,) = batch(dae.Phi, *self._at(y, t))[0]
+        x, Phi, Phi_dot, G = self._equations.at(y[: self._n_x], self._p, t)
+        for _ in range(8 if dae.n_c else 0):
             delta = np.zeros(dae.n_v)
-            G = _matrix(dae, y, self._p, t)[: dae.n_c, which]
-            delta[which] = np.linalg.lstsq(G, -violation, rcond=None)[0]
-            y[: dae.n_q] = batch(dae.retract, y[: dae.n_q], delta)[0][0]
+            delta[which] = np.linalg.lstsq(G[: dae.n_c, which], -Phi, rcond=None)[0]
+            x, Phi, Phi_dot, G = self._equations.at(x, self._p, t, delta)
             if np.abs(delta / dae.displacement_scales).max() < 1e-9:  # Newton is quadratic
                 break
-        (rate,) = batch(dae.Phi_dot, *self._at(y, t))[0]
-        G = _matrix(dae, y, self._p, t)[:, which]
-        solved = np.linalg.solve(G, rate) if dae.vanishing is None else np.linalg.lstsq(G, rate, rcond=None)[0]
+        G, y = G[:, which], np.concatenate([x, y[self._n_x :]])
+        solved = np.linalg.solve(G, Phi_dot) if dae.vanishing is None else np.linalg.lstsq(G, Phi_dot, rcond=None)[0]
         y[dae.n_q + which] -= solved
         return y
-
-    def _at(self, y: Array, t: float) -> tuple[Array, ...]:
-        dae = self._dae
-        cuts = [dae.n_q, dae.n_q + dae.n_v, dae.n_q + dae.n_v + dae.n_s]
-        q, v, s, _ = np.split(y, cuts)
-        return (q, v, *((s,) if dae.n_s else ()), self._p, np.array([t]))
-
-
-def _matrix(dae: DAE, y: Array, p: Array, t: float) -> Array:
-    if dae.G is None:
-        return np.zeros((0, dae.n_v))
-    return batch(dae.G, *_Motion(dae, p, np.arange(0))._at(y, t))[0][0].reshape(dae.n_r, dae.n_v)
-
-
-def _chosen(dae: DAE, x: Array, p: Array, t: float) -> Indices:
-    """Velocities that depend on the others: as many as rows."""
-    if dae.G is None:
-        return np.arange(0)
-    return independent_rows_and_columns(_matrix(dae, x, p, t) * dae.displacement_scales)[1]

@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.codegen import Tolerances
+from symmb.codegen import FailureCode, Tolerances
 from symmb.events import time_switches
 from symmb.integrate.compiled import AnyEngine
 from symmb.integrate.explicit import DormandPrince
-from symmb.integrate.side_walk import Stops
+from symmb.integrate.side_walk import Stops, no_stops
 from symmb.model import DAE
 from symmb.start import Start
 from symmb.symbolic import has_kinks
@@ -63,13 +63,13 @@ class SwitchPasses:
     def stops(self, x0: Array, p: Array) -> Stops:
         """The stops with the passes among them, of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
         dae, p = self._dae, p[:, : len(self._dae.p_names)]
-        stops, until = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p), np.full(len(p), np.inf)
+        stops = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p)
         if self._engine is None:
-            return Stops(stops, stops[:, :0], until)
-        passes, until = _passes(self._engine, x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
+            return no_stops(len(p))._replace(times=stops)
+        passes, until, sticks = _passes(self._engine, x0[:, : dae.n_q + dae.n_v + dae.n_s], p)
         passes = np.where(np.isnan(passes), np.inf, passes)
-        stops = np.sort(np.hstack([stops, passes]), axis=1)
-        return Stops(stops[:, np.isfinite(stops).any(axis=0)], passes, until)
+        stops = np.sort(np.hstack([stops, passes, sticks[:, None]]), axis=1)
+        return Stops(stops[:, np.isfinite(stops).any(axis=0)], passes, until, sticks)
 
     def first(self, x0: Array, p: Array) -> float:
         """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
@@ -79,36 +79,28 @@ class SwitchPasses:
         span = float(np.ptp(self._times))  # a motion may begin on a switch
         return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
 
-    def closest(self, x0: Array, p: Array) -> tuple[float, float]:
-        """Time and distance [s] of the two stops of one sample, x0 (1, n_x) and p (1, n_p), that follow closest."""
-        stops = self(x0, p)[0]
-        stops = stops[np.isfinite(stops)]
-        if len(stops) < 2:
-            return np.nan, np.inf
-        k = int(np.diff(stops).argmin())
-        return float(stops[k]), float(np.diff(stops)[k])
 
-
-def _passes(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array]:
-    """Passes (N, k) of switches of the state, nan behind the last one, and when they are known no longer (N,) [s]."""
-    passes, until = _passes_by(engine, x0, p)
+def _passes(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
+    """Passes (N, k) of switches of the state, nan behind the last one, and `until` and `sticks` of `Stops`."""
+    passes, until, sticks = _passes_by(engine, x0, p)
     control, again = engine.control, np.isfinite(until)
     if not again.any() or not isinstance(control, Tolerances) or control.rtol >= _SAFE_RTOL:
-        return passes, until
+        return passes, until, sticks
     # Where a force rises over a way of a few thousand roundings of the position, smaller tolerances are noise.
     engine.control = replace(control, rtol=_SAFE_RTOL, atol=control.atol * _SAFE_RTOL / control.rtol)
-    some, later = _passes_by(engine, x0[again], p[again])
+    others = _passes_by(engine, x0[again], p[again])
     engine.control = control
-    better = later > until[again]
-    rows = np.flatnonzero(again)[better]
-    passes[rows], until[rows] = some[better], later[better]
-    return passes, until
+    better = others[1] > until[again]
+    for old, new in zip((passes, until, sticks), others, strict=True):
+        old[np.flatnonzero(again)[better]] = new[better]
+    return passes, until, sticks
 
 
-def _passes_by(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array]:
+def _passes_by(engine: AnyEngine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
     _, failed_samples = engine.values(x0, p)
     until = np.where(np.isnan(failed_samples.t_failed), np.inf, failed_samples.t_failed)
+    sticks = np.where(failed_samples.failure == FailureCode.STICKS, until, np.inf)
     passes = failed_samples.passes
     if passes is None:
-        return np.empty((len(p), 0)), until
-    return passes, np.fmin(until, np.where(np.isnan(passes[:, -1]), np.inf, passes[:, -1]))
+        return np.empty((len(p), 0)), until, sticks
+    return passes, np.fmin(until, np.where(np.isnan(passes[:, -1]), np.inf, passes[:, -1])), sticks

@@ -70,8 +70,9 @@ class PilotRuns:
             raise
         seconds, counts = time.perf_counter() - built, integration.statistics()
         examination = Examination.of(simulator, self.p, fine, run.X, work_of(run), is_close)
-        trajectory = self._trajectory(simulator, run.at(outputs), counts, built - begin, seconds, len(times))
-        self.done[solver] = run.at(outputs), replace(trajectory, run_examination=examination)
+        run = run.at(outputs)
+        trajectory = self._trajectory(simulator, run, counts, built - begin, seconds, len(times))
+        self.done[solver] = run, replace(trajectory, run_examination=examination)
         return Pilot(run.message, counts.get("steps", 0), seconds, False)
 
     def _trajectory(

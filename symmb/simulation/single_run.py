@@ -108,17 +108,24 @@ def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> N
 
 
 def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """Whether steps of a fixed length pass over contacts, or over pulses of forces."""
+    """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
     simulator = runs.simulator
     step = solver.step_taken(simulator.times)
     if not step or simulator.dae.impacts is not None or not has_kinks(simulator.dae.rhs):
         return ()
-    time, distance = SwitchPasses(simulator.dae, simulator.times).closest(runs.x0, runs.p[None])
-    if distance > step:
+    stops = SwitchPasses(simulator.dae, simulator.times).stops(runs.x0, runs.p[None]).of(0)
+    if np.isfinite(stops.sticks):
+        return (
+            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s, and steps of a fixed length pass "
+            f"it again and again: {_SMOOTH}.",
+        )
+    times = stops.times[np.isfinite(stops.times)]
+    distances = np.diff(times)
+    if not (distances <= step).any():
         return ()
     return (
-        f"Two switches of the equations follow each other in {distance:.1g} s at t = {time:.6g} s, and a step is "
-        f"{step:.1g} s long: contacts or pulses may be missed.",
+        f"Two switches of the equations follow each other in {distances.min():.1g} s at t = "
+        f"{times[distances.argmin()]:.6g} s, and a step is {step:.1g} s long: contacts or pulses may be missed.",
     )
 
 
@@ -152,10 +159,11 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     parts = [
         f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s{runs.where}: {run.message}",
         f"The position may be singular: {near}" if near else "",
-        f"The equations have {switches}, at which no motion can stay: {_SMOOTH}" if switches else "",
+        f"The equations have {switches}, at which no motion can stay: {_STICKS}" if switches else "",
         f"No other solver gets through: {reason}" if len(runs.done) > 1 else "",
     ]
     return ". ".join(filter(None, parts)) + "."
 
 
-_SMOOTH = "where it sticks to one, smooth it, as tanh(v / 1e-3) does sign(v)"
+_SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
+_STICKS = f"where it sticks to one, {_SMOOTH}"

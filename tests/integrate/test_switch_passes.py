@@ -65,3 +65,25 @@ def test_fixed_steps_that_may_pass_over_a_contact_are_doubtful(solver):
     run = mb.simulate(oscillator(1e2, 0.1, times), solver)
     assert run.doubts == ()
     assert_allclose(run["x"], bouncing(1e2, 0.1, times), rtol=0, atol=2e-2)
+
+
+def stuck():
+    """x'' = -x - 0.3 sign x': from 1 m the mass turns at -0.4 m, and stops at t = 2 pi at -0.2 m, where it stays."""
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), 1.0, 0.0)
+    rough = mb.Force("friction", mass.point(0, 0), (-0.3 * ca.sign(mass.vx), 0))
+    return mb.Scene(mb.System(mass, spring, rough), {"mass.x": 1.0}, np.linspace(0, 20, 5), {"x": mass.x})
+
+
+STOPPED = [mb.CVODES(), mb.CVODES(stabilization=mb.Projection()), mb.IDAS(), mb.StabilizedIndex2(), mb.StateSpace()]
+
+
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), *STOPPED], ids=repr)
+def test_motions_that_stick_to_a_switch_end_there_at_once(solver):
+    with pytest.raises(mb.SimulationError, match=r"breaks down at t = 6\.28319 s .*: the motion sticks to a switch"):
+        mb.simulate(stuck(), solver)
+
+
+def test_motions_that_stick_are_doubtful_with_fixed_steps():
+    with pytest.warns(mb.SymmbWarning, match=r"sticks to a switch of a force at t = 6\.28319 s"):
+        mb.simulate(stuck(), mb.RungeKutta())
