@@ -35,7 +35,7 @@ class BlockSwitches:
         self,
         prepare: Values,
         switches: Values | None,
-        ends: StepEnds | None,
+        ends: StepEnds,
         times: Array,
         x: Array,
         p: Array,
@@ -44,11 +44,11 @@ class BlockSwitches:
     ) -> None:
         self._width = width
         self._prepare, self._switches, self._p = prepare, switches, np.ascontiguousarray(p)
-        self._hysteresis = np.array(ends.hysteresis if ends else (), dtype=float)[:, None]
+        self._hysteresis = np.array(ends.hysteresis, dtype=float)[:, None]
         self._sides = np.ones((len(self._hysteresis), p.shape[1]))
         self._u = np.zeros((2 * len(self._sides), p.shape[1]))
         self._raised = np.zeros_like(self._sides)
-        stops = ends.stops(x.T, p.T) if ends and ends.stops else np.empty((p.shape[1], 0))
+        stops = ends.stops(x.T, p.T) if ends.stops else np.empty((p.shape[1], 0))
         self._stops = np.sort(stops.reshape(B, -1), axis=1)
         self._horizon, self._least = float(times[-1]), 1e-3 * float(np.ptp(times))
         self.after, self.before = np.full(B, -np.inf), np.full(B, np.inf)

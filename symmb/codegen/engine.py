@@ -143,8 +143,8 @@ class Engine:
         self.counts, self.most_steps = Counts(0, 0, 0), MOST_STEPS
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
-        self._stops, self._switches = (ends.stops, len(ends.hysteresis) > 0) if ends else (None, False)
-        self.source = source_of(f, fixed, scheme, ends.hysteresis if ends else ())
+        self.ends = ends or StepEnds()
+        self.source = source_of(f, fixed, scheme, self.ends.hysteresis)
         self._open()
 
     def _open(self) -> None:
@@ -183,9 +183,9 @@ class Engine:
         if not self.starts and x0.shape[1] < self.n_x:  # the history follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        passes = np.full((N, MOST_PASSES), np.nan) if Y is not None and self._switches else None
+        passes = np.full((N, MOST_PASSES), np.nan) if Y is not None and self.ends.hysteresis else None
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
-        stops = None if self._stops is None else np.ascontiguousarray(self._stops(x0, p))
+        stops = None if self.ends.stops is None else np.ascontiguousarray(self.ends.stops(x0, p))
         control = self.control
         tolerances, atol = (0.0, 0.0, 0.0, 1.0), np.zeros(self.n_x)
         if isinstance(control, Tolerances):

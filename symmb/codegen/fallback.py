@@ -38,7 +38,7 @@ class ArrayEngine:
 
     def __init__(self, f: ca.Function, times: Array, control: Tolerances, ends: StepEnds | None = None) -> None:
         self.n_y = f.numel_out("outputs")
-        self.times, self.control, self.ends = times, control, ends
+        self.times, self.control, self.ends = times, control, ends or StepEnds()
         self.most_steps = MOST_STEPS
         self.prepare, functions = programs(graph_of(f))
         by_name = dict(zip(f.name_out(), functions, strict=True))

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs
 from symmb._types import Array, Indices, Mask
-from symmb.codegen import REASONS, BlockSwitches, FailureCode, Tolerances
+from symmb.codegen import REASONS, BlockSwitches, FailureCode, StepEnds, Tolerances
 from symmb.events import (
     Event,
     ImpactLaws,
@@ -50,7 +50,7 @@ class EventIntegration(Integration):
         self.rtol, self.atol = tolerances.rtol, tolerances.absolute(self.n_x + self.n_quad)[:, None]
         problem = build_problem(dae, Projection(), algebraic=False, work=work, one_step=True, projections=1)
         self._project, self.n_p = _projection(dae, impacts, problem), problem.p.numel()
-        self.switches, self.ends = None, None
+        self.switches, self.ends = None, StepEnds()
         on_sides = switched(problem, dae, times)
         if on_sides is not None and on_sides.switches.numel():
             problem, self.ends = on_sides.problem, replace(on_sides.ends, stops=None)  # `time_switches` tells these

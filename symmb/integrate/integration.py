@@ -176,22 +176,22 @@ class Integration:
             if interrupts.noticed:
                 return replace(run, t_failed=begin, message="interrupted")
             run.quad[i] = run.quad[i - 1]
-            try:
-                for piece in pieces_between(begin, end, stops.times):
-                    if piece[0] > stops.sticks:
-                        return replace(run, t_failed=float(stops.sticks), message=REASONS[FailureCode.STICKS])
-                    before = self._statistics["steps"]
+            for piece in pieces_between(begin, end, stops.times):
+                if piece[0] > stops.sticks:
+                    return replace(run, t_failed=float(stops.sticks), message=REASONS[FailureCode.STICKS])
+                before = self._statistics["steps"]
+                try:
                     with interrupts:
                         x, q = advance(*piece, x)
-                    run.quad[i] += q
-                    spare -= max(self._statistics["steps"] - before - usual * (piece[1] - piece[0]), 0.0)
-            except RuntimeError as error:
-                return replace(run, t_failed=begin, message=_reason(error))
-            if not np.isfinite(x).all():
-                return replace(run, t_failed=begin, message="the state became infinite or NaN")
-            if spare < 0:
-                steps = self._statistics["steps"] - first
-                return replace(run, t_failed=begin, message=f"{steps} steps are not enough")
+                except RuntimeError as error:
+                    return replace(run, t_failed=piece[0], message=_reason(error))
+                if not np.isfinite(x).all():
+                    return replace(run, t_failed=piece[0], message="the state became infinite or NaN")
+                spare -= max(self._statistics["steps"] - before - usual * (piece[1] - piece[0]), 0.0)
+                if spare < 0:
+                    steps = self._statistics["steps"] - first
+                    return replace(run, t_failed=piece[0], message=f"{steps} steps are not enough")
+                run.quad[i] += q
             run.X[i] = x = self._projected(x, p, end)
         return run
 

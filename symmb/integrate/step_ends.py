@@ -40,14 +40,24 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
         return None
     stops = stops_in_time(dae, times)
     branch = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
-    if not branch.sides.numel():
-        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
     (rates,) = branch.outputs
     ode = rates[: x.numel()]
-    slopes = ca.densify(ca.jtimes(branch.switches, x, ode) + ca.jacobian(branch.switches, t))
-    on_branches = replace(problem, p=ca.vertcat(p, branch.sides), ode=ode, quad=rates[x.numel() :])
-    ends = StepEnds(hysteresis_of(dae, branch.switches, x, p, t, branch.sides), stops)
-    return SwitchedProblem(on_branches, ca.vertcat(branch.switches, slopes), ends)
+
+    def slopes(values: ca.SX) -> ca.SX:
+        return ca.densify(ca.jtimes(values, x, ode) + ca.jacobian(values, t))
+
+    others = x[dae.n_q :]  # fronts of velocities come from smooth friction, whose fast motion step control follows
+    fronts, exponents = (
+        [value for value in ca.vertsplit(values) if not ca.depends_on(value, others)]
+        for values in (branch.fronts, branch.exponents)
+    )
+    switches = ca.vertcat(branch.switches, *fronts, *(slopes(exponent) for exponent in exponents))
+    if not switches.numel():
+        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
+    sides = ca.vertcat(branch.sides, ca.SX.sym("side", switches.numel() - branch.sides.numel()))
+    on_branches = replace(problem, p=ca.vertcat(p, sides), ode=ode, quad=rates[x.numel() :])
+    ends = StepEnds(hysteresis_of(dae, switches, x, p, t, sides), stops)
+    return SwitchedProblem(on_branches, ca.vertcat(switches, slopes(switches)), ends)
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,9 @@ class SwitchPasses:
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
             solver = DormandPrince(max(_SHARE * rtol, _LEAST_RTOL))
-            self._engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
-            self._engine.most_steps = _MOST_STEPS
+            engine = solver.engine(dae, times[[0, -1]], nothing, start=start)
+            engine.most_steps = _MOST_STEPS
+            self._engine = engine if engine.ends.hysteresis else None
 
     @property
     def are_possible(self) -> bool:

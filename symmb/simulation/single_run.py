@@ -121,6 +121,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
         )
     times = stops.times[np.isfinite(stops.times)]
     distances = np.diff(times)
+    distances[distances < _SAME * np.ptp(simulator.times)] = np.inf
     if not (distances <= step).any():
         return ()
     return (
@@ -165,5 +166,7 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     return ". ".join(filter(None, parts)) + "."
 
 
+_SAME = 1e-12
+"""Share of the horizon by which two switches at one time may differ by rounding."""
 _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
 _STICKS = f"where it sticks to one, {_SMOOTH}"

@@ -35,6 +35,12 @@ _ON_A_SIDE: dict[int, Callable[..., ca.SX]] = {
     **dict.fromkeys((ca.OP_LT, ca.OP_LE), lambda side, a, b: side < 0),
 }
 """The value of an operation on one side of its switch. Others, as `floor` of the state, are not located."""
+_FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
+"""Operations that change within a short part of the range of their argument, about 0, and are flat elsewhere.
+
+An exponential changes also about the largest value of its argument. Products and differences of them make pulses."""
+_LEVELS = (-40.0, 1.0, 40.0)
+"""Arguments where fronts begin, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions only touch."""
 _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 """Operations that are not defined for negative numbers, powers unless their exponent is whole."""
 
@@ -107,18 +113,23 @@ class Branches:
     outputs : list of SX     the Function's outputs on these branches
     sides : (m,) SX          symbols, 1 where a switch is above 0 and -1 where it is below
     switches : (m,) SX       on the same branches
-    times : (k,) SX          what changes sign at kinks and jumps that depend on time, and perhaps parameters, alone
+    times : (k,) SX          what changes sign at kinks, jumps and fronts that depend on time, and perhaps parameters,
+                             alone
+    fronts : (l,) SX         what changes sign at smooth fronts that depend on the state
+    exponents : (e,) SX      their rates change sign at smooth fronts as well
     """
 
     outputs: list[ca.SX]
     sides: ca.SX
     switches: ca.SX
     times: ca.SX
+    fronts: ca.SX
+    exponents: ca.SX
 
 
 def has_kinks(f: ca.Function) -> bool:
-    """Whether an SX Function has operations with a kink or a jump, in whatever argument."""
-    return any(f.instruction_id(k) in _KINKS for k in range(f.n_instructions()))
+    """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
+    return any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
 
 
 def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
@@ -134,7 +145,10 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     SX(x)
     """
     switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = {}
-    times: dict[int, ca.SX] = {}
+    times: dict[tuple[int, float], ca.SX] = {}
+    fronts: dict[tuple[int, float], ca.SX] = {}
+    exponents: dict[int, ca.SX] = {}
+    (t,) = (symbols for symbols, on in inputs if on is On.TIME)
 
     def side(switch: ca.SX) -> ca.SX:
         a, b = _difference(switch)
@@ -150,7 +164,15 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
         is_switch = code in _KINKS and not any(_is_guard(a) or _is_soft(a) for a in of)
         if is_switch and on is On.TIME:
             switch = _KINKS[code][1](*of)
-            times.setdefault(switch.element_hash(), switch)
+            times.setdefault((switch.element_hash(), 0.0), switch)
+        if code in _FRONTS and on is On.TIME:
+            times.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
+            if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], t), t):
+                times[rate.element_hash(), 0.0] = rate
+        if code in _FRONTS and on is On.STATE:
+            fronts.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
+            if code == ca.OP_EXP:
+                exponents.setdefault(of[0].element_hash(), of[0])
         if is_switch and on is On.STATE and code in _ON_A_SIDE:
             return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
         if code in _POSITIVE and on is On.STATE:
@@ -166,7 +188,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
         outputs,
         ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
         ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
-        ca.vertcat(ca.SX(0, 1), *times.values()),
+        *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (times, fronts, exponents)),
     )
 
 

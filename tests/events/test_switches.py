@@ -53,6 +53,12 @@ def test_smooth_pulses_are_not_stepped_over_by_the_state_space_method():
     scene = driven(ca.exp(-(((mb.t - 5) / 0.01) ** 2)) / (0.01 * np.sqrt(np.pi)))
     run = mb.simulate(scene, mb.StateSpace())
     np.testing.assert_allclose(run["x"][11:], np.sin(TIMES[11:] - 5) * np.exp(-(0.005**2)), atol=1e-6)
+
+
+def test_pulses_that_are_no_fronts_limit_the_steps():
+    # The square of the curve of Agnesi has a known integral.
+    run = mb.simulate(driven(2 / np.pi / (0.01 * (1 + ((mb.t - 5) / 0.01) ** 2) ** 2)), mb.StateSpace())
+    np.testing.assert_allclose(run["x"][15:], np.sin(TIMES[15:] - 5), atol=1e-4)
     assert "pulses      in laws of time: steps of at most 0.0" in str(run)
 
 
@@ -84,14 +90,15 @@ def test_a_study_steps_on_pulses_for_every_sample():
 @pytest.mark.parametrize(
     ("law", "shortest"),
     [
-        (ca.exp(-(((mb.t - 5) / 0.1) ** 2)), 2 * 0.1 * np.sqrt(np.log(4))),  # between the quarters of its height
+        (1 / (1 + ((mb.t - 5) / 0.1) ** 4), 2 * 0.1 * 3**0.25),  # between the quarters of its height
+        (ca.exp(-(((mb.t - 5) / 0.1) ** 2)), np.inf),  # steps end at its largest value
         (ca.if_else(ca.logic_and(mb.t > 2, mb.t < 2.5), 3, 7), np.inf),  # steps end at its switches
         (ca.sin(2 * np.pi * mb.t), 0.5 - 2 * np.arcsin(0.25) / (2 * np.pi)),
         (ca.exp(-mb.t / 1e-3), np.inf),  # under way at the start
         (ca.tanh((mb.t - 5) / 1e-3), np.inf),  # a step is met by whatever comes after it
         (ca.sin(mb.t) ** 2 + ca.cos(mb.t) ** 2, np.inf),  # rounding
     ],
-    ids=("bell", "gap", "sine", "decay", "step", "constant"),
+    ids=("bell", "front", "gap", "sine", "decay", "step", "constant"),
 )
 def test_pulses_are_as_short_as_they_are(law, shortest):
     scene = driven(law)

@@ -1,6 +1,5 @@
 """Whether a run gets through, its accuracy and the choice of its solver do not depend on the output times."""
 
-import casadi as ca
 import numpy as np
 import pytest
 from mechanisms import double_pendulum, spinning_body
@@ -123,7 +122,7 @@ def test_rounding_of_multipliers_rejects_no_steps():
 def burst(n):
     """x'' = -k x, where k is 1, but up to 4e13 N/m for about 4 ms."""
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    stiffness = 1.0 + 4e13 * ca.exp(-(((mb.t - 0.5) / 2e-3) ** 2))
+    stiffness = 1.0 + 4e13 / (1 + ((mb.t - 0.5) / 2e-3) ** 2 / 16) ** 16
     spring = mb.Spring("spring", GROUND.point(0, 0), ball.point(0, 0), stiffness, 0.0)
     return mb.Scene(mb.System(ball, spring), {"ball.x": 1.0}, np.linspace(0, 1, n), {"x": ball.x})
 

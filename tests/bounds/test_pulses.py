@@ -1,0 +1,61 @@
+"""Pulses and switches of time that parameters move: bounds are right, or they are doubtful."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+
+def hit(law, nominal, times=(0.0, 4.0, 8.0), **start):
+    """A mass of 1 kg at rest under a force, a function of parameters."""
+    p = mb.Parameters(**nominal)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    system = mb.System(mass, mb.Force("push", mass.point(0, 0), (law(p), 0)), parameters=p)
+    return mb.Scene(system, start=start, times=times, outputs={"v": mass.vx})
+
+
+def agnesi(p):
+    """A pulse with the integral 1, which no operation with a front makes."""
+    return 2 / (np.pi * p.width) / (1 + ((mb.t - 2) / p.width) ** 2) ** 2
+
+
+def test_taylor_tells_of_switches_of_time_that_parameters_move():
+    scene = hit(lambda p: ca.if_else(mb.t > p.begin, 1.0, 0.0), {"begin": 3.9})
+    with pytest.warns(mb.SymmbWarning, match="kinks or jumps"):
+        mb.propagate(scene, mb.Taylor(), mb.Box(begin=(3.6, 4.2)))
+
+
+def test_taylor_says_nothing_of_switches_of_time_that_stay():
+    scene = hit(lambda p: p.force * ca.if_else(mb.t > 3.9, 1.0, 0.0), {"force": 1.0})
+    bounds = mb.propagate(scene, mb.Taylor(), mb.Box(force=(0.9, 1.1)))
+    assert not bounds.caution
+    assert_allclose(bounds.upper[-1], 1.1 * 4.1, rtol=1e-7)
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-2, 2e-3])
+def test_runs_follow_pulses_at_their_own_parameters(width):
+    run = mb.simulate(hit(agnesi, {"width": 1.0}), mb.DormandPrince(), parameters={"width": width})
+    tail = 2 / np.pi * (width / 2) ** 3  # less than what is left beyond 2 s on either side
+    assert_allclose(run["v"][1:], 1, atol=1e-6 + tail)
+
+
+def test_pulses_at_a_corner_of_the_box_are_doubtful():
+    scene = hit(agnesi, {"width": 1.0})
+    with pytest.warns(mb.SymmbWarning, match="pulse over which steps may pass"):
+        bounds = mb.propagate(scene, mb.MonteCarlo(50, seed=0), mb.Box(width=(1e-3, 1.0)))
+    assert any("width = 0.001" in doubt for doubt in bounds.doubts)
+
+
+def test_smooth_pulses_of_any_width_in_a_box_are_neither_missed_nor_doubtful():
+    def law(p):
+        return p.impulse * ca.exp(-(((mb.t - p.at) / p.width) ** 2)) / (np.sqrt(np.pi) * p.width)
+
+    scene = hit(law, {"impulse": 1.0, "width": 1.0, "at": 2.0})
+    box = mb.Box(impulse=(0.9, 1.1), width=(1e-5, 1e-2), at=(1.0, 3.0))
+    for method in mb.Scanning(3), mb.PolynomialChaos():
+        bounds = mb.propagate(scene, method, box)
+        assert_allclose(bounds.lower[1:], 0.9, atol=1e-6)
+        assert_allclose(bounds.upper[1:], 1.1, atol=1e-6)
+        assert not bounds.doubts

@@ -1,0 +1,69 @@
+"""Smooth forces that act for much less than a step are not passed over: against the work and the impulse they do."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from test_step_ends import ULP, pushed
+
+import symmb as mb
+
+EXPLICIT = [None, mb.DormandPrince(), mb.EventDriven(), mb.StateSpace(), mb.CVODES()]
+IMPLICIT = [mb.CVODES(stiff=True), mb.IDAS(), mb.StabilizedIndex2(), mb.NSTIFFSI2(step=1.0, rtol=1e-9)]
+PULSES = {
+    "Gaussian": lambda u: ca.exp(-(u**2)) / np.sqrt(np.pi),
+    "tanh": lambda u: (ca.tanh(u) - ca.tanh(u - 2)) / 4,
+    "erf": lambda u: (ca.erf(u) - ca.erf(u - 2)) / 4,
+    "cosh": lambda u: 0.5 / ca.cosh(u) ** 2,
+    "logistic": lambda u: (1 / (1 + ca.exp(-u)) - 1 / (1 + ca.exp(3 - u))) / 3,
+}
+"""Functions with an integral of 1. Derivatives of the last two overflow far away, which stops implicit solvers."""
+
+
+def check_work(solver, pulse, width):
+    run = mb.simulate(pushed(lambda p, m: PULSES[pulse]((m.x - 2.1) / p.width) / p.width, width=width), solver)
+    assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=3e-6 + 8 * ULP / width)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-5, 1e-8])
+@pytest.mark.parametrize("pulse", PULSES)
+@pytest.mark.parametrize("solver", EXPLICIT, ids=repr)
+def test_pulses_of_position_do_their_work(solver, pulse, width):
+    check_work(solver, pulse, width)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-6])
+@pytest.mark.parametrize("pulse", ["Gaussian", "tanh"])
+@pytest.mark.parametrize("solver", IMPLICIT, ids=repr)
+def test_implicit_solvers_follow_pulses_of_position(solver, pulse, width):
+    check_work(solver, pulse, width)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-7])
+@pytest.mark.parametrize("pulse", ["Gaussian", "erf"])
+@pytest.mark.parametrize("solver", [*EXPLICIT, *IMPLICIT], ids=repr)
+def test_pulses_of_time_have_their_impulse(solver, pulse, width):
+    run = mb.simulate(pushed(lambda p, m: PULSES[pulse]((mb.t - 1.2345) / p.width) / p.width, width=width), solver)
+    assert_allclose(run["v"][1:], 2, rtol=0, atol=3e-6 + 4 * ULP / width)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince()], ids=repr)
+def test_a_motion_beside_the_middle_of_a_pulse_in_the_plane(solver, width):
+    p = mb.Parameters(width=width)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    distance = ((mass.x - 2.1) ** 2 + mass.y**2) / p.width**2
+    push = mb.Force("push", mass.point(0, 0), (ca.exp(-distance) / (np.sqrt(np.pi) * p.width), 0))
+    start = {"mass.vx": 1.0, "mass.y": width / 3}
+    run = mb.simulate(mb.Scene(mb.System(mass, push, parameters=p), start, [0.0, 5.0], {"v": mass.vx}), solver)
+    assert_allclose(run["v"][-1], np.sqrt(1 + 2 * np.exp(-1 / 9)), rtol=0, atol=1e-6 + 8 * ULP / width)
+
+
+def test_every_sample_has_its_own_pulse():
+    def push(p, m):
+        return PULSES["Gaussian"]((m.x - p.place) / p.width) / p.width
+
+    simulator = mb.DAESimulator(pushed(push, place=2.0, width=1e-4), mb.DormandPrince())
+    places, widths = np.linspace(0.3, 4.2, 40), np.geomspace(1e-6, 1e-2, 40)
+    ensemble = simulator.run(np.column_stack([places, widths]))
+    assert_allclose(ensemble.Y[:, -1, 1], np.sqrt(3), rtol=0, atol=1e-6)
