@@ -197,6 +197,6 @@ class GaussianProcess:
 
         limits = [(-1.0, 1.0)] * starts.shape[1]
         options = {"maxiter": _SEARCH_ITERATIONS}
-        found = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits, options=options) for x in starts]
-        best = min(found, key=lambda result: result.fun)
+        results = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits, options=options) for x in starts]
+        best = min(results, key=lambda result: result.fun)
         return np.asarray(best.x), float(best.fun)

@@ -139,17 +139,17 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
     without = bool(kernels) and not any(len(kernel.ridges) for kernel in kernels)
     starts = [*(kernels or [plain]), *([_with_ridge(plain, slope, data)] if slope.any() and not without else [])]
-    found = [kernel.most_likely(data.points, data.Y) for kernel in starts]
-    ridges = [each for each in found if len(each[0].ridges) == 1]
+    fits = [kernel.most_likely(data.points, data.Y) for kernel in starts]
+    ridges = [each for each in fits if len(each[0].ridges) == 1]
     if ridges:
         first, _ = min(ridges, key=lambda each: each[1])
         direction = GaussianProcess(first, data.points, data.Y).rest_direction()
-        found.append(_with_ridge(first, direction, data).most_likely(data.points, data.Y))
-    found.sort(key=lambda each: each[1])
+        fits.append(_with_ridge(first, direction, data).most_likely(data.points, data.Y))
+    fits.sort(key=lambda each: each[1])
     is_decided = len(data.points) >= DECIDED * data.points.shape[1]
     likely: dict[int, Kernel] = {}  # the best one of each number of ridges
-    for kernel, value in found:
-        if value < found[0][1] + UNLIKELY or not (is_decided or len(kernel.ridges) > 1):
+    for kernel, value in fits:
+        if value < fits[0][1] + UNLIKELY or not (is_decided or len(kernel.ridges) > 1):
             likely.setdefault(len(kernel.ridges), kernel)
     return list(likely.values())
 
