@@ -111,7 +111,7 @@ SLOPE_STEP = 0.1
 """Distance from the middle at which slopes are taken."""
 RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
 """Lengths of a ridge of which the most likely one is the start of a search."""
-REFIT, UNLIKELY, DECIDED = 1.2, 20.0, 8
+REFIT, UNLIKELY, DECIDED = 1.4, 20.0, 8
 """Growth of the runs after which the kernel is chosen anew; logarithm of the ratio of likelihoods beyond which a kernel
 is given up, from so many runs for each parameter on."""
 DEVIATIONS, LATEST = 2.0, 10
@@ -121,6 +121,8 @@ OBSERVED_SHARE = 0.5
 """Share of the error of the latest runs that extremes may have."""
 SPREAD, FEWEST_SPREAD = 4, 12
 """Runs of a round that are spread over the box, and fewest of all rounds."""
+BESIDE = 0.15
+"""Distance in each parameter from an extreme of the surface at which a run shows whether the response is flat there."""
 PLATEAU = 3
 """Runs inside the box that share an extreme where the response is constant."""
 DOUBTFUL_SHARE = 0.1

@@ -12,7 +12,7 @@ _ROUNDING = 1e-10
 _MEAN_RATE, _DEVIATION_RATE, _DEVIATION_RIDGE, _DEVIATION_SIZE = np.log(0.3), 1.5, 4.0, 4.0
 """Expected logarithm of rates; standard deviations of these, of components of ridges, of logarithms of sizes."""
 _LIMIT_RIDGE, _LIMITS_RATE, _LIMITS_SIZE, _LIMITS_NOISE = 15.0, (1e-3, 10.0), (1e-6, 1e4), (_ROUNDING, 1.0)
-_ITERATIONS, _SEARCH_ITERATIONS = 120, 60
+_ITERATIONS, _SEARCH_ITERATIONS = 60, 60
 """Most steps to a likely kernel, whose directions turn slowly, and to an extreme."""
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.bounds.adaptive.check_runs import quasi_random_points
 from symmb.bounds.adaptive.constants import (
+    BESIDE,
     DECIDED,
     DEVIATIONS,
     DOUBTFUL_SHARE,
@@ -62,7 +63,9 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
             return data.range(runs, surface, ends, attained, estimate)
         spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
         n_spread += SPREAD
-        points, responses = runs.check(_distinct([*places.reshape(-1, d), *spread], data.points)[: runs.left])
+        beside = _beside(places[:, 0].reshape(-1, d), n_spread)
+        new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
+        points, responses = runs.check(new[: runs.left])
         if len(points):
             errors = np.abs(data.relative(responses) - surface.mean(points))
             latest = (errors / width).max(axis=1)
@@ -189,6 +192,15 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
                 places[end, k, j], least = surface.smallest(j, sign, deviations, candidates[best])
                 ends[end, k, j] = sign * least
     return places, ends
+
+
+def _beside(places: Array, number: int) -> Array:
+    """A point near each place (n, d): runs there show whether the response is as flat as the surface at its extremes.
+
+    Directions depend on the number of the round.
+    """
+    directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
+    return np.clip(places + BESIDE * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
 
 
 def _distinct(points: list[Array], known: Array) -> Array:
