@@ -10,10 +10,12 @@ from symmb.codegen import StepEnds
 from symmb.events import TimeSwitches, time_switches
 from symmb.integrate.problem import Problem
 from symmb.model import DAE
-from symmb.symbolic import On, branches, has_kinks
+from symmb.symbolic import On, batch, branches, has_kinks
 
 _HYSTERESIS = 1e-13
 """Change of a switch, relative to that by the sizes of all states, which is rounding."""
+_SIDES = 64
+"""Combinations of sides on which changes of switches are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,9 @@ def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
 
 def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
     """Above the rounding of each switch, at states of their own sizes: those of other parts have no effect."""
-    size = np.maximum(dae.state_sizes, 1e-300)
+    size, m = np.maximum(dae.state_sizes, 1e-300), sides.numel()
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
-    values = change(size, dae.p_nominal, 0.0, 1.0).full().ravel()
-    return tuple(float(_HYSTERESIS * value) if 0 < value < np.inf else _HYSTERESIS for value in values)
+    # A switch may depend on the state on some sides of the others only.
+    on_sides = np.random.default_rng(0).choice([-1.0, 1.0], (_SIDES, m))
+    values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(_SIDES, m), posinf=0.0)
+    return tuple(float(_HYSTERESIS * value) or _HYSTERESIS for value in values.max(axis=0))
