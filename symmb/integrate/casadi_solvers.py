@@ -48,7 +48,7 @@ class _Multistep(Solver):
         def problem_of(dae: DAE) -> Problem:
             return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
 
-        options, units = _measures(self.tolerances(dae, order))
+        options, units = _measures(self.tolerances(dae, order, int(work and dae.power is not None)))
         method = partial(self._method, options)
         return multistep_integration(problem_of, dae, self.plugin, method, times, self.rtol, units, order)
 
@@ -122,7 +122,7 @@ class StabilizedIndex2(Solver):
         return not has_kinks(dae.rhs)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        options, units = _measures(self.tolerances(dae))
+        options, units = _measures(self.tolerances(dae, n_quad=int(work and dae.power is not None)))
         # IDAS computes no consistent rates at index 2. With rates of zero, the first step is rejected until the motion
         # in it is within the tolerance.
         first = FIRST_STEP * self.rtol / dae.scales.rate
@@ -174,7 +174,7 @@ def _with_multipliers(options: dict[str, Any], problem: Problem) -> dict[str, An
 
 
 def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
-    """Options for tolerances, and units (n_x,) of states in which one absolute tolerance holds for all of them."""
+    """Options for tolerances, and units (n_x + n_quad,) of states and integrals in which one holds for all."""
     sizes = np.array(tolerances.sizes or (1.0,))
     size = float(sizes.max())
     # The integral of the power takes part in error tests: without, CasADi's quadratures can be far off.

@@ -62,7 +62,7 @@ class Integration:
     project : Function, optional         (x, p, t) -> x on the constraints
     marching : Marching, optional        the single steps of a scheme with a fixed step
     stops : x0, p -> Stops               switches of N samples, where steps end; optional
-    units : (n_x,) array, optional       the Functions take and give states over these units
+    units : (n_x + n_quad,), optional    the Functions take and give states and integrals over these units
     whole_times : (m,), (n_t,), optional times of `whole` [s], and where `times` stand among them; else they are `times`
     onward : Function, optional          `between` for intervals of the times of `whole`
     limit : (float, float)               steps per time of a usual run [1/s]; most steps beyond it of one sample, in
@@ -103,9 +103,10 @@ class Integration:
         KeyboardInterrupt      at the end of the call of CasADi in which it arrives, which carries the runs so far
         """
         interrupts = Interrupts()
-        runs = self._run(x0 if self._units is None else x0 / self._units, p, threads, interrupts)
-        if self._units is not None:
-            runs = [replace(run, X=run.X * self._units) for run in runs]
+        n, units = self.n_x, self._units
+        runs = self._run(x0 if units is None else x0 / units[:n], p, threads, interrupts)
+        if units is not None:
+            runs = [replace(run, X=run.X * units[:n], quad=run.quad * units[n:]) for run in runs]
         interrupts.raise_with(runs)
         return runs
 
@@ -117,7 +118,7 @@ class Integration:
             return [next(parts) if ok else self._unstarted() for ok in started]
         stops = no_stops(len(p))
         if self._stops is not None:
-            stops = self._stops(x0 if self._units is None else x0 * self._units, p)
+            stops = self._stops(x0 if self._units is None else x0 * self._units[: self.n_x], p)
         if self._whole is None or not len(x0) or stops.times.size:
             return [self._walk(x0[k], p[k], stops.of(k), interrupts) for k in range(len(x0))]
         (z0,) = batch(self._guess, x0, p, self.times[:1])

@@ -46,8 +46,8 @@ def multistep_integration(
 ) -> Integration:
     """Problems of DAEs compiled for CasADi's interface to SUNDIALS; options for an integration over a given time.
 
-    Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of the states
-    (n_x,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
+    Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of states and
+    integrals (n_x + n_quad,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
     """
     problem = problem_of(dae).jets(order)
     problem = problem if units is None else problem.in_units(units)
@@ -129,11 +129,12 @@ class _MultistepIntegration(Integration):
         smooth, n = self._smooth, self.n_x
         if smooth is None or not np.isfinite(stops.passes).any():
             return super()._pieces(p, stops)
-        units = np.ones(n) if self._units is None else self._units
+        every = np.ones(n + self.n_quad) if self._units is None else self._units
+        units, quad_units = every[:n], every[n:]
 
         def free(begin: float, end: float, y: Array, p: Array) -> Array:
             x, quad = self.advance(self._between, p, begin, end, y[:n] / units)
-            return np.concatenate([x * units, y[n:] + quad])
+            return np.concatenate([x * units, y[n:] + quad * quad_units])
 
         def one_sided(begin: float, end: float, y: Array, p: Array) -> Array:
             y = smooth.advance(begin, end, y, p)
@@ -144,7 +145,7 @@ class _MultistepIntegration(Integration):
 
         def piece(begin: float, end: float, x: Array) -> tuple[Array, Array]:
             y = walk.piece(begin, end, np.concatenate([x * units, np.zeros(self.n_quad)]))
-            return y[:n] / units, y[n:]
+            return y[:n] / units, y[n:] / quad_units
 
         return piece
 
@@ -160,14 +161,15 @@ class _SmoothPieces:
         self, equations: OneSided, problem: Problem, integrator: ca.Function, n_q: int, rtol: float, units: Array | None
     ) -> None:
         self.equations, self.integrator, self._n_q, self._rtol = equations, integrator, n_q, rtol
-        self._units = np.ones(problem.x.numel()) if units is None else units
+        self._n = problem.x.numel()
+        self._units = np.ones(problem.x.numel() + problem.quad.numel()) if units is None else units
         at = [problem.x, problem.p, problem.t]
         speed = equations.dae.rhs.call(list(equations.dae.arguments(*at)))[0]
         self._start = ca.Function("start", at, [problem.z_guess, speed], {"cse": True})
 
     def advance(self, begin: float, end: float, y: Array, p: Array) -> Array:
         """From one time to another, which may be before it: y is the state and the integral along."""
-        n, n_q, units = len(self._units), self._n_q, np.concatenate([self._units, np.ones(len(y) - len(self._units))])
+        n, n_q, units = self._n, self._n_q, self._units.copy()
         (z0,), (speed,) = batch(self._start, y[:n], p, np.array([begin]))
         size = float(np.max(np.abs(y[:n_q]) / units[:n_q], initial=0.0))
         way = float(np.max(np.abs(speed * (end - begin)) / units[:n_q], initial=0.0))

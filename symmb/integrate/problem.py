@@ -38,14 +38,19 @@ class Problem:
         return ca.Function("project", [self.x, self.p, self.t], [self.projected], {"cse": True})
 
     def in_units(self, units: Array) -> "Problem":
-        """The problem of x over units (n_x,), by which solvers with one absolute tolerance measure its errors."""
-        D = ca.DM(units)
+        """The problem of x and integrals over units (n_x + n_quad,), in which one absolute tolerance holds for all."""
+        n, D = self.x.numel(), ca.DM(units[: self.x.numel()])
 
         def at(f: ca.SX) -> ca.SX:
             return ca.substitute(f, self.x, D * self.x)
 
         projected = None if self.projected is None else at(self.projected) / D
-        parts = {"alg": at(self.alg), "quad": at(self.quad), "z_guess": at(self.z_guess), "projected": projected}
+        parts = {
+            "alg": at(self.alg),
+            "quad": at(self.quad) / ca.DM(units[n:]),
+            "z_guess": at(self.z_guess),
+            "projected": projected,
+        }
         return replace(self, ode=at(self.ode) / D, **parts)
 
     def from_begin(self) -> "Problem":

@@ -82,7 +82,10 @@ def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides
     """Above the rounding of each switch, at states of their own sizes: those of other parts have no effect."""
     size, m = np.maximum(dae.state_sizes, 1e-300), sides.numel()
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
-    # A switch may depend on the state on some sides of the others only.
-    on_sides = np.random.default_rng(0).choice([-1.0, 1.0], (_SIDES, m))
-    values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(_SIDES, m), posinf=0.0)
-    return tuple(float(_HYSTERESIS * value) or _HYSTERESIS for value in values.max(axis=0))
+    # A switch may depend on the state on some sides of the others only. The least change is that of a real combination:
+    # others may be far from where the motion can be.
+    on_sides = np.vstack([np.ones(m), np.random.default_rng(0).choice([-1.0, 1.0], (_SIDES, m))])
+    values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(-1, m), posinf=0.0)
+    least = np.where(values > 0, values, np.inf).min(axis=0)
+    values = np.where(values[0] > 0, values[0], np.where(np.isfinite(least), least, 1.0))
+    return tuple((_HYSTERESIS * values).tolist())

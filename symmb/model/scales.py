@@ -31,7 +31,8 @@ class Scales:
     @property
     def work(self) -> float:
         """Factor of the absolute tolerance of work."""
-        return max(self.size, _SHARE_OF_ENERGY * self.energy * self.rate**2)
+        energy = self.energy * self.rate**2
+        return max(min(self.size, energy), _SHARE_OF_ENERGY * energy)
 
     @property
     def size(self) -> float:

@@ -19,9 +19,9 @@ _PART_ROUNDING = 1e-12
 """Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
-
 _USUAL_RATE = 2.0**_STEP_BITS
-"""Rates [1/s] of mechanisms with stiff springs and fast rotors: absolute tolerances of velocities stay there."""
+"""Rates [1/s] of mechanisms with stiff springs and fast rotors, and its reciprocal those of slow machines: absolute
+tolerances of velocities stay in between."""
 
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
@@ -60,12 +60,12 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
 def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> tuple[Array, float]:
     """Sizes of the states (n_x,), those of each part of the scene that acts on no other, and the largest rate [1/s].
 
-    Lengths above 1 m count by their coarse scales: usual ones are 1. Sizes of velocities follow rates above usual ones
+    Lengths above 1 m count by their coarse scales: usual ones are 1. Sizes of velocities follow rates beyond usual ones
     only, since slow motions go along with fast ones. `size` is that of the whole scene. It stands where a part is so
     small that its motion may be rounding.
     """
     labels = _parts(dae)
-    sizes, rates = np.full(len(labels), size), [1.0]
+    sizes, rates = np.full(len(labels), size), [coarse(min(1.0, _USUAL_RATE / span)) if span else 1.0]
     own_v = slice(dae.n_q, dae.n_q + dae.n_v)
     names = [*dae.q_names, *dae.v_names, *dae.s_names]
     lengths = _is_linear(names)
@@ -88,8 +88,9 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
         speeds = np.maximum(np.abs(at[1]) / arms, np.sqrt(accelerations / arms))[own]
         rate = float(speeds.max(initial=1.0 / span if span else 1.0))
         rates.append(coarse(rate))
-        sizes[own_v][own & linear] *= power_of_two(max(1.0, max(1.0, length) * rate / _USUAL_RATE))
-        sizes[own_v][own & ~linear] *= power_of_two(max(1.0, rate / _USUAL_RATE))
+        slow = min(1.0, rate * _USUAL_RATE)
+        sizes[own_v][own & linear] *= power_of_two(slow * max(1.0, max(1.0, length) * rate / _USUAL_RATE))
+        sizes[own_v][own & ~linear] *= power_of_two(slow * max(1.0, rate / _USUAL_RATE))
     return sizes, max(rates)
 
 
