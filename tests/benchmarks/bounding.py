@@ -53,7 +53,9 @@ def study(watch: Stopwatch, method: Method, box: mb.Box) -> tuple[mb.Bounds, flo
 
 def beside_scan(repeats: int) -> None:
     """Seconds beyond the runs over those of a scan."""
-    print(f"{'double pendulum':18s}{'runs':>6s}{'runs, ms':>10s}{'beyond, ms':>12s}{'scan, ms':>10s}{'beyond/scan':>13s}")
+    print(
+        f"{'double pendulum':18s}{'runs':>6s}{'runs, ms':>10s}{'beyond, ms':>12s}{'scan, ms':>10s}{'beyond/scan':>13s}"
+    )
     scene = double_pendulum.scene()
     watch = Stopwatch(DAESimulator(scene))
     boxes = [mb.Box.around(scene.system.parameters, spread) for spread in SPREADS]
@@ -82,7 +84,9 @@ def widened(scene: mb.Scene) -> mb.Box:
 
 def every_scene(repeats: int) -> None:
     """Seconds beyond the runs over what is allowed: a second and three times those of the runs."""
-    print(f"\n{'+-10 %':24s}{'d':>3s}{'values':>8s}{'runs':>6s}{'runs, s':>9s}{'beyond, s':>11s}{'of allowed':>12s}{'first, s':>10s}  doubts")
+    print(
+        f"\n{'+-10 %':24s}{'d':>3s}{'values':>8s}{'runs':>6s}{'runs, s':>9s}{'beyond, s':>11s}{'of allowed':>12s}{'first, s':>10s}  doubts"
+    )
     for name in sorted(module.name for module in pkgutil.iter_modules(models.__path__)):
         declared: Callable[[], mb.Scene] = importlib.import_module(f"models.{name}").scene
         scene = declared()

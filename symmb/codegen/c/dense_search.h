@@ -1,5 +1,5 @@
-/* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, then Newton's steps
-   in all of them. One lane for each polynomial. */
+/* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, in single precision,
+   then Newton's steps. One lane for each polynomial. */
 #ifndef DENSE_SEARCH_H
 #define DENSE_SEARCH_H
 
@@ -17,9 +17,11 @@ typedef struct {
   long n[DIRECTIONS], K[DIRECTIONS];     /* polynomials and samples along each parameter; 1 along missing ones */
   const double *x[DIRECTIONS];           /* (K) samples */
   const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials there */
+  const float *single[DIRECTIONS];       /* the same in single precision */
   const double *factors;                 /* (ORDERS, 2) of their recurrence */
   const int *rows;                       /* (n0 n1 n2) of the coefficients, the last parameter's degrees fastest */
   long pieces;                           /* of the last parameter: Newton's steps start from the best sample of each */
+  double reach;                          /* share of the range by which extremes may go beyond the samples near them */
 } Grid;
 
 /* Legendre polynomials at x, and their first two derivatives. */
@@ -89,6 +91,7 @@ static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
     V p[DIRECTIONS], to[DIRECTIONS], part = each(1.0), gain = zero();
     direction(g, &here, x, p);
     for (int k = 0; k < DIRECTIONS; ++k) {
+      if (g->n[k] == 1) continue;
       const double gap = 3.14159265358979 / g->K[k];
       const V longest = reach * gap * (v_sqrt(v_larger(1.0 - x[k] * x[k], zero())) + 0.5 * gap);
       part = v_smaller(part, longest / (v_fabs(p[k]) + TINY));
@@ -108,57 +111,140 @@ static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
   return here.y;
 }
 
-/* The best values and numbers of samples, of minima and maxima. */
+/* Twice as many polynomials in single precision: enough to find the best samples. */
+typedef float F __attribute__((vector_size(8 * W), aligned(8 * W)));
+typedef int N __attribute__((vector_size(8 * W), aligned(8 * W)));
+typedef float H __attribute__((vector_size(4 * W), aligned(4 * W)));
+#define MANY (2 * W)
+#if defined(__AVX512F__)
+static inline F f_smaller(F a, F b) { return _mm512_min_ps(a, b); }
+static inline F f_larger(F a, F b) { return _mm512_max_ps(a, b); }
+#elif defined(__AVX2__)
+static inline F f_smaller(F a, F b) { return _mm256_min_ps(a, b); }
+static inline F f_larger(F a, F b) { return _mm256_max_ps(a, b); }
+#else
+static inline F f_blend(N mask, F a, F b) { return (F)(((N)a & mask) | ((N)b & ~mask)); }
+static inline F f_smaller(F a, F b) { return f_blend((N)(a < b), a, b); }
+static inline F f_larger(F a, F b) { return f_blend((N)(a > b), a, b); }
+#endif
+
+/* The least and largest samples of a row, and of all rows with the numbers of theirs. */
 typedef struct {
-  V low, high, lowest, highest;
+  F low, high;
+} Span;
+typedef struct {
+  Span y;
+  N lowest, highest;
 } Best;
 
-static inline void meet(Best *b, V y, V number) {
-  b->lowest = blend((M)(y < b->low), number, b->lowest);
-  b->highest = blend((M)(y > b->high), number, b->highest);
-  b->low = v_smaller(y, b->low);
-  b->high = v_larger(y, b->high);
+static inline void meet(Span *span, F low, F high) {
+  span->low = f_smaller(span->low, low);
+  span->high = f_larger(span->high, high);
 }
 
-/* The best samples of each piece of the last parameter. Samples are symmetric about 0, and so are the polynomials: those
-   at x and -x are the sum and the difference of what even and odd degrees give. */
-static void scan(const Grid *g, const V *c, V *plane, V *row, Best best[PIECES]) {
-  const long n12 = g->n[1] * g->n[2], n = g->n[2], half = g->K[2] / 2, parts = (g->pieces + 1) / 2;
-  for (long s = 0; s < g->pieces; ++s) best[s] = (Best){each(INFINITY), each(-INFINITY), zero(), zero()};
-  for (long p = 0, first = 0; p < g->K[0]; ++p) {
+static inline void meet_row(Best *b, Span y, int number) {
+  const N low = (N)(y.low < b->y.low), high = (N)(y.high > b->y.high);
+  b->lowest = (low & number) | (~low & b->lowest);
+  b->highest = (high & number) | (~high & b->highest);
+  b->y.low = f_smaller(b->y.low, y.low);
+  b->y.high = f_larger(b->y.high, y.high);
+}
+
+/* Samples of two rows, in both halves of a piece. Samples are symmetric about 0, and so are the polynomials: those at x
+   and -x are the sum and the difference of what even and odd degrees give. */
+static void samples(const float *v, long n, long from, long to, const F *up, const F *down, Span y[4]) {
+  Span near = y[0], far = y[1], near_down = y[2], far_down = y[3];
+  for (long r = from; r < to; r += 2) { /* two at a time, since their number is even: sums do not wait for each other */
+    const float *f = v + r * n, *g = f + n;
+    F a = f[0] * up[0], b = g[0] * up[0], c = f[0] * down[0], d = g[0] * down[0];
+    for (long e = 2; e < n; e += 2) a += f[e] * up[e], b += g[e] * up[e], c += f[e] * down[e], d += g[e] * down[e];
+    F odd_a = {0}, odd_b = odd_a, odd_c = odd_a, odd_d = odd_a;
+    for (long e = 1; e < n; e += 2)
+      odd_a += f[e] * up[e], odd_b += g[e] * up[e], odd_c += f[e] * down[e], odd_d += g[e] * down[e];
+    meet(&near, f_smaller(a + odd_a, b + odd_b), f_larger(a + odd_a, b + odd_b));
+    meet(&far, f_smaller(a - odd_a, b - odd_b), f_larger(a - odd_a, b - odd_b));
+    meet(&near_down, f_smaller(c + odd_c, d + odd_d), f_larger(c + odd_c, d + odd_d));
+    meet(&far_down, f_smaller(c - odd_c, d - odd_d), f_larger(c - odd_c, d - odd_d));
+  }
+  y[0] = near, y[1] = far, y[2] = near_down, y[3] = far_down;
+}
+
+/* The rows, p K1 + q, of the best samples in each piece of the last parameter. */
+static void scan(const Grid *g, const F *c, F *plane, F *up, Best best[PIECES]) {
+  const long n1 = g->n[1], n = g->n[2], n12 = n1 * n, K1 = g->K[1], half = g->K[2] / 2, parts = (g->pieces + 1) / 2;
+  const F none = {0};
+  const Span empty = {none + INFINITY, none - INFINITY};
+  F *down = up + n;
+  for (long s = 0; s < g->pieces; ++s) best[s] = (Best){empty, {0}, {0}};
+  for (long p = 0; p < g->K[0]; ++p) {
     for (long j = 0; j < n12; ++j) {
-      plane[j] = zero();
-      for (long a = 0; a < g->n[0]; ++a) plane[j] += g->values[0][p * g->n[0] + a] * c[a * n12 + j];
+      plane[j] = none;
+      for (long a = 0; a < g->n[0]; ++a) plane[j] += g->single[0][p * g->n[0] + a] * c[a * n12 + j];
     }
-    for (long q = 0; q < g->K[1]; ++q, first += g->K[2]) {
+    for (long q = 0; q <= K1 / 2; ++q) {
+      const float *f = g->single[1] + q * n1;
+      F middle[2] = {none, none};
       for (long j = 0; j < n; ++j) {
-        row[j] = zero();
-        for (long b = 0; b < g->n[1]; ++b) row[j] += g->values[1][q * g->n[1] + b] * plane[b * n + j];
+        F even = f[0] * plane[j], odd = none;
+        for (long b = 1; b < n1; b += 2) odd += f[b] * plane[b * n + j];
+        for (long b = 2; b < n1; b += 2) even += f[b] * plane[b * n + j];
+        up[j] = even + odd, down[j] = even - odd;
       }
-      V up = each((double)first), down = each((double)(first + g->K[2] - 1)), even, odd;
-      for (long s = 0, r = 0; s < parts; ++s) {
-        Best near = best[s], far = best[g->pieces - 1 - s];
-        for (; r < half * (s + 1) / parts; ++r, up += 1.0, down -= 1.0) {
-          const double *v = g->values[2] + r * n;
-          even = v[0] * row[0], odd = zero();
-          for (long e = 1; e < n; e += 2) odd += v[e] * row[e];
-          for (long e = 2; e < n; e += 2) even += v[e] * row[e];
-          meet(&near, even + odd, up);
-          meet(&far, even - odd, down);
-        }
-        if (g->pieces > 1) {
-          best[s] = near, best[g->pieces - 1 - s] = far;
-        } else {
-          meet(&near, far.low, far.lowest);
-          meet(&near, far.high, far.highest);
-          best[0] = near;
+      for (long e = 0; e < n; e += 2) {
+        const float at = g->single[2][half * n + e];
+        middle[0] += at * up[e], middle[1] += at * down[e];
+      }
+      for (long s = 0; s < parts; ++s) {
+        Span y[4] = {empty, empty, empty, empty};
+        const long far = g->pieces - 1 - s;
+        if (s == parts - 1) meet(y, middle[0], middle[0]), meet(y + 2, middle[1], middle[1]);
+        samples(g->single[2], n, half * s / parts, half * (s + 1) / parts, up, down, y);
+        for (int turned = 0; turned < 2; ++turned) {
+          const int row = (int)(p * K1 + (turned ? K1 - 1 - q : q));
+          meet_row(best + s, y[2 * turned], row);
+          meet_row(best + far, y[2 * turned + 1], row);
         }
       }
-      even = zero();
-      for (long e = 0; e < n; e += 2) even += g->values[2][half * n + e] * row[e];
-      meet(&best[parts - 1], even, up);
     }
   }
+}
+
+/* The best sample x of a piece, in the row of each lane; sign is 1 for minima, -1 for maxima. */
+static void place(const Grid *g, const V *c, const int *rows, long piece, double sign, V *row, V *x) {
+  const long n = g->n[2], half = g->K[2] / 2, parts = (g->pieces + 1) / 2, mirror = g->pieces - 1 - piece;
+  long from = half * piece / parts, to = piece == parts - 1 ? half + 1 : half * (piece + 1) / parts;
+  if (piece >= parts) from = g->K[2] - half * (mirror + 1) / parts, to = g->K[2] - half * mirror / parts;
+  if (g->pieces == 1) to = g->K[2];
+  const double *values[2][W];
+  for (int l = 0; l < W; ++l) {
+    const long number[] = {rows[l] / g->K[1], rows[l] % g->K[1]};
+    for (int k = 0; k < 2; ++k) x[k][l] = g->x[k][number[k]], values[k][l] = g->values[k] + number[k] * g->n[k];
+  }
+  for (long j = 0; j < n; ++j) row[j] = zero();
+  for (long a = 0; a < g->n[0]; ++a)
+    for (long b = 0; b < g->n[1]; ++b, c += n) {
+      V f;
+      for (int l = 0; l < W; ++l) f[l] = sign * values[0][l][a] * values[1][l][b];
+      for (long j = 0; j < n; ++j) row[j] += f * c[j];
+    }
+  V least = each(INFINITY);
+  for (long r = from; r < to; ++r) {
+    V y = zero();
+    for (long j = 0; j < n; ++j) y += g->values[2][r * n + j] * row[j];
+    const M better = (M)(y < least);
+    x[2] = blend(better, each(g->x[2][r]), x[2]);
+    least = blend(better, y, least);
+  }
+}
+
+/* Coefficients (n, MANY) in single precision, but for the constant, as shares of the sum of their sizes, which is
+   returned. */
+static void to_single(const V *c, long n, H *single, V *size) {
+  V sum = zero();
+  for (long j = 1; j < n; ++j) sum += v_fabs(c[j]);
+  const V factor = blend((M)(sum > TINY), 1.0 / sum, zero());
+  for (long j = 0; j < n; ++j) single[2 * j] = __builtin_convertvector(j ? c[j] * factor : zero(), H);
+  *size = sum;
 }
 
 /* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima. `next` counts the polynomials that
@@ -166,31 +252,43 @@ static void scan(const Grid *g, const V *c, V *plane, V *row, Best best[PIECES])
 int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points);
 int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
-  V *c = aligned_alloc(sizeof(V), (n + n12 + g->n[2]) * sizeof(V));
+  V *c = aligned_alloc(sizeof(V), (3 * n + n12 + 3 * g->n[2]) * sizeof(V)), *row = c + 2 * n;
+  F *single = (F *)(row + g->n[2]), *plane = single + n;
   Best best[PIECES];
-  for (long i; c && (i = __atomic_fetch_add(next, W, __ATOMIC_RELAXED)) < m;) {
-    const size_t some = (m - i < W ? m - i : W) * sizeof *C;
-    for (long j = 0; j < n; ++j) c[j] = zero(), memcpy(c + j, C + g->rows[j] * m + i, some);
-    scan(g, c, c + n, c + n + n12, best);
-    V low = best[0].low, high = best[0].high;
-    for (long s = 1; s < g->pieces; ++s) low = v_smaller(low, best[s].low), high = v_larger(high, best[s].high);
-    for (int side = 0; side < 2; ++side) {
-      const double sign = side ? -1.0 : 1.0;
-      V least = each(INFINITY), at[DIRECTIONS], x[DIRECTIONS];
-      for (long s = 0; s < g->pieces; ++s) {
-        for (int l = 0; l < W; ++l) {
-          long number = (long)(side ? best[s].highest : best[s].lowest)[l];
-          for (int k = DIRECTIONS - 1; k >= 0; number /= g->K[k--]) x[k][l] = g->x[k][number % g->K[k]];
-        }
-        const V y = polish(g, c, x, ENOUGH * (high - low), sign);
-        const M better = (M)(y < least);
-        least = blend(better, y, least);
-        for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
-      }
-      least *= sign;
-      memcpy(values + side * m + i, &least, some);
-      for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, at + k, some);
+  for (long first; c && (first = __atomic_fetch_add(next, MANY, __ATOMIC_RELAXED)) < m;) {
+    V size[2];
+    for (int h = 0; h < 2; ++h) {
+      const long i = first + h * W, rest = i < m ? m - i : 0;
+      V *own = c + h * n;
+      for (long j = 0; j < n; ++j) own[j] = zero(), memcpy(own + j, C + g->rows[j] * m + i, (rest < W ? rest : W) * sizeof *C);
+      to_single(own, n, (H *)single + h, size + h);
     }
+    scan(g, single, plane, plane + n12, best);
+    Span all = best[0].y;
+    for (long s = 1; s < g->pieces; ++s) meet(&all, best[s].y.low, best[s].y.high);
+    const F range = all.high - all.low;
+    for (long h = 0, i = first; h < 2 && i < m; ++h, i += W)
+      for (int side = 0; side < 2; ++side) {
+        const double sign = side ? -1.0 : 1.0;
+        const size_t some = (m - i < W ? m - i : W) * sizeof *C;
+        const V enough = ENOUGH * size[h] * __builtin_convertvector(((const H *)&range)[h], V);
+        V least = each(INFINITY), at[DIRECTIONS] = {{0}}, x[DIRECTIONS] = {{0}};
+        for (long s = 0; s < g->pieces; ++s) {
+          const F gap = side ? all.high - best[s].y.high : best[s].y.low - all.low;
+          const N *rows = side ? &best[s].highest : &best[s].lowest, is_far = (N)(gap > (float)g->reach * range);
+          V tolerance = enough;
+          for (int l = 0; l < W; ++l)
+            if (is_far[h * W + l]) tolerance[l] = INFINITY; /* no steps: another piece has the extreme */
+          place(g, c + h * n, (const int *)rows + h * W, s, sign, row, x);
+          const V y = polish(g, c + h * n, x, tolerance, sign);
+          const M better = (M)(y < least);
+          least = blend(better, y, least);
+          for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
+        }
+        least *= sign;
+        memcpy(values + side * m + i, &least, some);
+        for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, at + k, some);
+      }
   }
   const int enough = c != NULL;
   free(c);

@@ -32,9 +32,11 @@ class _Grid(ctypes.Structure):
         ("K", ctypes.c_long * MOST_PARAMETERS),
         ("x", ctypes.c_void_p * MOST_PARAMETERS),
         ("values", ctypes.c_void_p * MOST_PARAMETERS),
+        ("single", ctypes.c_void_p * MOST_PARAMETERS),
         ("factors", ctypes.c_void_p),
         ("rows", ctypes.c_void_p),
         ("pieces", ctypes.c_long),
+        ("reach", ctypes.c_double),
     ]
 
 
@@ -54,10 +56,10 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     per_degree = [_SAMPLES] * (d - 1) + [2 * _SAMPLES if wavy else _SAMPLES]
     tables = [_samples(1, _SAMPLES)] * (MOST_PARAMETERS - d)
     tables += [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
-    grid = _Grid(pieces=_PIECES if wavy else 1)
-    for k, (x, values) in enumerate(tables):
+    grid = _Grid(pieces=_PIECES if wavy else 1, reach=_reach(per_degree))
+    for k, (x, values, single) in enumerate(tables):
         grid.n[k], grid.K[k] = values.shape[1], len(x)
-        grid.x[k], grid.values[k] = x.ctypes.data, values.ctypes.data
+        grid.x[k], grid.values[k], grid.single[k] = x.ctypes.data, values.ctypes.data, single.ctypes.data
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
     extremes, places = np.empty((2, m)), np.empty((2, m, d))
     for window in windows(m, 8):  # as many numbers for each polynomial beside its coefficients
@@ -81,12 +83,24 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
     return extremes, points
 
 
+def _reach(per_degree: list[int]) -> float:
+    """Share of the range by which an extreme may go beyond the nearest sample.
+
+    A polynomial of degrees n_i is one of angles, x_i = cos(theta_i), whose second derivative along v is at most
+    (sum n_i |v_i|)^2 times its size (Bernstein). The range is at most 1 / prod cos(h_i) times that of samples that are
+    2 h_i / n_i apart (Ehlich and Zeller 1964).
+    """
+    h = np.pi / 2 / np.array(per_degree)
+    return float(h.sum() ** 2 / 4 / np.cos(h).prod())
+
+
 @cache
-def _samples(n: int, per_degree: int) -> tuple[Array, Array]:
-    """Samples of one parameter and the n Legendre polynomials there."""
+def _samples(n: int, per_degree: int) -> tuple[Array, Array, np.ndarray]:
+    """Samples of one parameter and the n Legendre polynomials there, also in single precision."""
     intervals = max(per_degree * (n - 1), _FEWEST)
     x: Array = np.cos(np.pi * np.arange(intervals + 1) / intervals) if n > 1 else np.zeros(1)
-    return x, np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
+    values = np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
+    return x, values, values.astype(np.float32)
 
 
 _DEGREES = np.arange(HIGHEST_DEGREE + 1.0)
