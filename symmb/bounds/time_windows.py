@@ -28,8 +28,11 @@ def average_over_window(squares: Array) -> Array:
     half = int(WINDOW * n_t / 2)
     if not half:
         return squares
-    ends = [(0, 0)] * (squares.ndim - 2) + [(half + 1, half), (0, 0)]
-    sums = np.pad(squares, ends, mode="edge")
+    before, n_y = half + 1, squares.shape[-1]
+    sums = np.empty((*squares.shape[:-2], n_t + 2 * half + 1, n_y))
+    sums[..., :before, :] = squares[..., :1, :]
+    sums[..., before : before + n_t, :] = squares
+    sums[..., before + n_t :, :] = squares[..., -1:, :]
     np.cumsum(sums, axis=-2, out=sums)
     means = sums[..., 2 * half + 1 :, :] - sums[..., : -2 * half - 1, :]
     means /= 2 * half + 1

@@ -10,4 +10,4 @@ from symmb.codegen.c_source import c_number, c_source
 from symmb.codegen.engine import Engine, FailedSamples, FixedStep, StepEnds, Tolerances
 from symmb.codegen.fallback import ArrayEngine
 from symmb.codegen.model_source import REASONS, FailureCode, Scheme, model_function, scheme_function
-from symmb.codegen.threads import cores, side_by_side
+from symmb.codegen.threads import cores, on_threads, side_by_side

@@ -1,5 +1,6 @@
 """Threads for compiled work."""
 
+import ctypes
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -22,3 +23,12 @@ def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
     with ThreadPoolExecutor(len(others)) as pool:
         running = [pool.submit(work, argument) for argument in others]
         return [work(first), *(run.result() for run in running)]
+
+
+def on_threads(work: Callable[[ctypes.c_long], object], n: int) -> None:
+    """Call `work` once on each of several threads, with a common counter of n small pieces of work."""
+    side_by_side(work, [ctypes.c_long(0)] * max(1, min(cores(), n // _FEWEST)))
+
+
+_FEWEST = 128
+"""Pieces of work for each additional thread: fewer take less time than the start of a thread."""

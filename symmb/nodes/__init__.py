@@ -7,3 +7,4 @@ from symmb.nodes.fit import Fit
 from symmb.nodes.grid import Grid, Index, below, line
 from symmb.nodes.quadrature import ChebyshevGauss, ClenshawCurtis, Gauss, Leja, Nodes, SparseGrid
 from symmb.nodes.samplers import LatinHypercube, Random, Sampler, Sobol, grid
+from symmb.nodes.tensor_fit import group_squares

@@ -12,17 +12,11 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from symmb._limits import windows
 from symmb._types import Array, Indices
-from symmb.nodes.tensor_transform import transform_axes
+from symmb.nodes.tensor_fit import Tensor, interpolants
 from symmb.polynomials import MultiIndices
 
 Index = tuple[int, ...]
-_Tensor = tuple[Indices, list[Array], int]
-"""Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
-
-_FEW = 100
-"""Nodes up to which one matrix is faster than a matrix for each parameter."""
 
 
 class Grid:
@@ -52,7 +46,7 @@ class Grid:
         """More indices, in the order of their degree."""
         for index in sorted(indices, key=lambda a: (sum(a), a)):
             self.row[index] = len(self.row)
-        self.__dict__.pop("_fit", None)
+        self.__dict__.pop("_tensors", None)
 
     def ahead(self) -> set[Index]:
         """Indices that may be added, because the set contains all smaller ones."""
@@ -71,24 +65,10 @@ class Grid:
 
     def coefficients(self, Y: Array, rows: Indices | None = None) -> Array:
         """Legendre coefficients (N, m) of the interpolant from values (n, m), of which rows (N,) are at the nodes."""
-        if rows is None:
-            rows = np.arange(len(Y))
-        coefficients, tensors = np.empty((len(rows), Y.shape[1])), self._tensors() if len(rows) > _FEW else []
-        for window in windows(Y.shape[1], len(rows)):
-            if tensors:
-                coefficients[:, window] = _interpolants(tensors, Y[rows, window])
-            elif len(rows) == len(Y):  # without a copy
-                coefficients[:, window] = self._fit[:, np.argsort(rows)] @ Y[:, window]
-            else:
-                coefficients[:, window] = self._fit @ Y[rows, window]
-        return coefficients
+        return interpolants(self._tensors, Y, np.arange(len(Y)) if rows is None else rows)
 
     @cached_property
-    def _fit(self) -> Array:
-        """(N, N) matrix from values at the nodes to coefficients."""
-        return _interpolants(self._tensors(), np.eye(len(self.row)))
-
-    def _tensors(self) -> list[_Tensor]:
+    def _tensors(self) -> list[Tensor]:
         """The tensor grids in the sum of differences."""
         tensors = []
         for index, sign in self._signs().items():
@@ -114,15 +94,6 @@ def below(index: Index) -> list[Index]:
 
 def _above(index: Index) -> list[Index]:
     return [(*index[:i], k + 1, *index[i + 1 :]) for i, k in enumerate(index)]
-
-
-def _interpolants(tensors: list[_Tensor], Y: Array) -> Array:
-    """Coefficients (N, m) from values at the nodes (N, m)."""
-    total = np.zeros_like(Y)
-    for rows, fits, sign in tensors:
-        block = transform_axes(fits, Y[rows])
-        total[rows] += block if sign == 1 else sign * block
-    return total
 
 
 @cache

@@ -25,6 +25,7 @@ from symmb import DAESimulator
 from symmb.bounds.method import Method
 
 SPREADS = (0.05, 0.1, 0.15, 0.2)
+COLUMNS = {"d": 3, "values": 8, "runs": 6, "runs, s": 9, "beyond, s": 11, "of allowed": 12, "first, s": 10}
 SCAN = mb.Scanning(21)
 
 
@@ -84,9 +85,8 @@ def widened(scene: mb.Scene) -> mb.Box:
 
 def every_scene(repeats: int) -> None:
     """Seconds beyond the runs over what is allowed: a second and three times those of the runs."""
-    print(
-        f"\n{'+-10 %':24s}{'d':>3s}{'values':>8s}{'runs':>6s}{'runs, s':>9s}{'beyond, s':>11s}{'of allowed':>12s}{'first, s':>10s}  doubts"
-    )
+    columns = "".join(f"{name:>{width}s}" for name, width in COLUMNS.items())
+    print(f"\n{'+-10 %':24s}{columns}  doubts")
     for name in sorted(module.name for module in pkgutil.iter_modules(models.__path__)):
         declared: Callable[[], mb.Scene] = importlib.import_module(f"models.{name}").scene
         scene = declared()

@@ -16,6 +16,8 @@ HEAVIEST = 20 * CANDIDATES
 """Extremes with the largest weights, of which the candidates are a sample."""
 FARTHEST_SCALING = 10.0
 """Largest factor by which the error of a check run is scaled to the error expected elsewhere."""
+CHECKED_TOGETHER = 5
+"""Check runs whose errors are computed together: a tensor grid has nearly twice as many nodes at least."""
 ROUNDING_SHARE = 1e-6
 """Share of an expected error below which it is rounding, so that the place is a node."""
 

@@ -6,7 +6,6 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
 from symmb.bounds.adaptive.constants import (
     DECAY_POWER,
@@ -17,7 +16,7 @@ from symmb.bounds.adaptive.constants import (
     SMOOTH_DECAY,
 )
 from symmb.bounds.time_windows import average_over_window
-from symmb.nodes import line
+from symmb.nodes import group_squares, line
 from symmb.polynomials import MultiIndices
 
 
@@ -88,10 +87,11 @@ class TruncationError:
 
 def _node_polynomial(x: Array, degree: int) -> Array:
     """|(x - x_0) ... (x - x_n)| of the nodes of a degree: 0 at the nodes, at most 1."""
-    product = np.full(x.shape, 1 / _largest_product(degree))
+    product, twice = np.full(x.shape, 1 / _largest_product(degree)), 2 * x
+    difference = np.empty_like(product)
     for node in line(degree + 1).tolist():
-        product *= 2 * (x - node)  # the product of n differences is about 2^-n
-    return np.abs(product)
+        product *= np.subtract(twice, 2 * node, out=difference)  # the product of n differences is about 2^-n
+    return np.abs(product, out=product)
 
 
 @cache
@@ -110,15 +110,10 @@ def _sizes(coefficients: Array, noise: Array | float, *groups: Indices) -> Array
 
     The squares that noise (n_y,) is expected to give are subtracted.
     """
-    _, n_t, n_y = coefficients.shape
-    sizes = np.empty((len(groups), n_t, n_y))
-    for size, rows in zip(sizes, groups, strict=True):
-        for window in windows(n_t, n_y * len(rows)):
-            part = coefficients[rows, window]
-            size[window] = np.einsum("iab,iab->ab", part, part)
-        size -= len(rows) * np.square(NOISE_OF_COEFFICIENTS * noise)
-        size[:] = np.sqrt(np.maximum(average_over_window(size), 0.0))
-    return sizes
+    sizes = group_squares(coefficients, groups)
+    sizes -= np.square(NOISE_OF_COEFFICIENTS * noise) * np.array([len(rows) for rows in groups])[:, None, None]
+    np.maximum(average_over_window(sizes), 0.0, out=sizes)
+    return np.sqrt(sizes, out=sizes)
 
 
 class _Groups(NamedTuple):

@@ -21,7 +21,7 @@ from symmb.bounds.adaptive.constants import (
     WHOLE_DEGREE,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.runs import Runs, relative_rms
+from symmb.bounds.adaptive.runs import Runs, relative_errors
 from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
 from symmb.codegen import with_compiler
 from symmb.nodes import Grid
@@ -101,7 +101,7 @@ class Piece:
     @cached_property
     def _direction_errors(self) -> Array:
         """Relative error from each direction (d,)."""
-        return np.array([relative_rms(error, self.widths) for error in self.truncation.directions])
+        return relative_errors(self.truncation.directions, self.widths).max(axis=1, initial=0.0)
 
     @cached_property
     def event_errors(self) -> Array | None:
@@ -120,7 +120,7 @@ class Piece:
         """The parameter with the largest error along which the response is not smooth, or None."""
         largest = self._direction_errors.max()
         if self.event_errors is not None:
-            errors = np.array([relative_rms(np.nan_to_num(error), self.widths) for error in self.event_errors])
+            errors = relative_errors(np.nan_to_num(self.event_errors), self.widths).max(axis=1, initial=0.0)
             if errors.max() >= largest:
                 return int(errors.argmax())
         decay = decay_ratios(self.expansion, self.widths, WHOLE_DEGREE if self.inherited is None else HALF_DEGREE)
@@ -179,10 +179,11 @@ class Piece:
         """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""
         return self.expansion.values((points - self.centre) / self.half)
 
-    def observed_error(self, point: Array, y: Array) -> Array:
-        """Error (n_t, n_y) of the interpolant at the point of a run y (n_t, n_y); 0 where nodes are used instead."""
-        error = y - self.values(point[None])[0]
-        return error if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), error, 0.0)
+    def observed_errors(self, points: Array, Y: Array) -> Array:
+        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs; 0 where nodes are used instead."""
+        errors = self.values(points)
+        np.subtract(Y, errors, out=errors)
+        return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
     def refined_parts(self, all_directions: bool = False) -> list[Part]:
         """The part with the next degree in directions of large error, or its halves if it is rough.

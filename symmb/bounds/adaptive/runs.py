@@ -221,13 +221,13 @@ def typical_error(error: Array, widths: Array) -> float:
 
 
 def relative_errors(error: Array, widths: Array) -> Array:
-    """Root mean square of error (n_t, n_y) over the rms width (n_y,) of each output.
+    """Root mean square of errors (..., n_t, n_y) over the rms width (n_y,) of each output.
 
     It is at least a share WINDOW_SHARE of that in any window of time.
     """
     squares = np.square(error)
-    largest = WINDOW_SHARE**2 * average_over_window(squares).max(axis=0, initial=0.0)
-    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=0), largest)) / widths)
+    largest = WINDOW_SHARE**2 * average_over_window(squares).max(axis=-2, initial=0.0)
+    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-2), largest)) / widths)
 
 
 def rms(a: Array) -> Array:

@@ -1,5 +1,7 @@
 """Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
     CHEAP_RUNS,
+    CHECKED_TOGETHER,
     DOUBTED_SHARE,
     FARTHEST_SCALING,
     FIELD_TRUST,
@@ -62,7 +65,9 @@ def _range_or_refinement(
         if measure(pieces[0].truncation.least, widths) > tolerance / trust:
             return pieces[0], parts
     union = Union.of(pieces)
-    worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
+    worst = pieces[0]
+    if len(pieces) > 1:
+        worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
     parts = worst.refined_parts()
     estimate = union.errors.max(axis=0)
     share = FIELD_TRUST if is_field else union.trust
@@ -72,7 +77,7 @@ def _range_or_refinement(
     runs.tell(expected)
     estimate, inflated, ratio, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
     beyond = runs.beyond(union.lower, union.upper)
-    if len(runs.checks) and relative_rms(beyond, widths) > relative_rms(estimate, widths):
+    if len(pieces) > 1 and len(runs.checks) and relative_rms(beyond, widths) > relative_rms(estimate, widths):
         worst = _farthest(runs, union, widths)
     estimate = np.maximum(estimate, beyond)
     widths = runs.rms_widths()
@@ -140,18 +145,29 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
         return estimate, np.zeros_like(estimate), np.ones(runs.shape[1]), worst
     squares, largest = np.zeros_like(estimate), -1.0
     seen, foreseen = np.zeros((2, runs.shape[1]))
-    for row in rows:  # one by one: several errors at once would take more memory than the runs
-        x = runs.points[row]
-        piece = union.piece_at(x)
-        error, expected = piece.observed_error(x, runs.checks[row]), piece.expected_error(x)
+    for row, piece, error in _observed_errors(runs, union, rows):
+        expected = piece.expected_error(runs.points[row])
         ratio = np.divide(estimate, expected, out=np.ones_like(error), where=expected > estimate / FARTHEST_SCALING)
         ratio = np.where(np.abs(error) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)
         beyond_noise = np.maximum(np.square(error) - np.square(runs.noise), 0.0)
         squares = np.maximum(squares, beyond_noise * np.square(ratio))
         seen, foreseen = seen + beyond_noise.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
-        observed = relative_rms(np.sqrt(beyond_noise), widths)
-        if observed > largest:
+        if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(beyond_noise), widths)) > largest:
             largest, worst = observed, piece
     ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
     inflated = inflated_error(squares)
     return np.maximum(inflated, union.trust * estimate), inflated, np.maximum(ratio, FIELD_TRUST), worst
+
+
+def _observed_errors(runs: Runs, union: Union, rows: list[int]) -> Iterator[tuple[int, Piece, Array]]:
+    """Rows of check runs, the piece that holds each, and the error (n_t, n_y) of its interpolant there.
+
+    Errors are computed a few at a time: more of them would take more memory than the runs.
+    """
+    pieces = [union.piece_at(runs.points[row]) for row in rows]
+    for piece in union.pieces:
+        own = [row for row, its in zip(rows, pieces, strict=True) if its is piece]
+        for start in range(0, len(own), CHECKED_TOGETHER):
+            some = own[start : start + CHECKED_TOGETHER]
+            errors = piece.observed_errors(runs.points[some], runs.checks[some])
+            yield from zip(some, itertools.repeat(piece), errors)

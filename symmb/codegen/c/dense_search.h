@@ -258,9 +258,9 @@ int dense(const Grid *g, long *next, long m, const double *C, double *values, do
   for (long first; c && (first = __atomic_fetch_add(next, MANY, __ATOMIC_RELAXED)) < m;) {
     V size[2];
     for (int h = 0; h < 2; ++h) {
-      const long i = first + h * W, rest = i < m ? m - i : 0;
+      const long i = first + h * W;
       V *own = c + h * n;
-      for (long j = 0; j < n; ++j) own[j] = zero(), memcpy(own + j, C + g->rows[j] * m + i, (rest < W ? rest : W) * sizeof *C);
+      for (long j = 0; j < n; ++j) own[j] = some_of(C + g->rows[j] * m + i, i < m ? m - i : 0);
       to_single(own, n, (H *)single + h, size + h);
     }
     scan(g, single, plane, plane + n12, best);
@@ -270,7 +270,6 @@ int dense(const Grid *g, long *next, long m, const double *C, double *values, do
     for (long h = 0, i = first; h < 2 && i < m; ++h, i += W)
       for (int side = 0; side < 2; ++side) {
         const double sign = side ? -1.0 : 1.0;
-        const size_t some = (m - i < W ? m - i : W) * sizeof *C;
         const V enough = ENOUGH * size[h] * __builtin_convertvector(((const H *)&range)[h], V);
         V least = each(INFINITY), at[DIRECTIONS] = {{0}}, x[DIRECTIONS] = {{0}};
         for (long s = 0; s < g->pieces; ++s) {
@@ -285,9 +284,8 @@ int dense(const Grid *g, long *next, long m, const double *C, double *values, do
           least = blend(better, y, least);
           for (int k = 0; k < DIRECTIONS; ++k) at[k] = blend(better, x[k], at[k]);
         }
-        least *= sign;
-        memcpy(values + side * m + i, &least, some);
-        for (int k = 0; k < DIRECTIONS; ++k) memcpy(points + (side * DIRECTIONS + k) * m + i, at + k, some);
+        to_some(values + side * m + i, sign * least, m - i);
+        for (int k = 0; k < DIRECTIONS; ++k) to_some(points + (side * DIRECTIONS + k) * m + i, at[k], m - i);
       }
   }
   const int enough = c != NULL;

@@ -34,6 +34,15 @@ PRIVATE inline int none(M mask) {
   for (int l = 0; l < W; ++l) any |= mask[l];
   return !any;
 }
+/* The first `count` of W numbers, all of them if it is larger; others are 0, or stay. */
+PRIVATE inline V some_of(const double *from, long count) {
+  V a = zero();
+  if (count >= W) memcpy(&a, from, sizeof a); else memcpy(&a, from, count * sizeof *from);
+  return a;
+}
+PRIVATE inline void to_some(double *to, V a, long count) {
+  if (count >= W) memcpy(to, &a, sizeof a); else memcpy(to, &a, count * sizeof *to);
+}
 PRIVATE inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 
 /* Elementary functions: the vector ones of the C library where it has them, lane by lane where not. */

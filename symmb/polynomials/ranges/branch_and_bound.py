@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from symmb._types import Array
-from symmb.codegen import c_source, load
+from symmb.codegen import c_source, load, on_threads
 from symmb.polynomials.chebyshev import LowerSet, halving
-from symmb.polynomials.ranges.parts import on_threads
 from symmb.polynomials.ranges.terms import FEW, LANES, Terms, terms_of
 
 _LEVELS = 64

@@ -7,9 +7,8 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.codegen import c_number, c_source, load
+from symmb.codegen import c_number, c_source, load, on_threads
 from symmb.polynomials.legendre import MultiIndices
-from symmb.polynomials.ranges.parts import on_threads
 
 MOST_PARAMETERS = 3
 """Parameters up to which the grid is small enough: its size grows with their power. DIRECTIONS of the C."""

@@ -1,0 +1,100 @@
+/* Coefficients of interpolants that are sums of those on tensor grids, and sums of squares of coefficients. One lane for
+   each response; blocks of responses pass through memory once. */
+#ifndef TENSOR_FIT_H
+#define TENSOR_FIT_H
+
+#include <stdlib.h>
+
+#include "lanes.h"
+
+#define CACHED 8192 /* vectors that a cache holds */
+#define LONGEST 64  /* vectors of a row that are taken at a time: more threads would have nothing to do */
+
+typedef struct {
+  long count, n, largest;    /* tensor grids, nodes of all of them together, and of the largest */
+  const double *factors;     /* (count) of their interpolants in the sum */
+  const long *first_row;     /* (count + 1) of each grid */
+  const int *rows;           /* numbers of nodes */
+  const long *first_axis;    /* (count + 1) of each grid */
+  const long *lengths;       /* nodes along each axis */
+  const long *matrices;      /* where in `fits` the matrix of each axis begins */
+  const double *fits;        /* from values to coefficients */
+} Tensors;
+
+/* Rows a to a + 3, or fewer, of a matrix (n, n) applied to vectors that are `after` apart. */
+static inline void four_rows(const double *A, long n, long a, long after, const V *in, V *out) {
+  const double *r0 = A + a * n, *r1 = a + 1 < n ? r0 + n : r0, *r2 = a + 2 < n ? r1 + n : r0, *r3 = a + 3 < n ? r2 + n : r0;
+  V s0 = zero(), s1 = zero(), s2 = zero(), s3 = zero();
+  for (long b = 0; b < n; ++b) {
+    const V y = in[b * after];
+    s0 += r0[b] * y, s1 += r1[b] * y, s2 += r2[b] * y, s3 += r3[b] * y;
+  }
+  out[a * after] = s0;
+  if (a + 1 < n) out[(a + 1) * after] = s1;
+  if (a + 2 < n) out[(a + 2) * after] = s2;
+  if (a + 3 < n) out[(a + 3) * after] = s3;
+}
+
+/* A matrix (n, n) applied along the middle axis of a block (before, n, after). */
+static void along(const double *A, long before, long n, long after, const V *in, V *out) {
+  for (long o = 0; o < before; ++o, in += n * after, out += n * after)
+    for (long i = 0; i < after; ++i)
+      for (long a = 0; a < n; a += 4) four_rows(A, n, a, after, in + i, out + i);
+}
+
+/* Values y (n) at the nodes -> coefficients, in place; of the scratch each part is as large as the largest grid. */
+static void interpolate(const Tensors *t, V *y, V *sum, V *in, V *out) {
+  for (long k = 0; t->count > 1 && k < t->n; ++k) sum[k] = zero();
+  for (long g = 0; g < t->count; ++g) {
+    const int *rows = t->rows + t->first_row[g];
+    const long n = t->first_row[g + 1] - t->first_row[g];
+    for (long k = 0; k < n; ++k) in[k] = y[rows[k]];
+    for (long x = t->first_axis[g], before = 1; x < t->first_axis[g + 1]; before *= t->lengths[x++]) {
+      along(t->fits + t->matrices[x], before, t->lengths[x], n / before / t->lengths[x], in, out);
+      V *other = in;
+      in = out, out = other;
+    }
+    if (t->count == 1) {
+      for (long k = 0; k < n; ++k) y[rows[k]] = t->factors[g] * in[k];
+      return;
+    }
+    for (long k = 0; k < n; ++k) sum[rows[k]] += t->factors[g] * in[k];
+  }
+  memcpy(y, sum, t->n * sizeof *y);
+}
+
+/* Values Y (.., m), of which rows `at` (n) are those at the nodes, -> coefficients C (n, m). `next` counts the responses
+   that threads have taken, many at a time: only long parts of rows pass through memory fast. Returns 0 if there is not
+   enough memory. */
+int fit(const Tensors *t, long *next, long m, const double *Y, const long *at, double *C);
+int fit(const Tensors *t, long *next, long m, const double *Y, const long *at, double *C) {
+  const long n = t->n, most = CACHED / n, tile = most < 1 ? 1 : most < LONGEST ? most : LONGEST;
+  V *y = aligned_alloc(sizeof(V), ((tile + 1) * n + 2 * t->largest) * sizeof(V)), *sum = y + tile * n, *in = sum + n;
+  for (long i; y && (i = __atomic_fetch_add(next, tile * W, __ATOMIC_RELAXED)) < m;) {
+    const long end = m - i < tile * W ? m - i : tile * W;
+    for (long k = 0; k < n; ++k)
+      for (long v = 0; v < end; v += W) y[v / W * n + k] = some_of(Y + at[k] * m + i + v, end - v);
+    for (long v = 0; v < end; v += W) interpolate(t, y + v / W * n, sum, in, in + t->largest);
+    for (long k = 0; k < n; ++k)
+      for (long v = 0; v < end; v += W) to_some(C + k * m + i + v, y[v / W * n + k], end - v);
+  }
+  const int enough = y != NULL;
+  free(y);
+  return enough;
+}
+
+/* Coefficients C (.., m) -> sums of squares (count, m) over groups of rows, of which group g has those from first[g] on. */
+void squares(long *next, long m, const double *C, long count, const long *first, const long *rows, double *sums);
+void squares(long *next, long m, const double *C, long count, const long *first, const long *rows, double *sums) {
+  for (long i; (i = __atomic_fetch_add(next, W, __ATOMIC_RELAXED)) < m;)
+    for (long g = 0; g < count; ++g) {
+      V sum = zero();
+      for (long k = first[g]; k < first[g + 1]; ++k) {
+        const V c = some_of(C + rows[k] * m + i, m - i);
+        sum += c * c;
+      }
+      to_some(sums + g * m + i, sum, m - i);
+    }
+}
+
+#endif

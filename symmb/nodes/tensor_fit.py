@@ -1,0 +1,112 @@
+"""Coefficients of interpolants that are sums of those on tensor grids, and sums of squares of them, in compiled C."""
+
+import ctypes
+import itertools
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from symmb._limits import windows
+from symmb._types import Array, Indices
+from symmb.codegen import c_source, load, on_threads, with_compiler
+from symmb.nodes.tensor_transform import transform_axes
+
+Tensor = tuple[Indices, list[Array], int]
+"""Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
+
+_FEW = 2**16
+"""Values, or coefficients that are squared, up to which a compiled loop is not worth its build."""
+
+
+class _Tensors(ctypes.Structure):
+    """Tensors of c/tensor_fit.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("count", "n", "largest")),
+        *((name, ctypes.c_void_p) for name in ("factors", "first_row", "rows", "first_axis")),
+        *((name, ctypes.c_void_p) for name in ("lengths", "matrices", "fits")),
+    ]
+
+
+def interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Array:
+    """Coefficients (N, m) from values (n, m), of which rows (N,) are at the nodes."""
+    in_arrays = partial(_array_interpolants, tensors, Y, rows)
+    if Y.shape[1] * len(rows) <= _FEW:
+        return in_arrays()
+    return with_compiler(partial(_compiled_interpolants, tensors, Y, rows), in_arrays)
+
+
+def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
+    """Sums of squares (k, ...) of coefficients (N, ...) over each of k groups of rows."""
+    in_arrays = partial(_array_squares, coefficients, groups)
+    if coefficients.size <= _FEW:
+        return in_arrays()
+    return with_compiler(partial(_compiled_squares, coefficients, groups), in_arrays)
+
+
+def _compiled_interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Array:
+    matrices = {id(A): A for _, fits, _ in tensors for A in fits}
+    starts = dict(zip(matrices, _ends([A.size for A in matrices.values()])[:-1].tolist(), strict=True))
+    axes = [[A for A in fits if len(A) > 1] for _, fits, _ in tensors]
+    arrays = (
+        np.array([factor for _, _, factor in tensors], dtype=float),
+        _ends([len(some) for some, _, _ in tensors]),
+        np.concatenate([some for some, _, _ in tensors]).astype(np.int32),
+        _ends([len(each) for each in axes]),
+        np.array([len(A) for each in axes for A in each], dtype=int),
+        np.array([starts[id(A)] for each in axes for A in each], dtype=int),
+        np.concatenate([A.ravel() for A in matrices.values()]),
+    )
+    largest = max(len(some) for some, _, _ in tensors)
+    basis = _Tensors(len(tensors), len(rows), largest, *(a.ctypes.data for a in arrays))
+    Y, at, m = np.ascontiguousarray(Y, dtype=float), np.ascontiguousarray(rows, dtype=int), Y.shape[1]
+    C = np.empty((len(rows), m))
+    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (Y, at, C)]
+    library = load(_SOURCE)
+
+    def work(next_response: ctypes.c_long) -> None:
+        if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
+            raise MemoryError("not enough memory to fit an expansion")
+
+    on_threads(work, m)
+    return C
+
+
+def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
+    C, first = np.ascontiguousarray(coefficients, dtype=float), _ends([len(rows) for rows in groups])
+    rows, m = np.concatenate(groups).astype(int), ctypes.c_long(coefficients[0].size)
+    sums = np.empty((len(groups), *coefficients.shape[1:]))
+    of, begin, numbers, to = (ctypes.c_void_p(a.ctypes.data) for a in (C, first, rows, sums))
+    library, count = load(_SOURCE), ctypes.c_long(len(groups))
+    on_threads(lambda next_one: library.squares(ctypes.byref(next_one), m, of, count, begin, numbers, to), m.value)
+    return sums
+
+
+def _array_interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Array:
+    """The same without a compiler."""
+    coefficients = np.zeros((len(rows), Y.shape[1]))
+    for window in windows(Y.shape[1], len(rows)):
+        values = Y[rows, window]
+        for some, fits, factor in tensors:
+            coefficients[some, window] += factor * transform_axes(fits, values[some])
+    return coefficients
+
+
+def _array_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
+    """The same without a compiler."""
+    C = coefficients.reshape(len(coefficients), -1)
+    sums = np.empty((len(groups), C.shape[1]))
+    for each, rows in zip(sums, groups, strict=True):
+        for window in windows(C.shape[1], len(rows)):
+            part = C[rows, window]
+            each[window] = np.einsum("ij,ij->j", part, part)
+    return sums.reshape(-1, *coefficients.shape[1:])
+
+
+def _ends(sizes: list[int]) -> Indices:
+    """Where parts of these sizes begin, and the end."""
+    return np.array([0, *itertools.accumulate(sizes)], dtype=int)
+
+
+_SOURCE = c_source("lanes", "tensor_fit")
