@@ -79,7 +79,7 @@ def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
     sums = np.empty((len(groups), *coefficients.shape[1:]))
     of, begin, numbers, to = (ctypes.c_void_p(a.ctypes.data) for a in (C, first, rows, sums))
     library, count = load(_SOURCE), ctypes.c_long(len(groups))
-    on_threads(lambda next_one: library.squares(ctypes.byref(next_one), m, of, count, begin, numbers, to), m.value)
+    library.squares(m, of, count, begin, numbers, to)  # in less time than the start of a thread
     return sums
 
 

@@ -1,7 +1,8 @@
 """The estimated truncation error of an interpolant, from the decay of its last coefficients."""
 
+import itertools
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, reduce
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -59,14 +60,18 @@ class TruncationError:
         directions = np.zeros((alpha.shape[1], *coefficients.shape[1:]))
         slow = np.zeros(directions.shape, dtype=bool)
         mixed = np.zeros(coefficients.shape[1:])
-        for i, groups in enumerate(_groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)):
-            sizes = _sizes(coefficients, noise, *groups.shells)
-            ratios = _ratio(sizes[:-1], sizes[1:])
-            decay = np.max(ratios, axis=0) if tensor else ratios[0]
+        groups = _groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)
+        each_rows = [each.rows for each in groups]
+        parts = [list(itertools.chain(*each_rows))] if tensor else each_rows  # of many directions one at a time: memory
+        sizes = itertools.chain.from_iterable(_sizes(coefficients, noise, rows) for rows in parts)
+        for i, each in enumerate(groups):
+            shells = list(itertools.islice(sizes, len(each.shells)))
+            ratios = [_ratio(a, b) for a, b in itertools.pairwise(shells)]
+            decay = reduce(np.maximum, ratios) if tensor else ratios[0]
             power = np.maximum(1 - decay / FAST_DECAY, DECAY_POWER) if tensor else DECAY_POWER
-            directions[i], slow[i] = sizes[0] * decay**power, decay > SMOOTH_DECAY
-            if groups.unmixed.size:
-                product, factor, unmixed = _sizes(coefficients, noise, *groups.products, groups.unmixed)
+            directions[i], slow[i] = shells[0] * decay**power, decay > SMOOTH_DECAY
+            if each.unmixed.size:
+                product, factor, unmixed = itertools.islice(sizes, 3)
                 mixed += np.square(unmixed * _ratio(product, factor))
         return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
@@ -105,7 +110,7 @@ def _ratio(a: Array, b: Array) -> Array:
     return np.divide(a, b, out=np.ones_like(a), where=a < b)
 
 
-def _sizes(coefficients: Array, noise: Array | float, *groups: Indices) -> Array:
+def _sizes(coefficients: Array, noise: Array | float, groups: list[Indices]) -> Array:
     """Root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y).
 
     The squares that noise (n_y,) is expected to give are subtracted.
@@ -129,6 +134,11 @@ class _Groups(NamedTuple):
     shells: list[Indices]
     unmixed: Indices
     products: tuple[Indices, Indices]
+
+    @property
+    def rows(self) -> list[Indices]:
+        """The shells and, unless all is mixed, products, factors and what is unmixed."""
+        return [*self.shells, *self.products, self.unmixed] if self.unmixed.size else self.shells
 
 
 @lru_cache(maxsize=32)

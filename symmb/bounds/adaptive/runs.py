@@ -251,4 +251,5 @@ def _distance(places: Array, points: Array) -> Array:
 
 
 def _keys(points: Array) -> list[bytes]:
-    return [point.tobytes() for point in points.round(NODE_DIGITS) + 0.0]  # no -0
+    rounded = np.ascontiguousarray(points.round(NODE_DIGITS) + 0.0)  # no -0
+    return rounded.view(f"V{8 * points.shape[1]}").ravel().tolist()

@@ -84,17 +84,22 @@ int fit(const Tensors *t, long *next, long m, const double *Y, const long *at, d
 }
 
 /* Coefficients C (.., m) -> sums of squares (count, m) over groups of rows, of which group g has those from first[g] on. */
-void squares(long *next, long m, const double *C, long count, const long *first, const long *rows, double *sums);
-void squares(long *next, long m, const double *C, long count, const long *first, const long *rows, double *sums) {
-  for (long i; (i = __atomic_fetch_add(next, W, __ATOMIC_RELAXED)) < m;)
+void squares(long m, const double *C, long count, const long *first, const long *rows, double *sums);
+void squares(long m, const double *C, long count, const long *first, const long *rows, double *sums) {
+  for (long begin = 0; begin < m; begin += LONGEST * W) { /* parts of rows that stay in the cache for all groups */
+    const long end = m - begin < LONGEST * W ? m : begin + LONGEST * W;
     for (long g = 0; g < count; ++g) {
-      V sum = zero();
+      double *sum = sums + g * m;
+      for (long i = begin; i < end; ++i) sum[i] = 0.0;
       for (long k = first[g]; k < first[g + 1]; ++k) {
-        const V c = some_of(C + rows[k] * m + i, m - i);
-        sum += c * c;
+        const double *c = C + rows[k] * m;
+        for (long i = begin; i < end; i += W) {
+          const V a = some_of(c + i, end - i);
+          to_some(sum + i, some_of(sum + i, end - i) + a * a, end - i);
+        }
       }
-      to_some(sums + g * m + i, sum, m - i);
     }
+  }
 }
 
 #endif
