@@ -12,6 +12,7 @@ from symmb.codegen import build
 from symmb.nodes.fit import Fit
 from symmb.polynomials.chebyshev import LowerSet
 from symmb.polynomials.legendre import basis_values, tensor_degree, total_degree
+from symmb.polynomials.ranges import dense_extremes
 
 CUBIC = np.arange(4)[:, None], np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
 SPARSE = np.array([[0, 0, 0, 0], [5, 0, 0, 0], [0, 3, 0, 1], [2, 0, 2, 0], [0, 0, 0, 8], [1, 1, 1, 1]])
@@ -193,3 +194,18 @@ def test_too_many_bernstein_coefficients():
 def test_options_out_of_range(make):
     with pytest.raises(mb.DeclarationError, match="integer of at least 1"):
         make()
+
+
+@pytest.mark.skipif(not build.has_compiler(), reason="needs a C compiler")
+@pytest.mark.parametrize("scale", [1e-200, 1e-30, 1.0, 1e150], ids=str)
+@pytest.mark.parametrize("order", [4, 12])
+def test_dense_search_in_single_precision_sees_small_ranges_on_large_constants(order, scale):
+    alpha = tensor_degree(2, order)
+    rng = np.random.default_rng(0)
+    c = rng.normal(size=(len(alpha), 37)) * 0.5 ** alpha.sum(axis=1)[:, None]
+    expected = dense_extremes(alpha, c)
+    c[0] += 1e4
+    low, high, *_ = dense_extremes(alpha, scale * c)
+    width = expected[1] - expected[0]
+    assert_allclose((low / scale - 1e4 - expected[0]) / width, 0, atol=1e-6)
+    assert_allclose((high / scale - 1e4 - expected[1]) / width, 0, atol=1e-6)

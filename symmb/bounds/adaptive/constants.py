@@ -55,6 +55,8 @@ FIELD_TRUST = 0.15
 CHEAP_RUNS, DOUBTED_SHARE = 60, 0.8
 """Runs up to which bounds are refined until they are not doubtful, and the share of the estimate that is reported where
 they are: `outer` then covers 99 % of the outputs and times of the double pendulum at +-20 %."""
+MANY_TIMES, SKIPPED_TIMES, FAR = 200, 8, 1.3
+"""Times from which one of so many tells whether errors are so far above the tolerance that no others are searched."""
 WINDOW_SHARE = 0.2
 """Weight of the largest error in a window of time: what acts for a moment counts, but less than what stays."""
 

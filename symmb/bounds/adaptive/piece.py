@@ -140,18 +140,19 @@ class Piece:
     @cached_property
     def range(self) -> tuple[Array, Array, Array]:
         """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d) in the unit box."""
-        alpha, shape = self.expansion.alpha, self.runs.shape
-        coefficients = self.expansion.coefficients.reshape(len(alpha), -1)
-        lower, upper, *at = with_compiler(
-            partial(dense_extremes, alpha, coefficients), partial(_branch_and_bound, alpha, coefficients)
-        )
-        lower, upper, places = lower.reshape(shape), upper.reshape(shape), np.stack(at).reshape(2, *shape, -1)
+        lower, upper, places = _extremes(self.expansion.alpha, self.expansion.coefficients)
         if self.jumps is not None:
             Y = self.Y
             lower, upper = np.where(self.jumps, Y.min(axis=0), lower), np.where(self.jumps, Y.max(axis=0), upper)
             nodes = np.stack([self.nodes[f(Y, axis=0)] for f in (np.argmin, np.argmax)])
             places = np.where(self.jumps[..., None], nodes, places)
         return lower, upper, self.centre + self.half * places
+
+    def errors_at_some_times(self, step: int) -> Array:
+        """Expected errors (n, n_y) of the range, where the response is smooth, at one of so many times."""
+        places = _extremes(self.expansion.alpha, self.expansion.coefficients[:, ::step])[2]
+        truncation = self.truncation.at_some_times(step)
+        return np.maximum(*(truncation.at(x) for x in places))
 
     @cached_property
     def errors(self) -> Array:
@@ -226,6 +227,13 @@ def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:
     of_lost = grid.coefficients((rows[:, None] == lost).astype(float))
     change = np.linalg.lstsq(weights * of_lost, -weights * c)[0]
     return change.reshape(-1, *Y.shape[1:])
+
+
+def _extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array]:
+    """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d), of polynomials (n_b, n_t, n_y)."""
+    shape, flat = coefficients.shape[1:], coefficients.reshape(len(alpha), -1)
+    lower, upper, *at = with_compiler(partial(dense_extremes, alpha, flat), partial(_branch_and_bound, alpha, flat))
+    return lower.reshape(shape), upper.reshape(shape), np.stack(at).reshape(2, *shape, -1)
 
 
 def _branch_and_bound(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:

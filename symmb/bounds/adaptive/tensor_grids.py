@@ -12,12 +12,15 @@ from symmb.bounds.adaptive.constants import (
     CHEAP_RUNS,
     CHECKED_TOGETHER,
     DOUBTED_SHARE,
+    FAR,
     FARTHEST_SCALING,
     FIELD_TRUST,
     LEAST_COST,
+    MANY_TIMES,
     MANY_VALUES,
     NOISE_RUNS,
     SAFETY,
+    SKIPPED_TIMES,
     TENSOR_PROBES,
     TENSOR_RANGE,
     TRUST,
@@ -64,6 +67,10 @@ def _range_or_refinement(
     if len(pieces) == 1 and _affordable(parts, runs):
         if measure(pieces[0].truncation.least, widths) > tolerance / trust:
             return pieces[0], parts
+        if is_field and runs.shape[0] >= MANY_TIMES:  # what is far from enough shows at some of the times
+            some = pieces[0].errors_at_some_times(SKIPPED_TIMES)
+            if measure(FIELD_TRUST * some, widths) > FAR * tolerance:
+                return pieces[0], pieces[0].refined_parts()
     union = Union.of(pieces)
     worst = pieces[0]
     if len(pieces) > 1:
