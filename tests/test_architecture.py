@@ -38,6 +38,7 @@ FLOORS = {
     "nodes": 11,
     "bounds": 12,
     "study": 13,
+    "drawing": 13,
     "": 14,  # symmb/__init__.py, the public names
     "cli": 15,  # a client of the public names
 }

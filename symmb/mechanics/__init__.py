@@ -5,10 +5,38 @@ All are frozen values; equations are derived in `model`.
 
 from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint
+from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.mechanics.element import Element
-from symmb.mechanics.force import Action, ForceElement, Gravity, Load
+from symmb.mechanics.flexible_body import FlexibleBody
+from symmb.mechanics.force import (
+    Action,
+    Bushing,
+    Force,
+    ForceElement,
+    Gravity,
+    Load,
+    SpringDamper,
+    Torque,
+    TorsionSpring,
+)
+from symmb.mechanics.friction import Friction
 from symmb.mechanics.impact import RESTITUTION, Impact
-from symmb.mechanics.joint import AxisJoint, Joint, Weld
+from symmb.mechanics.joint import (
+    AxisJoint,
+    Cylindrical,
+    Distance,
+    Gear,
+    Joint,
+    PlanarJoint,
+    PointOnLine,
+    Prismatic,
+    Revolute,
+    Screw,
+    Spherical,
+    Universal,
+    Weld,
+)
+from symmb.mechanics.load import NonlinearSpring, Soil
 from symmb.mechanics.parameter import Parameters
 from symmb.mechanics.pose import Particle, Planar, Spatial
 from symmb.mechanics.rotation import Rotation, rotation

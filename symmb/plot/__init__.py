@@ -6,6 +6,6 @@ Results of the rooms above draw themselves with these functions.
 from symmb.plot.bounds import plot_bounds
 from symmb.plot.comparison import plot_comparison
 from symmb.plot.curves import Band, Curve, family
-from symmb.plot.layout import PICTURES, labels
+from symmb.plot.layout import COLOURS, PICTURES, labels
 from symmb.plot.stability import plot_stability
 from symmb.plot.trajectory import plot_trajectory

@@ -1,0 +1,7 @@
+"""The mechanism drawn: a run becomes a `Drawing` of shapes in numbers, and that a page, a still or a film."""
+
+from symmb.drawing import forces, joints
+from symmb.drawing.draw import draw
+from symmb.drawing.page import page
+from symmb.drawing.shapes import Drawing
+from symmb.drawing.show import view

@@ -1,0 +1,124 @@
+"""A run as a Drawing: scales, camera, and the order of what is drawn."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.drawing.bodies import BodySketch
+from symmb.drawing.elements import sketch
+from symmb.drawing.shapes import Drawing, Shape
+from symmb.drawing.survey import Survey
+from symmb.mechanics import Element, Gravity, Planar, Point
+from symmb.plot import labels
+from symmb.simulation import Trajectory
+
+MOST_PICTURES = 1001
+"""Pictures of a page: of longer runs every so many output times are shown."""
+_UNIT = 0.011
+"""Radius of a bar over the size of the mechanism."""
+_SHORT = 7.0
+"""Sizes over the median size of its bodies, above which the mechanism is large, and bars are as thin as bodies ask."""
+_TRAVELLED = 0.3
+"""Share of the space through which a mechanism travels that counts as its size at least."""
+_FLAT = 1e-9
+"""Share of the size up to which a coordinate out of the plane is rounding."""
+_TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
+"""Angles from which a spatial mechanism is seen at first: about the vertical, and above the horizontal."""
+
+
+def draw(run: Trajectory, *, most: int = MOST_PICTURES, point: Point | None = None) -> Drawing:
+    """The drawing of a run at its output times, or at every so many, and the path of a point."""
+    step = -(-len(run.t) // most)
+    run = replace(run, t=run.t[::step], x=run.x[::step], work=run.work[::step], run_examination=None, error=None)
+    survey = Survey(run)
+    elements = run._model[0].system.elements
+    sketches = [(element, sketch(element, survey)) for element in elements if isinstance(element, Element)]
+    gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
+    bodies = [BodySketch(body, str(i), survey) for i, body in enumerate(run._model[0].system.bodies)]
+    traced = None if point is None else survey.place(point)
+    survey.evaluate()
+    g = np.zeros(3) if gravity is None else gravity.first
+    survey.down = -_right_and_up(g, all(isinstance(b.pose, Planar) for b in survey.bodies[1:]))[1]
+    size = _size(survey, bodies)
+    unit = _UNIT * min(size, _SHORT * float(np.median([r for b in bodies if (r := b.reach)] or [size])))
+    shapes: list[Shape] = []
+    for _, build in sketches:
+        shapes.extend(build(unit) if build else ())
+    attached = [list(body.shapes(unit)) for body in bodies]
+    shapes = [shape for group in attached for shape in group] + _once(shapes)
+    if traced is not None:
+        shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
+    planar = _is_planar(survey, g, size)
+    return Drawing(
+        name=run.name,
+        t=run.t,
+        frames=survey.frames(),
+        places=survey.places(),
+        shapes=tuple(shapes),
+        camera=_camera(g, planar),
+        up=_right_and_up(g, planar)[1],
+        planar=planar,
+        size=size,
+        unit=unit,
+        gravity=g,
+        outputs=labels(run.names, run.units),
+        values=run.values,
+        notes=tuple(e.title for e, build in sketches if build is None and not isinstance(e, Gravity)),
+    )
+
+
+def _size(survey: Survey, bodies: Sequence[BodySketch]) -> float:
+    """Of the mechanism [m]."""
+    tracks = [survey.track(place) for place in range(survey.count)]
+    tracks += [survey.pose(body.frame)[:, :, 3] for body in bodies]
+    if not tracks:
+        return 1.0
+    at_start = np.ptp([track[0] for track in tracks], axis=0)
+    all_along = np.ptp(np.vstack(tracks), axis=0)
+    reach = max((body.reach for body in bodies), default=0.0)
+    size = max(float(np.linalg.norm(at_start)), reach, _TRAVELLED * float(np.linalg.norm(all_along)))
+    return size or 1.0
+
+
+def _once(shapes: Sequence[Shape]) -> list[Shape]:
+    """Supports and such that several elements ask for at the same place are drawn once."""
+    seen, rest = set(), []
+    for shape in shapes:
+        key = (shape.form, shape.places) if shape.form == "support" else id(shape)
+        if key not in seen:
+            seen.add(key)
+            rest.append(shape)
+    return rest
+
+
+def _is_planar(survey: Survey, g: Array, size: float) -> bool:
+    flat = np.array([0.0, 0.0, 1.0, 0.0])
+    scale = np.array([1.0, 1.0, 1.0, 1 / size])
+    poses = (survey.pose(i) for i in range(1, len(survey.bodies)))
+    return (
+        not g[2]
+        and all(np.abs((pose[:, 2] - flat) * scale).max() < _FLAT for pose in poses)
+        and all(np.abs(survey.track(place)[:, 2]).max() < _FLAT * size for place in range(survey.count))
+    )
+
+
+def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
+    """World axes that point to the right and up, so that things fall down."""
+    down = g if np.linalg.norm(g) else np.array([0.0, -1.0, 0.0] if planar else [0.0, 0.0, -1.0])
+    main = np.abs(down).argmax()
+    up = -np.sign(down[main]) * np.eye(3)[main]
+    return np.eye(3)[1 if main == 0 else 0], up
+
+
+def _camera(g: Array, planar: bool) -> Array:
+    """Rows to the right, up and to the viewer."""
+    right, up = _right_and_up(g, planar)
+    camera = np.array([right, up, np.cross(right, up)])
+    if planar:
+        return camera
+    c, s = np.cos(_TURNED), np.sin(_TURNED)
+    turned = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    c, s = np.cos(_RAISED), np.sin(_RAISED)
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ turned @ camera

@@ -1,0 +1,153 @@
+"""The page of a drawing: one HTML file with the viewer and all numbers in it, which needs no network."""
+
+import base64
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files as resources
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.drawing.shapes import Drawing
+from symmb.plot import COLOURS
+
+_SPEEDS = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+_WATCHED = 8.0
+"""Seconds for which one looks at a run, about; it is slower or faster if it would take less than half, or twice."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ghost:
+    """A run that attains a bound, beside the nominal one."""
+
+    label: str
+    tint: str
+    drawing: Drawing
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where a point is over the box: positions of samples (n_f, n, 3), and triangles (m, 3, 3) that cover its sweep."""
+
+    name: str
+    points: Array
+    sweep: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Range:
+    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the output and time that are looked at."""
+
+    lower: Array
+    upper: Array
+    output: int
+    time: float
+
+
+class _Numbers:
+    """All numbers of a page in one array; each part is known by its offset and its rows."""
+
+    def __init__(self) -> None:
+        self._parts: list[Array] = []
+        self._size = 0
+
+    def __call__(self, values: Array) -> list[int]:
+        flat = np.asarray(values, dtype="<f8").ravel()
+        self._parts.append(flat)
+        self._size += len(flat)
+        return [self._size - len(flat), len(values)]
+
+    def text(self) -> str:
+        return base64.b64encode(np.concatenate([np.empty(0, "<f8"), *self._parts]).tobytes()).decode()
+
+
+def page(
+    drawing: Drawing, ghosts: Sequence[Ghost] = (), bounds: Range | None = None, region: Region | None = None
+) -> str:
+    """The text of the page."""
+    numbers = _Numbers()
+    runs = [_run(drawing, "nominal", "", numbers), *(_run(g.drawing, g.label, g.tint, numbers) for g in ghosts)]
+    data: dict[str, Any] = {"palette": COLOURS, "runs": runs, "speed": _speed(float(np.ptp(drawing.t)))}
+    if bounds is not None:
+        data["bounds"] = {"lower": numbers(bounds.lower), "upper": numbers(bounds.upper)}
+        data["mark"] = {"output": bounds.output, "time": bounds.time}
+    if region is not None:
+        data["region"] = {
+            "name": region.name,
+            "count": region.points.shape[1],
+            "points": numbers(region.points),
+            "sweep": numbers(_faces(region.sweep).ravel()),
+        }
+    data["numbers"] = numbers.text()
+    legend = "".join(f'<em style="color:{g.tint}">{html.escape(g.label)}</em>' for g in ghosts)
+    if drawing.notes:
+        legend += f"<span>not drawn: {html.escape(', '.join(drawing.notes))}</span>"
+    folder = resources("symmb.drawing")
+    return Template((folder / "viewer.html").read_text(encoding="utf-8")).substitute(
+        title=html.escape(drawing.name),
+        legend=legend,
+        speeds="".join(f'<option value="{s:g}">{s:g} &times;</option>' for s in _SPEEDS),
+        drawing=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
+        viewer=(folder / "viewer.js").read_text(encoding="utf-8"),
+    )
+
+
+def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str, Any]:
+    return {
+        "label": label,
+        "tint": tint,
+        "t": numbers(drawing.t),
+        "frames": [{"name": f.name, "pose": numbers(f.pose)} for f in drawing.frames],
+        "places": [
+            {
+                "frame": p.frame,
+                "base": numbers(p.base[None]),
+                "shift": None if p.shift is None else numbers(p.shift),
+                "elastic": p.elastic,
+            }
+            for p in drawing.places
+        ],
+        "shapes": [
+            {
+                "form": s.form,
+                "name": s.name,
+                "kind": s.kind,
+                "colour": s.colour,
+                "places": s.places,
+                "size": [float(x) for x in s.size],
+                "direction": None if s.direction is None else numbers(_direction(s.form, s.direction)),
+                "faint": s.faint,
+            }
+            for s in drawing.shapes
+        ],
+        "camera": drawing.camera.ravel().tolist(),
+        "up": drawing.up.tolist(),
+        "planar": drawing.planar,
+        "size": drawing.size,
+        "unit": drawing.unit,
+        "gravity": drawing.gravity.tolist(),
+        "outputs": drawing.outputs,
+        "values": numbers(drawing.values),
+    }
+
+
+def _direction(form: str, direction: Array) -> Array:
+    """Rows of a track; the half axes of a solid one after the other."""
+    return direction.T.reshape(1, 9) if form == "solid" else direction
+
+
+def _faces(triangles: Array) -> Array:
+    """Triangles (m, 3, 3) with normals, (m, 3, 6), as the viewer's meshes are."""
+    normals = np.broadcast_to([0.0, 0.0, 1.0], triangles.shape)
+    return np.concatenate([triangles, normals], axis=2)
+
+
+def _speed(duration: float) -> float:
+    """Share of real time at which a run is played at first."""
+    if _WATCHED / 2 <= duration <= 2 * _WATCHED or not duration:
+        return 1.0
+    return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / _WATCHED)))

@@ -1,0 +1,129 @@
+"""What a drawing consists of: frames that move, places in them, and shapes at the places, in numbers alone.
+
+Pages, stills and films are made from a `Drawing`. None of them knows a body or a joint.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from symmb._types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A moving frame: `pose` (n_f, 3, 4) is [R | r], body to world [-, m]. `pose` (1, 3, 4) is at rest."""
+
+    name: str
+    pose: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A point in a frame, in its axes [m]: `base` and, where it moves in the frame, `shift`, (1, 3) or (n_f, 3).
+
+    The shift of a flexible body (`elastic`) is its deformation at the point, which a viewer may enlarge.
+    """
+
+    frame: int
+    base: Array
+    shift: Array | None = None
+    elastic: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape at places, with the name and the kind of what it stands for.
+
+    form     places       direction, in the frame of the first place        size [m]
+    bar      a, b         -                                                 radius
+    ball     a            -                                                 radius
+    pin      a            axis, (1, 3) or (n_f, 3), a unit vector           radius, length: centred at a
+    block    a            axis of the first side                            sides
+    ring     a            axis                                              radius, radius of the tube
+    solid    a            half axes as columns, (3, 3)                      0: box, 1: cylinder along the third, 2: ball
+    plate    a, b, c ...  -                                                 thickness; a convex polygon in order
+    coil     a, b         -                                                 radius, offset across
+    dashpot  a, b         -                                                 radius, offset across
+    dashes   a, b         -                                                 radius
+    spiral   a            axis                                              radius
+    arrow    a            vector in world axes, length as drawn             radius
+    twist    a            the same, for a torque                            radius
+    plane    a            normal                                            side
+    support  a            -                                                 size: fixed to the ground
+    path     a            -                                                 radius: where the place goes over the run
+    """
+
+    form: str
+    name: str
+    kind: str
+    colour: str
+    places: tuple[int, ...]
+    size: tuple[float, ...]
+    direction: Array | None = None
+    faint: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A run, drawn: all that pages, stills and films show.
+
+    Attributes
+    ----------
+    name : str
+    t : (n_f,)                 times of the pictures [s]: output times of the run, all or every so many
+    frames, places, shapes     frame 0 is the ground
+    camera : (3, 3)            rows: directions to the right, up and to the viewer, in world axes
+    planar : bool              whether all moves in the xy plane
+    up : (3,)                  against gravity, in world axes
+    size, unit : float         of the mechanism, and the radius of its bars [m]
+    gravity : (3,)             [m/s^2]
+    outputs, values            labels, and values (n_f, n_y)
+    notes : tuple of str       what acts but has no place, and is not drawn
+    """
+
+    name: str
+    t: Array
+    frames: tuple[Frame, ...]
+    places: tuple[Place, ...]
+    shapes: tuple[Shape, ...]
+    camera: Array
+    planar: bool
+    up: Array
+    size: float
+    unit: float
+    gravity: Array
+    outputs: tuple[str, ...]
+    values: Array
+    notes: tuple[str, ...] = field(default=())
+
+    def pose(self, frame: int, k: int) -> Array:
+        """[R | r] (3, 4) of a frame in picture k."""
+        pose = self.frames[frame].pose
+        return pose[min(k, len(pose) - 1)]
+
+    def local(self, place: int, k: int, scale: float = 1.0) -> Array:
+        """Position (3,) of a place in its frame in picture k, deformations enlarged by `scale` [m]."""
+        at = self.places[place]
+        if at.shift is None:
+            return at.base
+        return at.base + (scale if at.elastic else 1.0) * at.shift[min(k, len(at.shift) - 1)]
+
+    def position(self, place: int, k: int, scale: float = 1.0) -> Array:
+        """World position (3,) of a place in picture k [m]."""
+        pose = self.pose(self.places[place].frame, k)
+        return pose[:, :3] @ self.local(place, k, scale) + pose[:, 3]
+
+    def box(self) -> tuple[Array, Array]:
+        """Least and largest world coordinates (3,) of all places over all pictures [m]."""
+        if not self.places:
+            return np.zeros(3), np.ones(3)
+        tracks = np.vstack([self.track(i) for i in range(len(self.places))])
+        return tracks.min(axis=0), tracks.max(axis=0)
+
+    def track(self, place: int) -> Array:
+        """World positions (n_f, 3), or (1, 3) of a place at rest [m]."""
+        at = self.places[place]
+        pose = self.frames[at.frame].pose
+        local = at.base[None] if at.shift is None else at.base + at.shift
+        return (pose[:, :, :3] @ local[:, :, None])[:, :, 0] + pose[:, :, 3]

@@ -1,0 +1,636 @@
+"use strict";
+// Viewer of a drawing (see shapes.py for what it consists of). No network, no library.
+//
+// All positions are computed here from the numbers of the run, picture by picture; nothing is interpolated.
+// Matrices are arrays of 16 numbers, column by column, as WebGL takes them. Vectors are arrays of 3 numbers.
+
+const page = JSON.parse(document.getElementById("drawing").textContent);
+const numbers = new Float64Array(Uint8Array.from(atob(page.numbers), c => c.charCodeAt(0)).buffer);
+const runs = page.runs, first = runs[0];
+const COLOURS = {
+  joint: [0.20, 0.23, 0.28], guide: [0.62, 0.66, 0.71], spring: [0.13, 0.55, 0.33], damper: [0.45, 0.35, 0.62],
+  load: [0.80, 0.16, 0.16], contact: [0.88, 0.50, 0.05], trace: [0.10, 0.40, 0.70], region: [0.72, 0.83, 0.93],
+};
+const INERTIA = "solid of the same inertia";
+const BODIES = page.palette.map(rgb);
+const $ = id => document.getElementById(id);
+
+function rgb(text) {
+  return [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
+}
+
+// Vectors and matrices
+
+const Z = [0, 0, 1];
+const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+const times = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const length = a => Math.hypot(a[0], a[1], a[2]);
+const unit = a => times(a, 1 / (length(a) || 1));
+const columns = (x, y, z, r) => [...x, 0, ...y, 0, ...z, 0, ...r, 1];
+const turned = (m, a) => [0, 1, 2].map(i => m[i] * a[0] + m[4 + i] * a[1] + m[8 + i] * a[2]);
+const moved = (m, a) => add(turned(m, a), [m[12], m[13], m[14]]);
+
+function across(axis) {  // two unit vectors that make a right-handed frame with an axis
+  const helper = Math.abs(axis[2]) > 0.9 * length(axis) ? [1, 0, 0] : [0, 0, 1];
+  const u = unit(cross(helper, axis));
+  return [u, unit(cross(axis, u))];
+}
+
+function rotated(a, axis, angle) {  // Rodrigues
+  const c = Math.cos(angle), s = Math.sin(angle);
+  return add(add(times(a, c), times(cross(axis, a), s)), times(axis, dot(axis, a) * (1 - c)));
+}
+
+// Numbers of a run
+
+const row = (at, k, n) => {  // of an array [offset, rows], row k, or the only one
+  const begin = at[0] + Math.min(k, at[1] - 1) * n;
+  return Array.from(numbers.subarray(begin, begin + n));
+};
+
+function frameMatrix(run, frame, k) {
+  const p = row(run.frames[frame].pose, k, 12);  // [R | r] row by row
+  return [p[0], p[4], p[8], 0, p[1], p[5], p[9], 0, p[2], p[6], p[10], 0, p[3], p[7], p[11], 1];
+}
+
+function localPosition(run, place, k, scale) {
+  const at = run.places[place], base = row(at.base, 0, 3);
+  return at.shift ? add(base, times(row(at.shift, k, 3), at.elastic ? scale : 1)) : base;
+}
+
+// Meshes: triangles with normals, six numbers a corner
+
+function mesh(corners) {
+  const buffer = gl.createBuffer();
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+  gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(corners), gl.STATIC_DRAW);
+  return { buffer, count: corners.length / 6 };
+}
+
+function surface(rows, columnsOf, point, normal) {  // a grid of points over [0, 1]^2
+  const out = [];
+  for (let i = 0; i < rows; i++)
+    for (let j = 0; j < columnsOf; j++)
+      for (const [a, b] of [[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]]) {
+        const u = (i + a) / rows, v = (j + b) / columnsOf;
+        out.push(...point(u, v), ...normal(u, v));
+      }
+  return out;
+}
+
+function disc(z, n, sides) {
+  const out = [];
+  for (let i = 0; i < sides; i++)
+    for (const f of [null, i, i + 1]) {
+      const angle = 2 * Math.PI * f / sides;
+      out.push(f === null ? 0 : Math.cos(angle), f === null ? 0 : Math.sin(angle), z, 0, 0, n);
+    }
+  return out;
+}
+
+const circle = u => [Math.cos(2 * Math.PI * u), Math.sin(2 * Math.PI * u)];
+
+function tube(points, radius, sides = 6) {  // along a line of points, with open ends
+  const rings = points.map((p, i) => {
+    const along = unit(sub(points[Math.min(i + 1, points.length - 1)], points[Math.max(i - 1, 0)]));
+    const [u, v] = across(along);
+    return { p, at: f => { const [c, s] = circle(f); return add(times(u, c), times(v, s)); } };
+  });
+  const out = [];
+  for (let i = 0; i + 1 < rings.length; i++)
+    for (let j = 0; j < sides; j++)
+      for (const [a, b] of [[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]]) {
+        const n = rings[i + a].at((j + b) / sides);
+        out.push(...add(rings[i + a].p, times(n, radius)), ...n);
+      }
+  return out;
+}
+
+function faces(polygon) {  // of a flat polygon
+  const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0]))), out = [];
+  for (let i = 1; i + 1 < polygon.length; i++)
+    for (const p of [polygon[0], polygon[i], polygon[i + 1]]) out.push(...p, ...n);
+  return out;
+}
+
+const line = (n, point) => Array.from({ length: n + 1 }, (_, i) => point(i / n));
+
+function cube() {
+  const out = [];
+  for (let axis = 0; axis < 3; axis++)
+    for (const side of [-1, 1])
+      for (const [a, b] of [[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]]) {
+        const p = [0, 0, 0], n = [0, 0, 0];
+        p[axis] = n[axis] = side; p[(axis + 1) % 3] = a; p[(axis + 2) % 3] = b;
+        out.push(...p, ...n);
+      }
+  return out;
+}
+
+function meshes() {
+  const side = (u, v) => [...circle(u), v], ball = (u, v) => {
+    const [c, s] = circle(u), angle = Math.PI * v;
+    return [c * Math.sin(angle), s * Math.sin(angle), -Math.cos(angle)];
+  };
+  return {
+    cylinder: mesh([...surface(24, 1, side, u => [...circle(u), 0]), ...disc(0, -1, 24), ...disc(1, 1, 24)]),
+    cone: mesh([...surface(20, 1, (u, v) => [...times([...circle(u), 0], 1 - v).slice(0, 2), v],
+                           u => [...circle(u), 0.5]), ...disc(0, -1, 20)]),
+    ball: mesh(surface(28, 14, ball, ball)),
+    box: mesh(cube()),
+    spiral: mesh(tube(line(60, u => times([...circle(2.5 * u), 0], 0.25 + 0.75 * u)), 0.07)),
+    turn: mesh(tube(line(24, u => [...circle(0.75 * u), 0]), 0.05)),
+  };
+}
+
+// What is seen: parts, each a mesh with a matrix and a colour
+
+const parts = [];
+let current = { run: null, shape: null }, scale = 1;
+const rings = {};
+
+function part(of, matrix, faint = current.shape.faint) {
+  parts.push({ mesh: of, matrix, faint, run: current.run, shape: current.shape });
+}
+
+function bar(a, b, radius) {
+  const d = sub(b, a), [u, v] = across(length(d) ? d : [0, 0, 1]);
+  part(built.cylinder, columns(times(u, radius), times(v, radius), d, a));
+}
+
+function along(of, a, direction, size, from = 0) {  // a mesh whose z points along a direction from a place
+  const d = unit(direction), [u, v] = across(d);
+  part(of, columns(times(u, size[0]), times(v, size[1]), times(d, size[2]), add(a, times(d, from))));
+}
+
+function dynamic(corners) {  // a mesh that this picture alone uses
+  const of = mesh(corners);
+  of.passing = true;
+  part(of, columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]));
+}
+
+function coil(a, b, radius, offset) {
+  const d = sub(b, a), w = unit(d), [side, other] = first.planar ? [unit(cross(Z, w)), Z] : across(w);
+  const shift = times(side, offset), turns = 7, stub = 0.12;
+  const middle = u => Math.min(Math.max((u - stub) / (1 - 2 * stub), 0), 1);
+  const n = first.planar ? 4 * turns : 16 * turns;
+  const swing = u => {
+    const phase = 2 * Math.PI * turns * middle(u), inside = u > stub && u < 1 - stub;
+    if (!inside) return [0, 0];
+    return first.planar ? [radius * Math.sin(phase), 0] : [radius * Math.cos(phase), radius * Math.sin(phase)];
+  };
+  const inner = Array.from({ length: n + 1 }, (_, i) => stub + (1 - 2 * stub) * i / n);
+  const points = [0, ...inner, 1].map(u => {
+    const [p, q] = swing(u);
+    return add(add(add(a, times(d, u)), shift), add(times(side, p), times(other, q)));
+  });
+  dynamic(tube(points, radius * (first.planar ? 0.13 : 0.11), 5));
+}
+
+function dashpot(a, b, radius, offset) {
+  const d = sub(b, a), [side] = first.planar && length(d) ? [unit(cross(Z, d))] : across(d);
+  const p = add(a, times(side, offset)), q = add(b, times(side, offset));
+  bar(add(p, times(d, 0.15)), add(p, times(d, 0.6)), radius);
+  bar(p, q, 0.35 * radius);
+}
+
+function support(a, size, down) {
+  const flat = first.planar ? Z : across(down)[0], side = unit(cross(flat, down));
+  const deep = first.planar ? 0.3 : 0.7;
+  part(built.cone, columns(times(side, 0.8 * size), times(flat, deep * size), times(down, -size), add(a, times(down, size))));
+  part(built.box, columns(times(side, 1.3 * size), times(flat, deep * 1.3 * size), times(down, 0.12 * size),
+                          add(a, times(down, 1.12 * size))));
+}
+
+const forms = {
+  bar: (at, s) => { bar(at[0], at[1], s[0]); for (const p of at) part(built.ball, columns([s[0], 0, 0], [0, s[0], 0], [0, 0, s[0]], p)); },
+  ball: (at, s) => part(built.ball, columns([s[0], 0, 0], [0, s[0], 0], [0, 0, s[0]], at[0])),
+  pin: (at, s, d) => along(built.cylinder, at[0], d, [s[0], s[0], s[1]], -s[1] / 2),
+  block: (at, s, d) => {
+    const w = unit(d), u = first.planar ? Z : across(w)[0], v = cross(w, u);
+    part(built.box, columns(times(w, s[0] / 2), times(v, s[1] / 2), times(u, s[2] / 2), at[0]));
+  },
+  ring: (at, s, d) => {
+    const ratio = (s[1] / s[0]).toFixed(3);
+    rings[ratio] ??= mesh(tube(line(40, u => [...circle(u), 0]), Number(ratio)));
+    along(rings[ratio], at[0], d, [s[0], s[0], s[0]]);
+  },
+  solid: (at, s, d, m, local) => {
+    const [x, y, z] = [0, 1, 2].map(j => turned(m, local.slice(3 * j, 3 * j + 3)));
+    if (s[0] === 1) part(built.cylinder, columns(x, y, times(z, 2), sub(at[0], z)));
+    else part(s[0] ? built.ball : built.box, columns(x, y, z, at[0]));
+  },
+  plate: at => dynamic(faces(at)),
+  coil: (at, s) => coil(at[0], at[1], s[0], s[1]),
+  dashpot: (at, s) => dashpot(at[0], at[1], s[0], s[1]),
+  dashes: (at, s) => {
+    const d = sub(at[1], at[0]);
+    for (let i = 0; i < 9; i += 2) bar(add(at[0], times(d, i / 9)), add(at[0], times(d, (i + 1) / 9)), s[0]);
+  },
+  spiral: (at, s, d) => along(built.spiral, at[0], d, [s[0], s[0], s[0]]),
+  arrow: (at, s, d) => {
+    const size = length(d), head = Math.min(4 * s[0], size);
+    if (size < s[0]) return;
+    along(built.cylinder, at[0], d, [s[0], s[0], size - head]);
+    along(built.cone, at[0], d, [2.2 * s[0], 2.2 * s[0], head], size - head);
+  },
+  twist: (at, s, d) => {
+    const size = 7 * s[0] * Math.sqrt(length(d) / (23.4 * s[0])), [u, v] = across(d);
+    if (!size) return;
+    along(built.turn, at[0], d, [size, size, size]);
+    along(built.cone, add(at[0], times(v, -size)), u, [0.16 * size, 0.16 * size, 0.45 * size]);
+  },
+  plane: (at, s, d) => along(built.box, at[0], d, [s[0] / 2, s[0] / 2, 0.006 * s[0]], -0.006 * s[0]),
+  support: (at, s, d) => support(at[0], s[0], d),
+  path: (at, s, d, m, local, run, shape) => dynamic(tube(line(run.t[1] - 1, u =>
+    position(run, shape.places[0], Math.round(u * (run.t[1] - 1)))), s[0], 4)),
+};
+const IN_WORLD = new Set(["arrow", "twist", "support"]);  // forms whose direction is in world axes
+
+function position(run, place, k) {
+  return moved(frameMatrix(run, run.places[place].frame, k), localPosition(run, place, k, scale));
+}
+
+function arrange(k) {  // all parts of picture k
+  for (const old of parts) if (old.mesh.passing) gl.deleteBuffer(old.mesh.buffer);
+  parts.length = 0;
+  runs.forEach((run, number) => {
+    if (number && !$("ghosts").checked) return;
+    const matrices = run.frames.map((_, i) => frameMatrix(run, i, k));
+    for (const shape of run.shapes) {
+      if (number && ["guide", "load"].includes(shape.colour)) continue;
+      if (shape.kind === INERTIA && !$("solids").checked) continue;
+      current = { run: number, shape };
+      const m = matrices[run.places[shape.places[0]].frame];
+      const at = shape.places.map(p => moved(matrices[run.places[p].frame], localPosition(run, p, k, scale)));
+      const local = shape.direction ? row(shape.direction, k, shape.form === "solid" ? 9 : 3) : [0, 0, 1];
+      const d = IN_WORLD.has(shape.form) ? local : turned(m, local.slice(0, 3));
+      forms[shape.form](at, shape.size, d, m, local, run, shape);
+    }
+  });
+  const region = page.region;
+  if (region && $("ghosts").checked) {
+    current = { run: 0, shape: { name: region.name, kind: "position over the box", colour: "trace", faint: false } };
+    const u = 0.9 * first.unit;
+    for (let i = 0; i < region.count; i++)
+      part(built.ball, columns([u, 0, 0], [0, u, 0], [0, 0, u], row([region.points[0] + 3 * i, 1e9], k, 3 * region.count).slice(0, 3)));
+  }
+}
+
+// Drawing with WebGL
+
+const canvas = $("view"), gl = canvas.getContext("webgl2", { alpha: false, antialias: true, preserveDrawingBuffer: true });
+if (!gl) $("message").textContent = "This browser shows no WebGL. Open the page in another one.";
+
+const VERTEX = `#version 300 es
+in vec3 corner; in vec3 normal; uniform mat4 model, camera; uniform mat3 turn; out vec3 n;
+void main() { n = turn * normal; gl_Position = camera * (model * vec4(corner, 1.0)); }`;
+const FRAGMENT = `#version 300 es
+precision highp float; in vec3 n; uniform vec4 colour; uniform mat3 view; uniform bool flat_colour; out vec4 pixel;
+void main() {
+  if (flat_colour) { pixel = colour; return; }
+  vec3 d = view * normalize(n);
+  if (d.z < 0.0) d = -d;
+  float light = 0.42 + 0.48 * max(dot(d, normalize(vec3(-0.4, 0.6, 0.8))), 0.0) + 0.14 * d.z;
+  vec3 shine = vec3(0.22) * pow(max(dot(d, normalize(vec3(-0.2, 0.35, 0.9))), 0.0), 24.0);
+  pixel = vec4(colour.rgb * light + shine, colour.a);
+}`;
+
+function program() {
+  const it = gl.createProgram();
+  for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) console.error(gl.getShaderInfoLog(shader));
+    gl.attachShader(it, shader);
+  }
+  gl.bindAttribLocation(it, 0, "corner");
+  gl.bindAttribLocation(it, 1, "normal");
+  gl.linkProgram(it);
+  gl.useProgram(it);
+  const at = name => gl.getUniformLocation(it, name);
+  gl.enableVertexAttribArray(0);
+  gl.enableVertexAttribArray(1);
+  gl.enable(gl.DEPTH_TEST);
+  return { model: at("model"), camera: at("camera"), turn: at("turn"), view: at("view"), colour: at("colour"), flat: at("flat_colour") };
+}
+
+// The camera looks along -axes[2]; `centre` is in the middle, `height` is that of the canvas in metres.
+const view = { axes: [0, 1, 2].map(i => first.camera.slice(3 * i, 3 * i + 3)), up: first.up, centre: [0, 0, 0], height: 1, depth: 1 };
+
+function cameraMatrix() {
+  const [x, y, z] = view.axes, h = 2 / view.height, w = h * canvas.height / canvas.width, d = 1 / view.depth;
+  const m = [];
+  for (let i = 0; i < 3; i++) m.push(w * x[i], h * y[i], -d * z[i], 0);
+  return [...m, -w * dot(x, view.centre), -h * dot(y, view.centre), d * dot(z, view.centre), 1];
+}
+
+function fit() {
+  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  for (const run of runs) {
+    const n = run.t[1], step = Math.max(1, Math.floor(n / 60));
+    for (let k = 0; k < n; k += step)
+      for (const shape of run.shapes)
+        for (const place of shape.places) {
+          const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
+          const margin = shape.form === "solid" ? length(row(shape.direction, 0, 9)) / 1.7
+            : shape.form === "ball" || shape.form === "ring" ? shape.size[0] : 4 * first.unit;
+          view.axes.forEach((axis, i) => {
+            low[i] = Math.min(low[i], dot(axis, p) - margin);
+            high[i] = Math.max(high[i], dot(axis, p) + margin);
+          });
+        }
+  }
+  if (low[0] > high[0]) { low.fill(-1); high.fill(1); }
+  view.centre = view.axes.reduce((sum, axis, i) => add(sum, times(axis, (low[i] + high[i]) / 2)), [0, 0, 0]);
+  view.height = 1.12 * Math.max(high[1] - low[1], (high[0] - low[0]) * canvas.height / canvas.width);
+  view.depth = 4 * Math.max(high[2] - low[2], high[1] - low[1], high[0] - low[0]);
+}
+
+function colourOf({ run, shape, faint }) {
+  const tint = runs[run].tint, own = COLOURS[shape.colour] ?? BODIES[Number(shape.colour) % BODIES.length];
+  return tint ? [...rgb(tint), faint ? 0.08 : 0.34] : [...own, faint ? 0.26 : 1];
+}
+
+function drawPart(it, uniforms) {
+  const m = it.matrix, x = m.slice(0, 3), y = m.slice(4, 7), z = m.slice(8, 11);
+  gl.uniformMatrix4fv(uniforms.model, false, m);
+  gl.uniformMatrix3fv(uniforms.turn, false, [...cross(y, z), ...cross(z, x), ...cross(x, y)].map(c => c / (first.size ** 2)));
+  gl.bindBuffer(gl.ARRAY_BUFFER, it.mesh.buffer);
+  gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 24, 0);
+  gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 24, 12);
+  gl.drawArrays(gl.TRIANGLES, 0, it.mesh.count);
+}
+
+function begin(background) {
+  gl.viewport(0, 0, canvas.width, canvas.height);
+  gl.clearColor(...background);
+  gl.depthMask(true);
+  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  gl.uniformMatrix4fv(uniforms.camera, false, cameraMatrix());
+  const [x, y, z] = view.axes;
+  gl.uniformMatrix3fv(uniforms.view, false, [0, 1, 2].flatMap(i => [x[i], y[i], z[i]]));
+}
+
+function render() {
+  begin([1, 1, 1, 1]);
+  gl.uniform1i(uniforms.flat, 0);
+  if (sweep) {
+    gl.uniform1i(uniforms.flat, 1);
+    gl.disable(gl.DEPTH_TEST);
+    gl.uniform4fv(uniforms.colour, [...COLOURS.region, 1]);
+    drawPart(sweep, uniforms);
+    gl.enable(gl.DEPTH_TEST);
+    gl.uniform1i(uniforms.flat, 0);
+  }
+  const solid = parts.filter(p => colourOf(p)[3] === 1), clear = parts.filter(p => colourOf(p)[3] < 1);
+  gl.disable(gl.BLEND);
+  for (const it of solid) { gl.uniform4fv(uniforms.colour, colourOf(it)); drawPart(it, uniforms); }
+  gl.enable(gl.BLEND);
+  gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+  gl.depthMask(false);
+  for (const it of clear) { gl.uniform4fv(uniforms.colour, colourOf(it)); drawPart(it, uniforms); }
+  gl.depthMask(true);
+  overlay();
+}
+
+function pick(x, y) {  // the shape at a pixel of the canvas, from its upper left corner
+  gl.enable(gl.SCISSOR_TEST);
+  gl.scissor(x, canvas.height - 1 - y, 1, 1);
+  begin([0, 0, 0, 0]);
+  gl.disable(gl.BLEND);
+  gl.uniform1i(uniforms.flat, 1);
+  parts.forEach((it, i) => {
+    if (it.faint) return;
+    gl.uniform4fv(uniforms.colour, [((i + 1) & 255) / 255, ((i + 1) >> 8) / 255, 0, 1]);
+    drawPart(it, uniforms);
+  });
+  const pixel = new Uint8Array(4);
+  gl.readPixels(x, canvas.height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+  gl.disable(gl.SCISSOR_TEST);
+  return parts[pixel[0] + 256 * pixel[1] - 1] ?? null;
+}
+
+function project(p) {  // pixel of the canvas, from its upper left corner
+  const m = cameraMatrix(), q = moved(m, p);
+  return [(q[0] + 1) / 2 * canvas.width, (1 - q[1]) / 2 * canvas.height];
+}
+
+// Axes, gravity and scale, over the picture
+
+function overlay() {
+  const c = $("overlay"), pen = c.getContext("2d"), ratio = devicePixelRatio, w = c.width / ratio, h = c.height / ratio;
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, w, h);
+  pen.font = "12px system-ui, sans-serif";
+  const arrow = (x, y, dx, dy, colour, text) => {
+    const size = Math.hypot(dx, dy);
+    pen.strokeStyle = pen.fillStyle = colour;
+    pen.lineWidth = 2;
+    if (size > 5) {
+      const ux = dx / size, uy = dy / size;
+      pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx - 5 * ux, y + dy - 5 * uy); pen.stroke();
+      pen.beginPath(); pen.moveTo(x + dx, y + dy); pen.lineTo(x + dx - 8 * ux - 3.5 * uy, y + dy - 8 * uy + 3.5 * ux);
+      pen.lineTo(x + dx - 8 * ux + 3.5 * uy, y + dy - 8 * uy - 3.5 * ux); pen.fill();
+      pen.fillText(text, x + dx + 8 * ux - 4, y + dy + 8 * uy + 4);
+    } else if (!first.planar) pen.fillText(text, x + dx + 6, y + dy);
+  };
+  const [X, Y] = view.axes, o = [52, h - 60];
+  ["#c62828", "#2e7d32", "#1565c0"].forEach((colour, i) => arrow(...o, 34 * X[i], -34 * Y[i], colour, "xyz"[i]));
+  const g = unit(first.gravity);
+  if (length(first.gravity)) arrow(122, h - 60, 28 * dot(X, g), -28 * dot(Y, g), "#5b6470", "g");
+  const metre = h / view.height, most = 140 / metre, power = 10 ** Math.floor(Math.log10(most));
+  const nice = [5, 2, 1].map(f => f * power).find(f => f <= most), x = w - 24 - nice * metre, y = h - 24;
+  pen.strokeStyle = pen.fillStyle = "#3b434d";
+  pen.lineWidth = 1.5;
+  pen.beginPath(); pen.moveTo(x, y - 5); pen.lineTo(x, y); pen.lineTo(w - 24, y); pen.lineTo(w - 24, y - 5); pen.stroke();
+  pen.textAlign = "center";
+  pen.fillText(lengthText(nice), (x + w - 24) / 2, y - 6);
+  pen.textAlign = "left";
+}
+
+const lengthText = a => a >= 1 ? `${+a.toPrecision(3)} m` : a >= 1e-3 ? `${+(1e3 * a).toPrecision(3)} mm` : `${+(1e6 * a).toPrecision(3)} µm`;
+
+// Curves of the outputs
+
+const curves = [];
+
+function makeCurves() {
+  first.outputs.forEach((name, i) => {
+    const box = document.createElement("div"), c = document.createElement("canvas"), cursor = document.createElement("i");
+    const head = document.createElement("p"), value = document.createElement("b");
+    head.append(name, value);
+    box.append(head, c, cursor);
+    box.onpointerdown = box.onpointermove = e => {
+      if (e.buttons) seek(nearest(first, times0() + (e.clientX - c.getBoundingClientRect().left) / c.clientWidth * span()));
+    };
+    $("curves").append(box);
+    curves.push({ i, c, cursor, value });
+  });
+}
+
+const column = (at, i, n) => Array.from({ length: at[1] }, (_, k) => numbers[at[0] + k * n + i]);
+const times0 = () => numbers[first.t[0]], span = () => (numbers[first.t[0] + first.t[1] - 1] - times0()) || 1;
+
+function drawCurves() {
+  const n = first.outputs.length, t = column(first.t, 0, 1);
+  for (const { i, c } of curves) {
+    const w = c.width = c.clientWidth * devicePixelRatio, h = c.height = c.clientHeight * devicePixelRatio, pen = c.getContext("2d");
+    const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
+    const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
+    const all = [...lines.map(l => l.values), ...(bounds || [])].flat().filter(Number.isFinite);
+    let low = Infinity, high = -Infinity;
+    for (const y of all) { low = Math.min(low, y); high = Math.max(high, y); }
+    if (!(high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)))) { low -= 1; high += 1; }
+    const x = k => (t[k] - t[0]) / span() * w, y = v => h - 3 - (v - low) / (high - low) * (h - 6);
+    const path = values => values.forEach((v, k) => pen.lineTo(x(k), y(v)));
+    pen.clearRect(0, 0, w, h);
+    if (bounds) {
+      pen.beginPath(); path(bounds[0]);
+      bounds[1].map((v, k) => [v, k]).reverse().forEach(([v, k]) => pen.lineTo(x(k), y(v)));
+      pen.fillStyle = "#d8e3ee"; pen.fill();
+    }
+    if (low < 0 && high > 0) { pen.fillStyle = "#c3cad2"; pen.fillRect(0, y(0), w, 1); }
+    for (const { values, tint } of lines) {
+      pen.beginPath(); path(values);
+      pen.strokeStyle = tint; pen.lineWidth = 1.4 * devicePixelRatio; pen.stroke();
+    }
+    if (bounds && page.mark.output === i) { pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h); }
+    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
+    pen.strokeStyle = "#f7f9fb"; pen.fillStyle = "#4b5563"; pen.lineWidth = 3;
+    for (const [v, at] of [[high, 11 * devicePixelRatio], [low, h - 4]]) { pen.strokeText(short(v), 3, at); pen.fillText(short(v), 3, at); }
+  }
+}
+
+const short = v => !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
+
+// Time
+
+let picture = 0, clock = 0, playing = false, previous = 0, drawn = 0;
+
+function nearest(run, t) {  // the picture whose time is closest
+  let low = 0, high = run.t[1] - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (numbers[run.t[0] + middle] <= t) low = middle; else high = middle;
+  }
+  return t - numbers[run.t[0] + low] <= numbers[run.t[0] + high] - t ? low : high;
+}
+
+function seek(k) {
+  picture = k;
+  clock = numbers[first.t[0] + k];
+  show();
+}
+
+function show() {
+  arrange(picture);
+  render();
+  const n = first.outputs.length;
+  $("scrub").value = picture;
+  $("time").textContent = `${numbers[first.t[0] + picture].toPrecision(5)} s`;
+  for (const { i, c, cursor, value } of curves) {
+    cursor.style.transform = `translateX(${(numbers[first.t[0] + picture] - times0()) / span() * c.clientWidth}px)`;
+    value.textContent = short(numbers[first.values[0] + picture * n + i]);
+  }
+  drawn += 1;
+}
+
+function tick(now) {
+  if (!playing) return;
+  clock += Math.min(now - previous, 100) / 1000 * Number($("speed").value);
+  previous = now;
+  if (clock > times0() + span()) clock = times0();
+  picture = nearest(first, clock);
+  show();
+  requestAnimationFrame(tick);
+}
+
+function play(on) {
+  playing = on && first.t[1] > 1;
+  $("play").textContent = playing ? "\u275a\u275a" : "\u25b6";
+  if (playing) { previous = performance.now(); requestAnimationFrame(tick); }
+}
+
+// The person in front of it
+
+function follow() {  // the address: #t=4.2
+  const t = Number(new URLSearchParams(location.hash.slice(1)).get("t") ?? NaN);
+  if (Number.isFinite(t)) { play(false); seek(nearest(first, t)); }
+}
+
+function resize() {
+  for (const c of [canvas, $("overlay")]) {
+    c.width = Math.max(1, Math.round(c.clientWidth * devicePixelRatio));
+    c.height = Math.max(1, Math.round(c.clientHeight * devicePixelRatio));
+  }
+  drawCurves();
+  fit();
+  show();
+}
+
+function drag(e) {
+  const right = e.movementX, down = e.movementY, shifts = (e.buttons & 2) || e.shiftKey;
+  if (Boolean(shifts) !== first.planar) {
+    const metre = view.height / canvas.clientHeight, [x, y] = view.axes;
+    view.centre = add(view.centre, add(times(x, -right * metre), times(y, down * metre)));
+  } else {
+    const around = axis => angle => view.axes.map(a => rotated(a, axis, angle));
+    view.axes = around(unit(view.up))(-0.008 * right);
+    view.axes = around(view.axes[0])(-0.008 * down);
+  }
+  show();
+}
+
+function hover(e) {
+  const ratio = devicePixelRatio, it = pick(Math.round(e.offsetX * ratio), Math.round(e.offsetY * ratio)), tip = $("tip");
+  render();
+  tip.hidden = !it;
+  if (!it) return;
+  tip.textContent = `${it.shape.name} \u2013 ${it.shape.kind}${runs[it.run].tint ? `, ${runs[it.run].label}` : ""}`;
+  tip.style.left = `${e.offsetX + 14}px`;
+  tip.style.top = `${e.offsetY + 10}px`;
+}
+
+function listen() {
+  let asked = 0;
+  canvas.onpointerdown = e => canvas.setPointerCapture(e.pointerId);
+  canvas.onpointermove = e => {
+    if (e.buttons) drag(e);
+    else if (performance.now() - asked > 60) { asked = performance.now(); hover(e); }
+  };
+  canvas.onpointerleave = () => { $("tip").hidden = true; };
+  canvas.oncontextmenu = e => e.preventDefault();
+  canvas.ondblclick = () => { view.axes = [0, 1, 2].map(i => first.camera.slice(3 * i, 3 * i + 3)); fit(); show(); };
+  canvas.addEventListener("wheel", e => { e.preventDefault(); view.height *= Math.exp(0.0012 * e.deltaY); show(); }, { passive: false });
+  $("play").onclick = () => play(!playing);
+  $("scrub").oninput = e => { play(false); seek(Number(e.target.value)); };
+  $("scale").oninput = e => { scale = Number(e.target.value); $("scaled").textContent = `\u00d7${scale}`; show(); };
+  $("ghosts").onchange = $("solids").onchange = show;
+  document.onkeydown = e => {
+    if (e.key === " " && e.target.tagName !== "BUTTON") { e.preventDefault(); play(!playing); }
+    const by = { ArrowRight: 1, ArrowLeft: -1 }[e.key];
+    if (by && e.target.tagName !== "INPUT") seek(Math.min(Math.max(picture + by, 0), first.t[1] - 1));
+  };
+  addEventListener("hashchange", follow);
+  addEventListener("resize", resize);
+}
+
+const uniforms = program(), built = meshes();
+const sweep = page.region && page.region.sweep[1] ? mesh(page.region.sweep[1] && column([page.region.sweep[0], page.region.sweep[1]], 0, 1)) : null;
+$("scrub").max = first.t[1] - 1;
+$("elastic").hidden = !first.places.some(p => p.elastic);
+$("several").hidden = runs.length < 2 && !page.region;
+$("inertia").hidden = !first.shapes.some(s => s.kind === INERTIA);
+$("speed").value = page.speed;
+makeCurves();
+listen();
+resize();
+follow();
+if (!location.hash) play(true);
+window.symmb = { seek, pick, project, play, frameMatrix: i => frameMatrix(first, i, picture), drawn: () => drawn, parts: () =>
+  parts.map(p => ({ name: p.shape.name, kind: p.shape.kind, form: p.shape.form, run: p.run, matrix: p.matrix })) };
