@@ -8,6 +8,7 @@ from symmb._errors import warn_of
 from symmb._types import Executor
 from symmb.bounds.method import Method, parameter_samples, require_method
 from symmb.bounds.result import Bounds
+from symmb.bounds.study import study_of
 from symmb.events import longest_steps
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
@@ -61,7 +62,7 @@ def propagate(
     simulator, box = simulator_of(scene_or_simulator, box, solver)
     bounds = method.bounds(simulator, box, executor=executor, progress=progress)
     doubts = (*bounds.run_doubts, *getattr(simulator, "doubts", ()), *_pulse_doubts(simulator, box))
-    bounds = replace(bounds, run_doubts=doubts)
+    bounds = replace(bounds, run_doubts=doubts, study=study_of(scene_or_simulator, simulator, method, box))
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
 

@@ -19,6 +19,8 @@ from symmb.polynomials import Expansion, Moments, moments
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from symmb.bounds.study import Study
+
 Kind = Literal["enclosure", "estimate", "sampled"]
 
 _ROUNDING = 1e-9
@@ -50,6 +52,7 @@ class Bounds:
     expansion : polynomial chaos of a given order, or None
     caution : from when on the method is not valid, and why; empty if it is valid
     run_doubts : what cannot be trusted about the runs, in sentences; `doubts` are all
+    study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
 
     Examples
     --------
@@ -73,6 +76,10 @@ class Bounds:
     expansion: Expansion | None = None
     caution: str = ""
     run_doubts: tuple[str, ...] = ()
+    study: "Study | None" = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "study": None}
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import SLOW, cache, has_compiler
+from symmb.drawing import FORMATS
 from symmb.files import require_suffix, save_json
 from symmb.plot import PICTURES
 
@@ -146,6 +147,17 @@ def _stability(options: argparse.Namespace) -> None:
 def _equations(options: argparse.Namespace) -> None:
     system = load_scene(options.scene).system
     print(system.latex() if options.latex else f"{system}\n\n{equations_text(system)}".rstrip())
+
+
+def _view(options: argparse.Namespace) -> tuple[str, ...]:
+    scene = load_scene(options.scene)
+    path = options.output or f"{'_'.join(scene.name.split())}.html"
+    _file(path, *FORMATS)
+    with Progress(f"drawing {scene.name}"):
+        run = mb.simulate(scene, parameters=_assignments(options.set))
+        mb.view(run, path)
+    print(path)
+    return run.doubts
 
 
 def _codegen(options: argparse.Namespace) -> None:
@@ -304,6 +316,12 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
 
     equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
     equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
+
+    view = command("view", "simulate the scene and draw the mechanism, to be looked at in a browser", _view)
+    view.add_argument("-o", "--output", metavar="F", help=f"file to write; its suffix is one of {', '.join(FORMATS)}")
+    view.add_argument(
+        "--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help="parameters that are not nominal"
+    )
 
     codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.drawing.bodies import BodySketch
 from symmb.drawing.elements import sketch
@@ -30,13 +31,16 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 
 def draw(run: Trajectory, *, most: int = MOST_PICTURES, point: Point | None = None) -> Drawing:
     """The drawing of a run at its output times, or at every so many, and the path of a point."""
+    scene = run.scene
+    if scene is None:
+        raise DeclarationError("This run holds no scene: it was read from a file. Give Trajectory.load the scene.")
     step = -(-len(run.t) // most)
     run = replace(run, t=run.t[::step], x=run.x[::step], work=run.work[::step], run_examination=None, error=None)
-    survey = Survey(run)
-    elements = run._model[0].system.elements
+    survey = Survey(run, scene)
+    elements = scene.system.elements
     sketches = [(element, sketch(element, survey)) for element in elements if isinstance(element, Element)]
     gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
-    bodies = [BodySketch(body, str(i), survey) for i, body in enumerate(run._model[0].system.bodies)]
+    bodies = [BodySketch(body, str(i), survey) for i, body in enumerate(scene.system.bodies)]
     traced = None if point is None else survey.place(point)
     survey.evaluate()
     g = np.zeros(3) if gravity is None else gravity.first

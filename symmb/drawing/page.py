@@ -3,8 +3,6 @@
 import base64
 import html
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib.resources import files as resources
 from string import Template
 from typing import Any
@@ -12,40 +10,13 @@ from typing import Any
 import numpy as np
 
 from symmb._types import Array
+from symmb.drawing.exhibit import Exhibit
 from symmb.drawing.shapes import Drawing
 from symmb.plot import COLOURS
 
 _SPEEDS = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 _WATCHED = 8.0
 """Seconds for which one looks at a run, about; it is slower or faster if it would take less than half, or twice."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ghost:
-    """A run that attains a bound, beside the nominal one."""
-
-    label: str
-    tint: str
-    drawing: Drawing
-
-
-@dataclass(frozen=True, eq=False)
-class Region:
-    """Where a point is over the box: positions of samples (n_f, n, 3), and triangles (m, 3, 3) that cover its sweep."""
-
-    name: str
-    points: Array
-    sweep: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Range:
-    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the output and time that are looked at."""
-
-    lower: Array
-    upper: Array
-    output: int
-    time: float
 
 
 class _Numbers:
@@ -65,13 +36,18 @@ class _Numbers:
         return base64.b64encode(np.concatenate([np.empty(0, "<f8"), *self._parts]).tobytes()).decode()
 
 
-def page(
-    drawing: Drawing, ghosts: Sequence[Ghost] = (), bounds: Range | None = None, region: Region | None = None
-) -> str:
+def page(exhibit: Exhibit) -> str:
     """The text of the page."""
     numbers = _Numbers()
-    runs = [_run(drawing, "nominal", "", numbers), *(_run(g.drawing, g.label, g.tint, numbers) for g in ghosts)]
-    data: dict[str, Any] = {"palette": COLOURS, "runs": runs, "speed": _speed(float(np.ptp(drawing.t)))}
+    drawing, bounds, region = exhibit.drawing, exhibit.bounds, exhibit.region
+    runs = [_run(drawing, "nominal", "", numbers)]
+    runs += [_run(ghost.drawing, ghost.label, ghost.tint, numbers) for ghost in exhibit.ghosts]
+    data: dict[str, Any] = {
+        "palette": COLOURS,
+        "runs": runs,
+        "speed": speed(float(np.ptp(drawing.t))),
+        "picture": exhibit.picture,
+    }
     if bounds is not None:
         data["bounds"] = {"lower": numbers(bounds.lower), "upper": numbers(bounds.upper)}
         data["mark"] = {"output": bounds.output, "time": bounds.time}
@@ -83,7 +59,7 @@ def page(
             "sweep": numbers(_faces(region.sweep).ravel()),
         }
     data["numbers"] = numbers.text()
-    legend = "".join(f'<em style="color:{g.tint}">{html.escape(g.label)}</em>' for g in ghosts)
+    legend = "".join(f'<em style="color:{g.tint}">{html.escape(g.label)}</em>' for g in exhibit.ghosts)
     if drawing.notes:
         legend += f"<span>not drawn: {html.escape(', '.join(drawing.notes))}</span>"
     folder = resources("symmb.drawing")
@@ -146,7 +122,7 @@ def _faces(triangles: Array) -> Array:
     return np.concatenate([triangles, normals], axis=2)
 
 
-def _speed(duration: float) -> float:
+def speed(duration: float) -> float:
     """Share of real time at which a run is played at first."""
     if _WATCHED / 2 <= duration <= 2 * _WATCHED or not duration:
         return 1.0

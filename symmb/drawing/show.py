@@ -4,14 +4,16 @@ from pathlib import Path
 
 from symmb._errors import DeclarationError
 from symmb.bounds import Bounds
-from symmb.drawing.draw import draw
+from symmb.drawing.exhibit import of_bounds, of_run
+from symmb.drawing.film import FILMS, film
 from symmb.drawing.page import page
+from symmb.drawing.still import STILLS, still
 from symmb.files import replacement, require_suffix
 from symmb.mechanics import Point
 from symmb.model import Scene
 from symmb.simulation import Trajectory, simulate
 
-FORMATS = (".html",)
+FORMATS = (".html", *STILLS, *FILMS)
 
 
 def view(
@@ -26,18 +28,41 @@ def view(
 
     Parameters
     ----------
-    subject : Scene, Trajectory or Bounds      a Scene is simulated at its nominal parameters
-    path : str or Path                         .html: a page to play, turn and look into, which needs no network
-    point : Point                              whose path is drawn
+    subject : Scene, Trajectory or Bounds      a Scene is simulated at its nominal
+                                               parameters; with Bounds, the runs that attain them are drawn as well
+    path : str or Path                         .html: a page to play, turn and look into, which needs no network;
+                                               .png, .svg: a still; .gif, .mp4: a film; .mp4 needs the program ffmpeg
+    output : str                               of Bounds: whose least and largest value runs attain; default: the
+                                               widest
+    time : float                               of a still, and when the bounds are attained [s]; default: the start,
+                                               and where the output's bounds are widest
+    point : Point                              whose path is drawn, and with Bounds where it gets over the box
 
     Raises
     ------
-    DeclarationError       if the suffix is another one
+    DeclarationError       if the suffix is another one, or bounds cannot be drawn
+
+    Examples
+    --------
+    >>> import symmb as mb, tempfile, pathlib
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start={"ball.vx": 2.0}, times=[0.0, 0.5, 1.0])
+    >>> page = pathlib.Path(tempfile.mkdtemp()) / "fall.html"
+    >>> mb.view(fall, page)
+    >>> page.read_text()[:15]
+    '<!DOCTYPE html>'
     """
-    require_suffix(path, *FORMATS)
+    suffix = require_suffix(path, *FORMATS)
     if isinstance(subject, Bounds):
-        raise DeclarationError("view: bounds are not drawn yet. Give a Scene or a Trajectory.")
-    run = simulate(subject) if isinstance(subject, Scene) else subject
-    text = page(draw(run, point=point))
+        exhibit = of_bounds(subject, output, time, point)
+    elif output is not None:
+        raise DeclarationError("view: output= chooses the bounds that runs attain. It goes with Bounds alone.")
+    else:
+        exhibit = of_run(simulate(subject) if isinstance(subject, Scene) else subject, time, point)
     with replacement(path) as file:
-        file.write(text.encode())
+        if suffix == ".html":
+            file.write(page(exhibit).encode())
+        elif suffix in FILMS:
+            film(exhibit, file, suffix)
+        else:
+            still(exhibit, file, suffix)

@@ -9,6 +9,7 @@ from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
 from symmb.drawing.shapes import Frame, Place
 from symmb.mechanics import AbstractBody, FlexibleBody, Ground, Point
+from symmb.model import Scene
 from symmb.simulation import Trajectory
 from symmb.symbolic import vector
 
@@ -36,9 +37,8 @@ class Asked:
 class Survey:
     """Places, directions and expressions of a scene, of which `evaluate` computes the numbers along a run."""
 
-    def __init__(self, run: Trajectory) -> None:
-        self.run = run
-        self.scene, _ = run._model
+    def __init__(self, run: Trajectory, scene: Scene) -> None:
+        self.run, self.scene = run, scene
         self.bind = self.scene.system.bind
         self.bodies: list[AbstractBody] = [Ground(), *self.scene.system.bodies]
         self._asked: list[tuple[ca.SX, Asked]] = []

@@ -169,7 +169,7 @@ function along(of, a, direction, size, from = 0) {  // a mesh whose z points alo
 function dynamic(corners) {  // a mesh that this picture alone uses
   const of = mesh(corners);
   of.passing = true;
-  part(of, columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]));
+  part(of, IDENTITY);
 }
 
 function coil(a, b, radius, offset) {
@@ -276,7 +276,7 @@ function arrange(k) {  // all parts of picture k
     current = { run: 0, shape: { name: region.name, kind: "position over the box", colour: "trace", faint: false } };
     const u = 0.9 * first.unit;
     for (let i = 0; i < region.count; i++)
-      part(built.ball, columns([u, 0, 0], [0, u, 0], [0, 0, u], row([region.points[0] + 3 * i, 1e9], k, 3 * region.count).slice(0, 3)));
+      part(built.ball, columns([u, 0, 0], [0, u, 0], [0, 0, u], row([region.points[0], region.points[1]], k, 3 * region.count).slice(3 * i, 3 * i + 3)));
   }
 }
 
@@ -621,7 +621,8 @@ function listen() {
 }
 
 const uniforms = program(), built = meshes();
-const sweep = page.region && page.region.sweep[1] ? mesh(page.region.sweep[1] && column([page.region.sweep[0], page.region.sweep[1]], 0, 1)) : null;
+const swept = page.region?.sweep, IDENTITY = columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]);
+const sweep = swept?.[1] ? { mesh: mesh(column(swept, 0, 1)), matrix: IDENTITY } : null;
 $("scrub").max = first.t[1] - 1;
 $("elastic").hidden = !first.places.some(p => p.elastic);
 $("several").hidden = runs.length < 2 && !page.region;
@@ -631,6 +632,6 @@ makeCurves();
 listen();
 resize();
 follow();
-if (!location.hash) play(true);
+if (!location.hash) { seek(page.picture); play(!page.mark); }
 window.symmb = { seek, pick, project, play, frameMatrix: i => frameMatrix(first, i, picture), drawn: () => drawn, parts: () =>
   parts.map(p => ({ name: p.shape.name, kind: p.shape.kind, form: p.shape.form, run: p.run, matrix: p.matrix })) };

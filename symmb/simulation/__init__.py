@@ -5,7 +5,18 @@
 
 from symmb.simulation.attained import Attained, attained_by_runs, note_attained
 from symmb.simulation.dae_simulator import DAESimulator
-from symmb.simulation.simulator import Jets, Kinked, March, Noisy, Progress, Reduction, Samples, Simulator, run_blocks
+from symmb.simulation.simulator import (
+    Jets,
+    Kinked,
+    March,
+    Noisy,
+    Progress,
+    Reduction,
+    S,
+    Samples,
+    Simulator,
+    run_blocks,
+)
 from symmb.simulation.single_run import simulate
 from symmb.simulation.subject import require_scene, simulator_of
 from symmb.simulation.trajectory import Trajectory

@@ -1,0 +1,194 @@
+"""What is shown together: a run, the runs that attain bounds, and where a point is over the box."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array
+from symmb.bounds import Bounds, Sample, Study, parameter_samples
+from symmb.drawing.draw import draw
+from symmb.drawing.shapes import Drawing
+from symmb.mechanics import Point
+from symmb.nodes import grid
+from symmb.simulation import DAESimulator, Trajectory, simulate
+
+LOWER, UPPER = "#b3541e", "#5b3fa0"
+"""Colours of the runs that attain the lower and the upper bound."""
+_LINE, _FEW, _SAMPLES = 7, 2, 128
+"""Samples of a point's region: so many along each of a few parameters, and so many in all for more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ghost:
+    """A run that attains a bound, beside the nominal one."""
+
+    label: str
+    tint: str
+    drawing: Drawing
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where a point is over the box: positions of samples (n_f, n, 3), and triangles (m, 3, 3) that cover its sweep."""
+
+    name: str
+    points: Array
+    sweep: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Range:
+    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the output and time that are looked at."""
+
+    lower: Array
+    upper: Array
+    output: int
+    time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Exhibit:
+    """All that a page, a still or a film shows; `picture` is the one to begin with."""
+
+    drawing: Drawing
+    ghosts: tuple[Ghost, ...] = ()
+    bounds: Range | None = None
+    region: Region | None = None
+    picture: int = 0
+
+
+def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
+    """A run alone."""
+    drawing = draw(run, point=point)
+    return Exhibit(drawing, picture=0 if time is None else _picture(drawing, time))
+
+
+def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:
+    """The nominal run, those that attain the bounds of an output at a time, and the region of a point.
+
+    Raises
+    ------
+    DeclarationError       if the bounds are not of a scene, have no such output, or no run attains them
+    """
+    study = bounds.study
+    if study is None:
+        raise DeclarationError(
+            "These bounds hold no scene: they were read from a file, or are of a simulator. "
+            "Draw those that propagate(scene, method) returns."
+        )
+    if output is not None and output not in bounds.names:
+        raise DeclarationError(f"view: no output {output!r}.{did_you_mean(output, bounds.names)}")
+    column = bounds.names.index(output) if output else _widest(bounds)
+    width = bounds.upper[:, column] - bounds.lower[:, column]
+    row = int(width.argmax()) if time is None else int(np.abs(bounds.t - time).argmin())
+    name, t = bounds.names[column], float(bounds.t[row])
+    samples = study.attaining(name, row)
+    least, largest = attaining_runs(study, samples)
+    drawing = draw(simulate(study.scene, study.simulator.solver), point=point)
+    ghosts = [
+        Ghost(
+            f"{side} {name} at {t:g} s: {run[name][row]:.6g} by a run with {_values(study, run)}, bound {bound:.6g}",
+            tint,
+            draw(run),
+        )
+        for side, tint, run, bound in (
+            ("least", LOWER, least, bounds.lower[row, column]),
+            ("largest", UPPER, largest, bounds.upper[row, column]),
+        )
+    ]
+    rows = np.searchsorted(bounds.t, drawing.t)
+    return Exhibit(
+        drawing,
+        tuple(ghosts),
+        Range(bounds.lower[rows], bounds.upper[rows], column, t),
+        None if point is None else _region(study, point, drawing),
+        _picture(drawing, t),
+    )
+
+
+def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
+    """The runs of samples with all their states, repeated to the last bit.
+
+    Their states are outputs of a second simulator, as studies keep only the outputs of the scene.
+    """
+    scene, solver = study.scene, study.simulator.solver
+    system = scene.system
+    states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
+    named = {f"x{i}": x for i, x in enumerate(states)}
+    simulator = DAESimulator(scene.with_outputs(named or {"t": 0.0}), solver)
+    nominal = simulate(scene, solver)
+    runs = []
+    for sample in samples:
+        x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
+        values = dict(zip(study.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+        runs.append(
+            replace(nominal, parameters=values, x=x, work=np.full(len(x), np.nan), events=(), run_examination=None)
+        )
+    return runs
+
+
+def _region(study: Study, point: Point, drawing: Drawing) -> Region:
+    """Positions of a point for samples of the box, and what it sweeps."""
+    scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
+    simulator = DAESimulator(scene, study.simulator.solver)
+    d = len(study.box)
+    unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
+    ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
+    points = ensemble.Y[ensemble.ok].transpose(1, 0, 2)[np.searchsorted(simulator.times, drawing.t)]
+    sweep = _swept(points[:, :, :2]) if drawing.planar else np.zeros((0, 3, 3))
+    return Region(f"{points.shape[1]} samples of the box", points, sweep)
+
+
+def _many(d: int) -> Array:
+    """Samples of a box of many parameters: random corners, and random points inside."""
+    random = np.random.default_rng(0)
+    return np.vstack([random.choice([-1.0, 1.0], (_SAMPLES // 2, d)), random.uniform(-1, 1, (_SAMPLES // 2, d))])
+
+
+def _swept(points: Array) -> Array:
+    """Triangles (m, 3, 3) that cover the hulls of points (n_f, n, 2), each taken together with the next one."""
+    triangles = []
+    for k in range(max(len(points) - 1, 1)):
+        corners = convex_hull(points[k : k + 2].reshape(-1, 2))
+        triangles += [(corners[0], corners[i], corners[i + 1]) for i in range(1, len(corners) - 1)]
+    flat = np.array(triangles).reshape(-1, 3, 2)
+    return np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+
+
+def convex_hull(points: Array) -> Array:
+    """Corners (m, 2) of the convex hull of points (n, 2) in the plane, anticlockwise (Andrew's monotone chain)."""
+    order = sorted(set(map(tuple, points.tolist())))
+    if len(order) < 3:
+        return np.array(order)
+    halves = []
+    for ordered in (order, order[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0:
+                chain.pop()
+            chain.append(p)
+        halves += chain[:-1]
+    return np.array(halves)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _widest(bounds: Bounds) -> int:
+    """The output with the largest width beside its own range."""
+    width = (bounds.upper - bounds.lower).max(axis=0)
+    extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
+    return int(np.argmax(width / np.maximum(extent, 1e-300)))
+
+
+def _picture(drawing: Drawing, time: float) -> int:
+    return int(np.abs(drawing.t - time).argmin())
+
+
+def _values(study: Study, run: Trajectory) -> str:
+    return ", ".join(f"{name} = {run.parameters[name]:.4g}" for name in study.box.names)

@@ -1,0 +1,169 @@
+"""Stills: an exhibit in one picture, painted with matplotlib from the back to the front."""
+
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.drawing.bodies import SOLID
+from symmb.drawing.exhibit import Exhibit
+from symmb.drawing.outlines import Outline, Painter
+from symmb.drawing.shapes import Drawing
+from symmb.plot import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STILLS = (".png", ".svg")
+"""Formats of stills."""
+ELEMENTS = {
+    "joint": "#343c48",
+    "guide": "#9ea8b5",
+    "spring": "#218c54",
+    "damper": "#735a9e",
+    "load": "#cc2929",
+    "contact": "#e0800d",
+    "trace": "#1a66b3",
+}
+"""Colours of what is not a body."""
+_REGION = "#b8d4ed"
+_WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
+"""Width of a still [inch], and its greatest and least height over its width."""
+_LOOKED_AT = 40
+"""Pictures of a run by which the frame of a still is chosen, so that all stills and films of it have the same."""
+_MARGIN = 0.06
+
+
+def still(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
+    """Write the exhibit's picture."""
+    figure, axes = canvas(exhibit, dpi=150)
+    paint(axes, exhibit, exhibit.picture)
+    figure.savefig(file, format=suffix[1:])
+
+
+def canvas(exhibit: Exhibit, dpi: float) -> "tuple[Figure, Axes]":
+    """An empty figure, in which all pictures of the exhibit have the same scale."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    low, high = _limits(exhibit)
+    width, height = high - low
+    ratio = min(max(height / width, _FLATTEST), _TALLEST)
+    figure = Figure(figsize=(_WIDTH, _WIDTH * ratio), dpi=dpi)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    half = max(width, height / ratio) / 2
+    middle = (low + high) / 2
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half * ratio, middle[1] + half * ratio)
+    axes.set_axis_off()
+    return figure, axes
+
+
+def _limits(exhibit: Exhibit) -> tuple[Array, Array]:
+    """Least and largest coordinates (2,) in the camera's plane over the run [m]."""
+    camera = exhibit.drawing.camera
+    corners = [
+        outline.points
+        for drawing in (exhibit.drawing, *(ghost.drawing for ghost in exhibit.ghosts))
+        for k in np.unique(np.linspace(0, len(drawing.t) - 1, _LOOKED_AT).astype(int)).tolist()
+        for outline in Painter(drawing, k, camera).outlines()
+        if outline.shape.kind != SOLID
+    ]
+    if exhibit.region is not None:
+        corners.append(exhibit.region.sweep.reshape(-1, 3) @ camera[:2].T)
+    if not corners:
+        return np.full(2, -1.0), np.ones(2)
+    every = np.vstack(corners)
+    low, high = every.min(axis=0), every.max(axis=0)
+    margin = _MARGIN * max((high - low).max(), 8 * exhibit.drawing.unit)
+    return low - margin - [0, margin], high + margin  # axes and scale stand below
+
+
+def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
+    """Paint picture k."""
+    from matplotlib.collections import PolyCollection
+
+    drawing, camera, region = exhibit.drawing, exhibit.drawing.camera, exhibit.region
+    if region is not None and len(region.sweep):
+        axes.add_collection(
+            PolyCollection(list(region.sweep @ camera[:2].T), facecolor=_REGION, edgecolor=_REGION, zorder=0)
+        )
+    for order, outline in enumerate(Painter(drawing, k, camera).outlines()):
+        if outline.shape.kind != SOLID:
+            _paint(axes, outline, _colour(outline), 0.3 if outline.shape.faint else 1.0, 1 + order * 1e-4)
+    for ghost in exhibit.ghosts:
+        for outline in Painter(ghost.drawing, min(k, len(ghost.drawing.t) - 1), camera).outlines():
+            if outline.shape.colour not in ("guide", "load") and not outline.shape.faint:
+                _paint(axes, outline, ghost.tint, 0.35, 2)
+    if region is not None:
+        seen = region.points[k] @ camera[:2].T
+        axes.plot(*seen.T, ".", color=ELEMENTS["trace"], markersize=3, zorder=3)
+    _furnish(axes, drawing, k)
+    for i, ghost in enumerate(exhibit.ghosts):
+        axes.text(0.02, 0.94 - 0.04 * i, ghost.label, color=ghost.tint, fontsize=8, transform=axes.transAxes)
+
+
+def _colour(outline: Outline) -> str:
+    colour = outline.shape.colour
+    return ELEMENTS.get(colour) or COLOURS[int(colour) % len(COLOURS)]
+
+
+def _paint(axes: "Axes", outline: Outline, colour: str, alpha: float, order: float) -> None:
+    from matplotlib.patches import Polygon
+
+    if outline.width:
+        width = max(outline.width * _points_per_metre(axes), 0.8)
+        axes.plot(*outline.points.T, color=colour, alpha=alpha, linewidth=width, solid_capstyle="round", zorder=order)
+    elif len(outline.points) > 2:
+        edge = _darker(colour) if alpha == 1 else colour
+        axes.add_patch(
+            Polygon(outline.points, facecolor=colour, edgecolor=edge, alpha=alpha, linewidth=0.6, zorder=order)
+        )
+
+
+def _points_per_metre(axes: "Axes") -> float:
+    low, high = axes.get_xlim()
+    return 72 * _WIDTH / (high - low)
+
+
+def _darker(colour: str) -> tuple[float, ...]:
+    return tuple(0.6 * int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+
+
+def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
+    """Name, time, axes, gravity and scale."""
+    axes.text(0.02, 0.975, drawing.name, fontsize=10, fontweight="bold", va="top", transform=axes.transAxes)
+    axes.text(0.98, 0.975, f"t = {drawing.t[k]:.4g} s", fontsize=9, va="top", ha="right", transform=axes.transAxes)
+    pixels = 72 * _WIDTH  # offsets are in points
+    height = pixels * (axes.get_ylim()[1] - axes.get_ylim()[0]) / (axes.get_xlim()[1] - axes.get_xlim()[0])
+
+    def arrow(x: float, direction: Array, colour: str, text: str) -> None:
+        size = np.linalg.norm(direction)
+        start, axis = np.array([x, 36.0]), direction / max(size, 1e-9)
+        tip, label = ((start + (24 * size + gap) * axis) / [pixels, height] for gap in (0, 9))
+        if size > 0.15:
+            axes.annotate(
+                "",
+                (tip[0], tip[1]),
+                (start[0] / pixels, start[1] / height),
+                "axes fraction",
+                "axes fraction",
+                {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0},
+            )
+            style = {"color": colour, "fontsize": 8, "ha": "center", "va": "center"}
+            axes.text(label[0], label[1], text, transform=axes.transAxes, **style)
+
+    for colour, column, name in zip(("#c62828", "#2e7d32", "#1565c0"), drawing.camera[:2].T, "xyz", strict=True):
+        arrow(36.0, column, colour, name)
+    if g := float(np.linalg.norm(drawing.gravity)):
+        arrow(84.0, drawing.camera[:2] @ drawing.gravity / g, "#5b6470", "g")
+    left, right = axes.get_xlim()
+    most = 0.2 * (right - left)
+    power = 10 ** np.floor(np.log10(most))
+    length = next(f * power for f in (5, 2, 1) if f * power <= most)
+    share = length / (right - left)
+    axes.plot([0.97 - share, 0.97], [0.04, 0.04], color="#3b434d", linewidth=1.2, transform=axes.transAxes)
+    text = f"{length:g} m" if length >= 1 else f"{1e3 * length:g} mm" if length >= 1e-3 else f"{1e6 * length:g} µm"
+    axes.text(0.97 - share / 2, 0.05, text, fontsize=8, ha="center", transform=axes.transAxes)
