@@ -233,6 +233,6 @@ def mesh_edges(positions: Array) -> list[tuple[int, int]]:
             continue
         middle = (positions[i] + positions[k]) / 2
         others = np.delete(positions[neighbours[i]], [0, int(np.flatnonzero(neighbours[i] == k)[0])], axis=0)
-        if (np.linalg.norm(others - middle, axis=1) > length / 2 * (1 - 1e-9)).all():
+        if (np.linalg.norm(others - middle, axis=1) > length / 2 * (1 + 1e-6)).all():
             edges.add((min(i, k), max(i, k)))
     return sorted(edges)

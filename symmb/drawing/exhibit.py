@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bounds import Bounds, Sample, Study, parameter_samples
 from symmb.drawing.draw import draw
 from symmb.drawing.shapes import Drawing
@@ -18,8 +19,8 @@ from symmb.simulation import DAESimulator, Trajectory, simulate
 
 LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
-_LINE, _FEW, _SAMPLES = 7, 2, 128
-"""Samples of a point's region: so many along each of a few parameters, and so many in all for more."""
+_LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
+"""Samples of a point's region: along each of a few parameters, and in all for more; times between which it sweeps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,8 @@ class Ghost:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where a point is over the box: positions of samples (n_f, n, 3), and triangles (m, 3, 3) that cover its sweep."""
+    """Where a point is over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
+    that cover its sweep in the xy plane."""
 
     name: str
     points: Array
@@ -88,10 +90,11 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     name, t = bounds.names[column], float(bounds.t[row])
     samples = study.attaining(name, row)
     least, largest = attaining_runs(study, samples)
-    drawing = draw(simulate(study.scene, study.simulator.solver), point=point)
+    drawing = draw(simulate(study.scene, study.simulator.solver))
+
     ghosts = [
         Ghost(
-            f"{side} {name} at {t:g} s: {run[name][row]:.6g} by a run with {_values(study, run)}, bound {bound:.6g}",
+            f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}) at {_values(study, run)}",
             tint,
             draw(run),
         )
@@ -138,9 +141,10 @@ def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     d = len(study.box)
     unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
-    points = ensemble.Y[ensemble.ok].transpose(1, 0, 2)[np.searchsorted(simulator.times, drawing.t)]
-    sweep = _swept(points[:, :, :2]) if drawing.planar else np.zeros((0, 3, 3))
-    return Region(f"{points.shape[1]} samples of the box", points, sweep)
+    points = ensemble.Y.transpose(1, 0, 2)[np.searchsorted(simulator.times, drawing.t)]
+    corners = _cells(unit, d) if d <= _FEW else [np.arange(len(unit))]
+    sweep = _swept(points[:, :, :2], corners) if drawing.planar else np.zeros((0, 2))
+    return Region(f"{points.shape[1]} samples of the box", points[:, ensemble.ok], sweep)
 
 
 def _many(d: int) -> Array:
@@ -149,14 +153,27 @@ def _many(d: int) -> Array:
     return np.vstack([random.choice([-1.0, 1.0], (_SAMPLES // 2, d)), random.uniform(-1, 1, (_SAMPLES // 2, d))])
 
 
-def _swept(points: Array) -> Array:
-    """Triangles (m, 3, 3) that cover the hulls of points (n_f, n, 2), each taken together with the next one."""
+def _cells(unit: Array, d: int) -> list[Indices]:
+    """Numbers of the samples at the corners of each cell of the grid."""
+    step = 2 / (_LINE - 1) * (1 + 1e-9)
+    lower = [k for k in range(len(unit)) if (unit[k] < 1 - 1e-9).all()]
+    return [np.flatnonzero(((unit >= unit[k] - 1e-9) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
+
+
+def _swept(points: Array, cells: Sequence[Indices]) -> Array:
+    """Corners (3 m, 2) of m triangles that cover what the cells of samples (n_f, n, 2) sweep from time to time.
+
+    A cell is covered by the hull of its corners: the smaller the cells, the closer to what all parameters reach.
+    """
     triangles = []
-    for k in range(max(len(points) - 1, 1)):
-        corners = convex_hull(points[k : k + 2].reshape(-1, 2))
-        triangles += [(corners[0], corners[i], corners[i + 1]) for i in range(1, len(corners) - 1)]
-    flat = np.array(triangles).reshape(-1, 3, 2)
-    return np.concatenate([flat, np.zeros((*flat.shape[:2], 1))], axis=2)
+    rows = np.unique(np.linspace(0, len(points) - 1, _SWEPT).astype(int))
+    for before, after in pairwise(rows.tolist()):
+        for cell in cells:
+            reached = points[[before, after]][:, cell].reshape(-1, 2)
+            corners = convex_hull(reached[np.isfinite(reached).all(axis=1)])
+            for i in range(1, len(corners) - 1):
+                triangles += [corners[0], corners[i], corners[i + 1]]
+    return np.array(triangles).reshape(-1, 2)
 
 
 def convex_hull(points: Array) -> Array:

@@ -56,10 +56,11 @@ def page(exhibit: Exhibit) -> str:
             "name": region.name,
             "count": region.points.shape[1],
             "points": numbers(region.points),
-            "sweep": numbers(_faces(region.sweep).ravel()),
+            "sweep": numbers(region.sweep),
         }
     data["numbers"] = numbers.text()
     legend = "".join(f'<em style="color:{g.tint}">{html.escape(g.label)}</em>' for g in exhibit.ghosts)
+    legend = f"<div>{legend}</div>" if legend else ""
     if drawing.notes:
         legend += f"<span>not drawn: {html.escape(', '.join(drawing.notes))}</span>"
     folder = resources("symmb.drawing")
@@ -114,12 +115,6 @@ def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str
 def _direction(form: str, direction: Array) -> Array:
     """Rows of a track; the half axes of a solid one after the other."""
     return direction.T.reshape(1, 9) if form == "solid" else direction
-
-
-def _faces(triangles: Array) -> Array:
-    """Triangles (m, 3, 3) with normals, (m, 3, 6), as the viewer's meshes are."""
-    normals = np.broadcast_to([0.0, 0.0, 1.0], triangles.shape)
-    return np.concatenate([triangles, normals], axis=2)
 
 
 def speed(duration: float) -> float:

@@ -72,13 +72,13 @@ def _limits(exhibit: Exhibit) -> tuple[Array, Array]:
         if outline.shape.kind != SOLID
     ]
     if exhibit.region is not None:
-        corners.append(exhibit.region.sweep.reshape(-1, 3) @ camera[:2].T)
+        corners.append(exhibit.region.sweep @ camera[:2, :2].T)
     if not corners:
         return np.full(2, -1.0), np.ones(2)
     every = np.vstack(corners)
     low, high = every.min(axis=0), every.max(axis=0)
     margin = _MARGIN * max((high - low).max(), 8 * exhibit.drawing.unit)
-    return low - margin - [0, margin], high + margin  # axes and scale stand below
+    return low - margin - [0, margin], high + margin + [0, margin * bool(exhibit.ghosts)]  # texts above and below
 
 
 def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
@@ -87,22 +87,29 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
 
     drawing, camera, region = exhibit.drawing, exhibit.drawing.camera, exhibit.region
     if region is not None and len(region.sweep):
-        axes.add_collection(
-            PolyCollection(list(region.sweep @ camera[:2].T), facecolor=_REGION, edgecolor=_REGION, zorder=0)
-        )
+        triangles = list((region.sweep @ camera[:2, :2].T).reshape(-1, 3, 2))
+        axes.add_collection(PolyCollection(triangles, facecolor=_REGION, edgecolor=_REGION, zorder=0))
     for order, outline in enumerate(Painter(drawing, k, camera).outlines()):
         if outline.shape.kind != SOLID:
             _paint(axes, outline, _colour(outline), 0.3 if outline.shape.faint else 1.0, 1 + order * 1e-4)
     for ghost in exhibit.ghosts:
         for outline in Painter(ghost.drawing, min(k, len(ghost.drawing.t) - 1), camera).outlines():
             if outline.shape.colour not in ("guide", "load") and not outline.shape.faint:
-                _paint(axes, outline, ghost.tint, 0.35, 2)
+                _paint(axes, outline, ghost.tint, 0.4, 0.5)
     if region is not None:
         seen = region.points[k] @ camera[:2].T
         axes.plot(*seen.T, ".", color=ELEMENTS["trace"], markersize=3, zorder=3)
     _furnish(axes, drawing, k)
     for i, ghost in enumerate(exhibit.ghosts):
-        axes.text(0.02, 0.94 - 0.04 * i, ghost.label, color=ghost.tint, fontsize=8, transform=axes.transAxes)
+        axes.annotate(
+            ghost.label,
+            (0.02, 0.975),
+            (0, -24 - 11 * i),
+            "axes fraction",
+            "offset points",
+            color=ghost.tint,
+            fontsize=8,
+        )
 
 
 def _colour(outline: Outline) -> str:
@@ -141,7 +148,7 @@ def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
 
     def arrow(x: float, direction: Array, colour: str, text: str) -> None:
         size = np.linalg.norm(direction)
-        start, axis = np.array([x, 36.0]), direction / max(size, 1e-9)
+        start, axis = np.array([x, 44.0]), direction / max(size, 1e-9)
         tip, label = ((start + (24 * size + gap) * axis) / [pixels, height] for gap in (0, 9))
         if size > 0.15:
             axes.annotate(
@@ -156,7 +163,7 @@ def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
             axes.text(label[0], label[1], text, transform=axes.transAxes, **style)
 
     for colour, column, name in zip(("#c62828", "#2e7d32", "#1565c0"), drawing.camera[:2].T, "xyz", strict=True):
-        arrow(36.0, column, colour, name)
+        arrow(40.0, column, colour, name)
     if g := float(np.linalg.norm(drawing.gravity)):
         arrow(84.0, drawing.camera[:2] @ drawing.gravity / g, "#5b6470", "g")
     left, right = axes.get_xlim()

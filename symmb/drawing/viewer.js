@@ -11,16 +11,13 @@ const COLOURS = {
   joint: [0.20, 0.23, 0.28], guide: [0.62, 0.66, 0.71], spring: [0.13, 0.55, 0.33], damper: [0.45, 0.35, 0.62],
   load: [0.80, 0.16, 0.16], contact: [0.88, 0.50, 0.05], trace: [0.10, 0.40, 0.70], region: [0.72, 0.83, 0.93],
 };
+const rgb = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
 const INERTIA = "solid of the same inertia";
 const BODIES = page.palette.map(rgb);
 const $ = id => document.getElementById(id);
 
-function rgb(text) {
-  return [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
-}
 
 // Vectors and matrices
-
 const Z = [0, 0, 1];
 const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -34,8 +31,7 @@ const turned = (m, a) => [0, 1, 2].map(i => m[i] * a[0] + m[4 + i] * a[1] + m[8 
 const moved = (m, a) => add(turned(m, a), [m[12], m[13], m[14]]);
 
 function across(axis) {  // two unit vectors that make a right-handed frame with an axis
-  const helper = Math.abs(axis[2]) > 0.9 * length(axis) ? [1, 0, 0] : [0, 0, 1];
-  const u = unit(cross(helper, axis));
+  const u = unit(cross(Math.abs(axis[2]) > 0.9 * length(axis) ? [1, 0, 0] : Z, axis));
   return [u, unit(cross(axis, u))];
 }
 
@@ -45,11 +41,9 @@ function rotated(a, axis, angle) {  // Rodrigues
 }
 
 // Numbers of a run
-
-const row = (at, k, n) => {  // of an array [offset, rows], row k, or the only one
-  const begin = at[0] + Math.min(k, at[1] - 1) * n;
-  return Array.from(numbers.subarray(begin, begin + n));
-};
+const rowAt = (begin, n) => Array.from(numbers.subarray(begin, begin + n));
+const row = (at, k, n) => rowAt(at[0] + Math.min(k, at[1] - 1) * n, n);  // row k of [offset, rows], or the only one
+const column = (at, i, n) => Array.from({ length: at[1] }, (_, k) => numbers[at[0] + k * n + i]);
 
 function frameMatrix(run, frame, k) {
   const p = row(run.frames[frame].pose, k, 12);  // [R | r] row by row
@@ -62,7 +56,6 @@ function localPosition(run, place, k, scale) {
 }
 
 // Meshes: triangles with normals, six numbers a corner
-
 function mesh(corners) {
   const buffer = gl.createBuffer();
   gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
@@ -81,17 +74,14 @@ function surface(rows, columnsOf, point, normal) {  // a grid of points over [0,
   return out;
 }
 
+const circle = u => [Math.cos(2 * Math.PI * u), Math.sin(2 * Math.PI * u)];
+
 function disc(z, n, sides) {
   const out = [];
   for (let i = 0; i < sides; i++)
-    for (const f of [null, i, i + 1]) {
-      const angle = 2 * Math.PI * f / sides;
-      out.push(f === null ? 0 : Math.cos(angle), f === null ? 0 : Math.sin(angle), z, 0, 0, n);
-    }
+    for (const f of [null, i, i + 1]) out.push(...(f === null ? [0, 0] : circle(f / sides)), z, 0, 0, n);
   return out;
 }
-
-const circle = u => [Math.cos(2 * Math.PI * u), Math.sin(2 * Math.PI * u)];
 
 function tube(points, radius, sides = 6) {  // along a line of points, with open ends
   const rings = points.map((p, i) => {
@@ -110,10 +100,8 @@ function tube(points, radius, sides = 6) {  // along a line of points, with open
 }
 
 function faces(polygon) {  // of a flat polygon
-  const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0]))), out = [];
-  for (let i = 1; i + 1 < polygon.length; i++)
-    for (const p of [polygon[0], polygon[i], polygon[i + 1]]) out.push(...p, ...n);
-  return out;
+  const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0])));
+  return polygon.slice(1, -1).flatMap((p, i) => [polygon[0], p, polygon[i + 2]].flatMap(q => [...q, ...n]));
 }
 
 const line = (n, point) => Array.from({ length: n + 1 }, (_, i) => point(i / n));
@@ -147,7 +135,6 @@ function meshes() {
 }
 
 // What is seen: parts, each a mesh with a matrix and a colour
-
 const parts = [];
 let current = { run: null, shape: null }, scale = 1;
 const rings = {};
@@ -160,6 +147,8 @@ function bar(a, b, radius) {
   const d = sub(b, a), [u, v] = across(length(d) ? d : [0, 0, 1]);
   part(built.cylinder, columns(times(u, radius), times(v, radius), d, a));
 }
+
+const ball = (a, r) => part(built.ball, columns([r, 0, 0], [0, r, 0], [0, 0, r], a));
 
 function along(of, a, direction, size, from = 0) {  // a mesh whose z points along a direction from a place
   const d = unit(direction), [u, v] = across(d);
@@ -175,12 +164,11 @@ function dynamic(corners) {  // a mesh that this picture alone uses
 function coil(a, b, radius, offset) {
   const d = sub(b, a), w = unit(d), [side, other] = first.planar ? [unit(cross(Z, w)), Z] : across(w);
   const shift = times(side, offset), turns = 7, stub = 0.12;
-  const middle = u => Math.min(Math.max((u - stub) / (1 - 2 * stub), 0), 1);
+  const middle = u => (u - stub) / (1 - 2 * stub);
   const n = first.planar ? 4 * turns : 16 * turns;
   const swing = u => {
-    const phase = 2 * Math.PI * turns * middle(u), inside = u > stub && u < 1 - stub;
-    if (!inside) return [0, 0];
-    return first.planar ? [radius * Math.sin(phase), 0] : [radius * Math.cos(phase), radius * Math.sin(phase)];
+    const [c, s] = u > stub && u < 1 - stub ? circle(turns * middle(u)) : [0, 0];
+    return first.planar ? [radius * s, 0] : [radius * c, radius * s];
   };
   const inner = Array.from({ length: n + 1 }, (_, i) => stub + (1 - 2 * stub) * i / n);
   const points = [0, ...inner, 1].map(u => {
@@ -206,8 +194,8 @@ function support(a, size, down) {
 }
 
 const forms = {
-  bar: (at, s) => { bar(at[0], at[1], s[0]); for (const p of at) part(built.ball, columns([s[0], 0, 0], [0, s[0], 0], [0, 0, s[0]], p)); },
-  ball: (at, s) => part(built.ball, columns([s[0], 0, 0], [0, s[0], 0], [0, 0, s[0]], at[0])),
+  bar: (at, s) => { bar(at[0], at[1], s[0]); at.forEach(p => ball(p, s[0])); },
+  ball: (at, s) => ball(at[0], s[0]),
   pin: (at, s, d) => along(built.cylinder, at[0], d, [s[0], s[0], s[1]], -s[1] / 2),
   block: (at, s, d) => {
     const w = unit(d), u = first.planar ? Z : across(w)[0], v = cross(w, u);
@@ -274,14 +262,12 @@ function arrange(k) {  // all parts of picture k
   const region = page.region;
   if (region && $("ghosts").checked) {
     current = { run: 0, shape: { name: region.name, kind: "position over the box", colour: "trace", faint: false } };
-    const u = 0.9 * first.unit;
-    for (let i = 0; i < region.count; i++)
-      part(built.ball, columns([u, 0, 0], [0, u, 0], [0, 0, u], row([region.points[0], region.points[1]], k, 3 * region.count).slice(3 * i, 3 * i + 3)));
+    const points = row(region.points, k, 3 * region.count);
+    for (let i = 0; i < region.count; i++) ball(points.slice(3 * i, 3 * i + 3), 0.6 * first.unit);
   }
 }
 
 // Drawing with WebGL
-
 const canvas = $("view"), gl = canvas.getContext("webgl2", { alpha: false, antialias: true, preserveDrawingBuffer: true });
 if (!gl) $("message").textContent = "This browser shows no WebGL. Open the page in another one.";
 
@@ -303,18 +289,15 @@ function program() {
   const it = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
     const shader = gl.createShader(kind);
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
+    gl.shaderSource(shader, text); gl.compileShader(shader);
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) console.error(gl.getShaderInfoLog(shader));
     gl.attachShader(it, shader);
   }
   gl.bindAttribLocation(it, 0, "corner");
   gl.bindAttribLocation(it, 1, "normal");
-  gl.linkProgram(it);
-  gl.useProgram(it);
+  gl.linkProgram(it); gl.useProgram(it);
   const at = name => gl.getUniformLocation(it, name);
-  gl.enableVertexAttribArray(0);
-  gl.enableVertexAttribArray(1);
+  for (const attribute of [0, 1]) gl.enableVertexAttribArray(attribute);
   gl.enable(gl.DEPTH_TEST);
   return { model: at("model"), camera: at("camera"), turn: at("turn"), view: at("view"), colour: at("colour"), flat: at("flat_colour") };
 }
@@ -324,9 +307,8 @@ const view = { axes: [0, 1, 2].map(i => first.camera.slice(3 * i, 3 * i + 3)), u
 
 function cameraMatrix() {
   const [x, y, z] = view.axes, h = 2 / view.height, w = h * canvas.height / canvas.width, d = 1 / view.depth;
-  const m = [];
-  for (let i = 0; i < 3; i++) m.push(w * x[i], h * y[i], -d * z[i], 0);
-  return [...m, -w * dot(x, view.centre), -h * dot(y, view.centre), d * dot(z, view.centre), 1];
+  const turn = [0, 1, 2].flatMap(i => [w * x[i], h * y[i], -d * z[i], 0]);
+  return [...turn, -w * dot(x, view.centre), -h * dot(y, view.centre), d * dot(z, view.centre), 1];
 }
 
 function fit() {
@@ -356,7 +338,8 @@ function colourOf({ run, shape, faint }) {
   return tint ? [...rgb(tint), faint ? 0.08 : 0.34] : [...own, faint ? 0.26 : 1];
 }
 
-function drawPart(it, uniforms) {
+function drawPart(it, colour) {
+  gl.uniform4fv(uniforms.colour, colour);
   const m = it.matrix, x = m.slice(0, 3), y = m.slice(4, 7), z = m.slice(8, 11);
   gl.uniformMatrix4fv(uniforms.model, false, m);
   gl.uniformMatrix3fv(uniforms.turn, false, [...cross(y, z), ...cross(z, x), ...cross(x, y)].map(c => c / (first.size ** 2)));
@@ -379,22 +362,20 @@ function begin(background) {
 function render() {
   begin([1, 1, 1, 1]);
   gl.uniform1i(uniforms.flat, 0);
-  if (sweep) {
+  if (sweep && $("ghosts").checked) {  // behind all else
     gl.uniform1i(uniforms.flat, 1);
     gl.disable(gl.DEPTH_TEST);
-    gl.uniform4fv(uniforms.colour, [...COLOURS.region, 1]);
-    drawPart(sweep, uniforms);
+    drawPart(sweep, [...COLOURS.region, 1]);
     gl.enable(gl.DEPTH_TEST);
     gl.uniform1i(uniforms.flat, 0);
   }
-  const solid = parts.filter(p => colourOf(p)[3] === 1), clear = parts.filter(p => colourOf(p)[3] < 1);
+  const coloured = parts.map(it => [it, colourOf(it)]);
   gl.disable(gl.BLEND);
-  for (const it of solid) { gl.uniform4fv(uniforms.colour, colourOf(it)); drawPart(it, uniforms); }
+  for (const [it, colour] of coloured) if (colour[3] === 1) drawPart(it, colour);
   gl.enable(gl.BLEND);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   gl.depthMask(false);
-  for (const it of clear) { gl.uniform4fv(uniforms.colour, colourOf(it)); drawPart(it, uniforms); }
-  gl.depthMask(true);
+  for (const [it, colour] of coloured) if (colour[3] < 1) drawPart(it, colour);
   overlay();
 }
 
@@ -404,11 +385,7 @@ function pick(x, y) {  // the shape at a pixel of the canvas, from its upper lef
   begin([0, 0, 0, 0]);
   gl.disable(gl.BLEND);
   gl.uniform1i(uniforms.flat, 1);
-  parts.forEach((it, i) => {
-    if (it.faint) return;
-    gl.uniform4fv(uniforms.colour, [((i + 1) & 255) / 255, ((i + 1) >> 8) / 255, 0, 1]);
-    drawPart(it, uniforms);
-  });
+  parts.forEach((it, i) => { if (!it.faint) drawPart(it, [((i + 1) & 255) / 255, ((i + 1) >> 8) / 255, 0, 1]); });
   const pixel = new Uint8Array(4);
   gl.readPixels(x, canvas.height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
   gl.disable(gl.SCISSOR_TEST);
@@ -416,21 +393,20 @@ function pick(x, y) {  // the shape at a pixel of the canvas, from its upper lef
 }
 
 function project(p) {  // pixel of the canvas, from its upper left corner
-  const m = cameraMatrix(), q = moved(m, p);
+  const q = moved(cameraMatrix(), p);
   return [(q[0] + 1) / 2 * canvas.width, (1 - q[1]) / 2 * canvas.height];
 }
 
 // Axes, gravity and scale, over the picture
-
 function overlay() {
   const c = $("overlay"), pen = c.getContext("2d"), ratio = devicePixelRatio, w = c.width / ratio, h = c.height / ratio;
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, w, h);
   pen.font = "12px system-ui, sans-serif";
+  pen.lineWidth = 2;
   const arrow = (x, y, dx, dy, colour, text) => {
     const size = Math.hypot(dx, dy);
     pen.strokeStyle = pen.fillStyle = colour;
-    pen.lineWidth = 2;
     if (size > 5) {
       const ux = dx / size, uy = dy / size;
       pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx - 5 * ux, y + dy - 5 * uy); pen.stroke();
@@ -441,8 +417,8 @@ function overlay() {
   };
   const [X, Y] = view.axes, o = [52, h - 60];
   ["#c62828", "#2e7d32", "#1565c0"].forEach((colour, i) => arrow(...o, 34 * X[i], -34 * Y[i], colour, "xyz"[i]));
-  const g = unit(first.gravity);
-  if (length(first.gravity)) arrow(122, h - 60, 28 * dot(X, g), -28 * dot(Y, g), "#5b6470", "g");
+  const g = times(unit(first.gravity), 28);
+  arrow(122, h - 60, dot(X, g), -dot(Y, g), "#5b6470", length(g) ? "g" : "");
   const metre = h / view.height, most = 140 / metre, power = 10 ** Math.floor(Math.log10(most));
   const nice = [5, 2, 1].map(f => f * power).find(f => f <= most), x = w - 24 - nice * metre, y = h - 24;
   pen.strokeStyle = pen.fillStyle = "#3b434d";
@@ -456,24 +432,20 @@ function overlay() {
 const lengthText = a => a >= 1 ? `${+a.toPrecision(3)} m` : a >= 1e-3 ? `${+(1e3 * a).toPrecision(3)} mm` : `${+(1e6 * a).toPrecision(3)} µm`;
 
 // Curves of the outputs
-
 const curves = [];
 
 function makeCurves() {
   first.outputs.forEach((name, i) => {
     const box = document.createElement("div"), c = document.createElement("canvas"), cursor = document.createElement("i");
     const head = document.createElement("p"), value = document.createElement("b");
-    head.append(name, value);
-    box.append(head, c, cursor);
-    box.onpointerdown = box.onpointermove = e => {
-      if (e.buttons) seek(nearest(first, times0() + (e.clientX - c.getBoundingClientRect().left) / c.clientWidth * span()));
-    };
+    head.append(name, value); box.append(head, c, cursor);
+    const share = e => (e.clientX - c.getBoundingClientRect().left) / c.clientWidth;
+    box.onpointerdown = box.onpointermove = e => { if (e.buttons) seek(nearest(first, times0() + share(e) * span())); };
     $("curves").append(box);
     curves.push({ i, c, cursor, value });
   });
 }
 
-const column = (at, i, n) => Array.from({ length: at[1] }, (_, k) => numbers[at[0] + k * n + i]);
 const times0 = () => numbers[first.t[0]], span = () => (numbers[first.t[0] + first.t[1] - 1] - times0()) || 1;
 
 function drawCurves() {
@@ -491,7 +463,7 @@ function drawCurves() {
     pen.clearRect(0, 0, w, h);
     if (bounds) {
       pen.beginPath(); path(bounds[0]);
-      bounds[1].map((v, k) => [v, k]).reverse().forEach(([v, k]) => pen.lineTo(x(k), y(v)));
+      for (let k = t.length - 1; k >= 0; k--) pen.lineTo(x(k), y(bounds[1][k]));
       pen.fillStyle = "#d8e3ee"; pen.fill();
     }
     if (low < 0 && high > 0) { pen.fillStyle = "#c3cad2"; pen.fillRect(0, y(0), w, 1); }
@@ -499,7 +471,9 @@ function drawCurves() {
       pen.beginPath(); path(values);
       pen.strokeStyle = tint; pen.lineWidth = 1.4 * devicePixelRatio; pen.stroke();
     }
-    if (bounds && page.mark.output === i) { pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h); }
+    if (bounds && page.mark.output === i) {
+      pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h);
+    }
     pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
     pen.strokeStyle = "#f7f9fb"; pen.fillStyle = "#4b5563"; pen.lineWidth = 3;
     for (const [v, at] of [[high, 11 * devicePixelRatio], [low, h - 4]]) { pen.strokeText(short(v), 3, at); pen.fillText(short(v), 3, at); }
@@ -509,21 +483,17 @@ function drawCurves() {
 const short = v => !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
 
 // Time
-
 let picture = 0, clock = 0, playing = false, previous = 0, drawn = 0;
 
 function nearest(run, t) {  // the picture whose time is closest
+  const at = k => numbers[run.t[0] + k];
   let low = 0, high = run.t[1] - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (numbers[run.t[0] + middle] <= t) low = middle; else high = middle;
-  }
-  return t - numbers[run.t[0] + low] <= numbers[run.t[0] + high] - t ? low : high;
+  while (high - low > 1) at((low + high) >> 1) <= t ? low = (low + high) >> 1 : high = (low + high) >> 1;
+  return t - at(low) <= at(high) - t ? low : high;
 }
 
 function seek(k) {
-  picture = k;
-  clock = numbers[first.t[0] + k];
+  [picture, clock] = [k, numbers[first.t[0] + k]];
   show();
 }
 
@@ -551,31 +521,26 @@ function tick(now) {
 }
 
 function play(on) {
+  if (!playing && on) { previous = performance.now(); requestAnimationFrame(tick); }
   playing = on && first.t[1] > 1;
   $("play").textContent = playing ? "\u275a\u275a" : "\u25b6";
-  if (playing) { previous = performance.now(); requestAnimationFrame(tick); }
 }
 
 // The person in front of it
-
 function follow() {  // the address: #t=4.2
   const t = Number(new URLSearchParams(location.hash.slice(1)).get("t") ?? NaN);
   if (Number.isFinite(t)) { play(false); seek(nearest(first, t)); }
 }
 
 function resize() {
-  for (const c of [canvas, $("overlay")]) {
-    c.width = Math.max(1, Math.round(c.clientWidth * devicePixelRatio));
-    c.height = Math.max(1, Math.round(c.clientHeight * devicePixelRatio));
-  }
-  drawCurves();
-  fit();
-  show();
+  const pixels = length => Math.max(1, Math.round(length * devicePixelRatio));
+  for (const c of [canvas, $("overlay")]) [c.width, c.height] = [pixels(c.clientWidth), pixels(c.clientHeight)];
+  drawCurves(); fit(); show();
 }
 
 function drag(e) {
-  const right = e.movementX, down = e.movementY, shifts = (e.buttons & 2) || e.shiftKey;
-  if (Boolean(shifts) !== first.planar) {
+  const right = e.movementX, down = e.movementY;
+  if (Boolean((e.buttons & 2) || e.shiftKey) !== first.planar) {
     const metre = view.height / canvas.clientHeight, [x, y] = view.axes;
     view.centre = add(view.centre, add(times(x, -right * metre), times(y, down * metre)));
   } else {
@@ -592,8 +557,7 @@ function hover(e) {
   tip.hidden = !it;
   if (!it) return;
   tip.textContent = `${it.shape.name} \u2013 ${it.shape.kind}${runs[it.run].tint ? `, ${runs[it.run].label}` : ""}`;
-  tip.style.left = `${e.offsetX + 14}px`;
-  tip.style.top = `${e.offsetY + 10}px`;
+  Object.assign(tip.style, { left: `${e.offsetX + 14}px`, top: `${e.offsetY + 10}px` });
 }
 
 function listen() {
@@ -622,16 +586,12 @@ function listen() {
 
 const uniforms = program(), built = meshes();
 const swept = page.region?.sweep, IDENTITY = columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]);
-const sweep = swept?.[1] ? { mesh: mesh(column(swept, 0, 1)), matrix: IDENTITY } : null;
-$("scrub").max = first.t[1] - 1;
+const sweep = swept?.[1] ? { mesh: mesh(column(swept, 0, 2).flatMap((x, k) => [x, numbers[swept[0] + 2 * k + 1], 0, 0, 0, 1])), matrix: IDENTITY } : null;
+$("scrub").max = first.t[1] - 1; $("speed").value = page.speed;
 $("elastic").hidden = !first.places.some(p => p.elastic);
 $("several").hidden = runs.length < 2 && !page.region;
 $("inertia").hidden = !first.shapes.some(s => s.kind === INERTIA);
-$("speed").value = page.speed;
-makeCurves();
-listen();
-resize();
-follow();
+makeCurves(); listen(); resize(); follow();
 if (!location.hash) { seek(page.picture); play(!page.mark); }
 window.symmb = { seek, pick, project, play, frameMatrix: i => frameMatrix(first, i, picture), drawn: () => drawn, parts: () =>
   parts.map(p => ({ name: p.shape.name, kind: p.shape.kind, form: p.shape.form, run: p.run, matrix: p.matrix })) };

@@ -1,0 +1,103 @@
+"""Headless Chromium, spoken to over a pipe in its own protocol, without another package."""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+_FLAGS = (
+    "--headless=new --no-sandbox --no-first-run --disable-extensions --hide-scrollbars --use-gl=angle "
+    "--use-angle=swiftshader --enable-unsafe-swiftshader --window-size=1280,760 --remote-debugging-pipe"
+)
+
+
+class Browser:
+    """A browser with one page. `errors` are what the page wrote to the console as errors, and what it threw."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory()
+        (self._reader, out), (into, self._writer) = os.pipe(), os.pipe()
+
+        def connect() -> None:  # Chromium reads from 3 and writes to 4
+            a, b = os.dup(into), os.dup(out)
+            os.dup2(a, 3)
+            os.dup2(b, 4)
+
+        command = [PROGRAM or "chromium", *_FLAGS.split(), f"--user-data-dir={self._folder.name}", "about:blank"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self._process = subprocess.Popen(command, preexec_fn=connect, close_fds=False, **quiet)
+        os.close(out)
+        os.close(into)
+        self._buffer, self._count, self._session = b"", 0, None
+        self.errors: list[str] = []
+        target = next(t for t in self._call("Target.getTargets")["targetInfos"] if t["type"] == "page")
+        self._session = self._call("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime"):
+            self._call(f"{domain}.enable")
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self._reader)
+        os.close(self._writer)
+        self._folder.cleanup()
+
+    def open(self, path: Path, fragment: str = "") -> None:
+        """Open a file and wait until it is loaded."""
+        self.errors.clear()
+        self._call("Page.navigate", url="about:blank")  # so that another fragment of the same file loads it anew
+        self._call("Page.navigate", url=f"file://{path}{f'#{fragment}' if fragment else ''}")
+        while self.run("document.readyState") != "complete" or not self.run("location.href").startswith("file"):
+            pass
+
+    def run(self, script: str) -> Any:
+        """The value of an expression, or of its promise, in the page."""
+        done = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in done:
+            raise RuntimeError(str(done["exceptionDetails"]))
+        return done["result"].get("value")
+
+    def screenshot(self, path: Path) -> None:
+        """Write a picture of the page."""
+        path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot")["data"]))
+
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": parameters}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._writer, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._receive()
+            if answer.get("id") == self._count:
+                if "error" in answer:
+                    raise RuntimeError(f"{method}: {answer['error']['message']}")
+                return answer["result"]
+            self._note(answer)
+
+    def _receive(self) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            part = os.read(self._reader, 1 << 20)
+            if not part:
+                raise RuntimeError("the browser has ended")
+            self._buffer += part
+        message, _, self._buffer = self._buffer.partition(b"\0")
+        return json.loads(message)
+
+    def _note(self, event: dict[str, Any]) -> None:
+        content = event.get("params", {})
+        if event.get("method") == "Runtime.exceptionThrown":
+            self.errors.append(str(content["exceptionDetails"].get("exception", content)))
+        elif event.get("method") == "Runtime.consoleAPICalled" and content["type"] == "error":
+            self.errors.append(str(content["args"]))

@@ -1,0 +1,111 @@
+"""Drawings, stills and films without a browser."""
+
+import shutil
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import double_pendulum, flexible_pendulum, spherical_pendulum
+from symmb.cli.main import main
+from symmb.drawing import draw
+from symmb.drawing.bodies import mesh_edges
+
+SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".gif": b"GIF89a", ".html": b"<!DOCTYPE html>"}
+
+
+def joined(drawing, name):
+    """World positions (n_f, 2, 3) of the ends of a body's first bar."""
+    bar = next(s for s in drawing.shapes if s.name == name and s.form == "bar")
+    return np.stack([drawing.track(place) for place in bar.places], axis=1)
+
+
+def test_a_homogeneous_rod_has_its_length_by_its_inertia():
+    run = mb.simulate(double_pendulum.scene(), times=[0.0, 0.5])
+    ends = joined(draw(run), "rod2")
+    assert run.scene is not None
+    rod2, l2 = run.scene.system.bodies[1], run.scene.system.parameters.l2
+    expected = np.stack([run(rod2.point(0, y).r) for y in (-l2 / 2, l2 / 2)], axis=1)
+    np.testing.assert_allclose(ends, expected, atol=1e-12)
+
+
+def test_elastic_nodes_are_where_their_points_are():
+    run = mb.simulate(flexible_pendulum.scene(), times=np.linspace(0, 0.4, 5))
+    assert run.scene is not None
+    rod = run.scene.system.bodies[0]
+    drawing = draw(run)
+    bars = [s for s in drawing.shapes if s.name == "rod" and s.form == "bar"]
+    tracks = [drawing.track(place) for bar in bars for place in bar.places]
+    for node in range(len(rod.modes.positions)):
+        r = run(rod.node(node).r)
+        assert min(np.abs(track - r).max() for track in tracks) < 1e-12
+    assert len(bars) == len(rod.modes.positions) - 1
+
+
+def test_meshes_of_chains_and_grids_are_given_back():
+    x = np.linspace(0, 1, 9)
+    chain = np.column_stack([x, x**2, 0 * x])
+    assert mesh_edges(chain) == [(i, i + 1) for i in range(8)]
+    grid = np.array([[i, j, 0.0] for i in range(4) for j in range(3)])
+    assert len(mesh_edges(grid)) == 3 * 3 + 4 * 2
+
+
+def test_things_fall_down():
+    planar, spatial = (draw(mb.simulate(m.scene(), times=[0.0])) for m in (double_pendulum, spherical_pendulum))
+    assert planar.planar and not spatial.planar
+    for drawing in (planar, spatial):
+        assert drawing.camera[1] @ drawing.gravity < 0
+        np.testing.assert_allclose(drawing.camera @ drawing.camera.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(drawing.camera) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("suffix", SIGNATURES)
+def test_every_format(suffix, tmp_path):
+    path = tmp_path / f"scene{suffix}"
+    mb.view(double_pendulum.scene().with_times([0.0, 0.1, 0.2]), path)
+    assert path.read_bytes().startswith(SIGNATURES[suffix])
+
+
+def test_mp4(tmp_path):
+    scene = double_pendulum.scene().with_times([0.0, 0.1])
+    if shutil.which("ffmpeg") is None:
+        with pytest.raises(mb.DeclarationError, match="needs the program ffmpeg"):
+            mb.view(scene, tmp_path / "scene.mp4")
+    else:
+        mb.view(scene, tmp_path / "scene.mp4")
+        assert b"ftyp" in (tmp_path / "scene.mp4").read_bytes()[:16]
+
+
+def test_a_gif_moves(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    mb.view(double_pendulum.scene().with_times(np.linspace(0, 0.2, 5)), tmp_path / "a.gif")
+    with image.open(tmp_path / "a.gif") as film:
+        first = np.asarray(film.convert("L"))
+        film.seek(film.n_frames - 1)
+        assert film.n_frames > 1 and (first != np.asarray(film.convert("L"))).any()
+
+
+def test_symmb_view(tmp_path, capsys):
+    path = tmp_path / "drawn.html"
+    assert main(["view", "spherical_pendulum", "-o", str(path), "--set", "length=1.1"]) == 0
+    assert capsys.readouterr().out.strip() == str(path)
+    assert "spherical pendulum" in path.read_text()
+    assert main(["view", "spherical_pendulum", "-o", str(tmp_path / "drawn.txt")]) == 2
+
+
+def test_a_run_without_a_scene(tmp_path):
+    run = mb.simulate(spherical_pendulum.scene(), times=[0.0, 0.1])
+    run.save(tmp_path / "run.npz")
+    with pytest.raises(mb.DeclarationError, match="holds no scene"):
+        mb.view(mb.Trajectory.load(tmp_path / "run.npz"), tmp_path / "run.html")
+    mb.view(mb.Trajectory.load(tmp_path / "run.npz", spherical_pendulum.scene()), tmp_path / "run.html")
+
+
+def test_what_has_no_place_is_named():
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system = mb.System(
+        ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, 0.5), mb.Motion("drive", ball.x, ca.sin(mb.t))
+    )
+    run = mb.simulate(mb.Scene(system, start={"ball.y": 1.0}, times=[0.0, 0.1]))
+    assert draw(run).notes == ("Impact 'floor'", "Motion 'drive'")

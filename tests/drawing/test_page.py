@@ -1,0 +1,156 @@
+"""The page in a browser: what WebGL is given, and what is seen at a pixel, are those of the run."""
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from browser import PROGRAM, Browser
+
+import symmb as mb
+from symmb._types import Array
+from symmb.cli.scene_file import load_scene, shipped_names
+
+pytestmark = [
+    pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
+]
+EXACT = 1e-6
+TIMES = (0.0, 0.4, 0.9)
+"""Shares of the run at which pages are read."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module", params=shipped_names())
+def shown(request, tmp_path_factory):
+    run = mb.simulate(load_scene(request.param))
+    path = tmp_path_factory.mktemp("pages") / f"{request.param}.html"
+    mb.view(run, path)
+    return run, path
+
+
+def matrices(browser: Browser) -> dict[tuple[str, str, str], list[Array]]:
+    """Matrices (4, 4) of the parts as WebGL gets them, by name, kind and form."""
+    parts: dict[tuple[str, str, str], list[Array]] = {}
+    for part in browser.run("symmb.parts()"):
+        key = part["name"], part["kind"], part["form"]
+        parts.setdefault(key, []).append(np.array(part["matrix"]).reshape(4, 4).T)
+    return parts
+
+
+def differences(browser: Browser, run: mb.Trajectory) -> float:
+    """Largest distance between positions and directions in the page and those of the run, at three times."""
+    worst = 0.0
+    scene = run.scene
+    assert scene is not None
+    for share in TIMES:
+        k = round(share * (len(run.t) - 1))
+        browser.run(f"location.hash = 't={float(run.t[k])!r}', new Promise(done => setTimeout(done, 50))")
+        parts = matrices(browser)
+        for i, body in enumerate(scene.system.bodies):
+            pose = np.array(browser.run(f"symmb.frameMatrix({i + 1})")).reshape(4, 4).T
+            expected = run(ca.vec(ca.horzcat(body.frame.R, body.frame.r)))[k].reshape(4, 3).T
+            worst = max(worst, np.abs(pose[:3] - expected).max())
+            for matrix in parts.get((body.name, "centre of mass", "ball"), []):
+                worst = max(worst, np.abs(matrix[:3, 3] - expected[:, 3]).max())
+        for joint in scene.system.elements:
+            if isinstance(joint, mb.Spherical):
+                (matrix,) = parts[joint.name, "Spherical", "ball"]
+                worst = max(worst, np.abs(matrix[:3, 3] - run(joint.point_a.r)[k]).max())
+            if isinstance(joint, mb.Revolute):
+                (matrix,) = parts[joint.name, "Revolute", "pin"]
+                middle = matrix[:3, 3] + matrix[:3, 2] / 2
+                worst = max(worst, np.abs(middle - run(joint.point_a.r)[k]).max())
+                axis = run(joint.frames[0][:, 2])[k]
+                worst = max(worst, np.abs(matrix[:3, 2] / np.linalg.norm(matrix[:3, 2]) - axis).max())
+    return worst
+
+
+def test_pages_show_the_run(browser, shown):
+    run, path = shown
+    browser.open(path)
+    assert differences(browser, run) <= EXACT
+    assert not browser.errors
+
+
+def test_the_address_sets_the_time(browser, shown):
+    run, path = shown
+    k = len(run.t) // 3
+    browser.open(path, f"t={float(run.t[k])!r}")
+    step = -(-len(run.t) // 1001)
+    assert browser.run("Number(document.getElementById('scrub').value)") == round(k / step)
+    assert not browser.errors
+
+
+def planted(path: Path, true: str, false: str) -> Path:
+    text = path.read_text()
+    assert true in text
+    wrong = path.with_name("mirrored.html")
+    wrong.write_text(text.replace(true, false, 1))
+    return wrong
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory):
+    run = mb.simulate(load_scene("double_pendulum"))
+    path = tmp_path_factory.mktemp("pendulum") / "page.html"
+    mb.view(run, path)
+    return run, path
+
+
+@pytest.mark.parametrize(
+    ("true", "false"),
+    [
+        ("return [p[0], p[4], p[8], 0,", "return [-p[0], p[4], p[8], 0,"),
+        ("p[3], p[7], p[11], 1]", "-p[3], p[7], p[11], 1]"),
+        ("const moved = (m, a) => add(turned(m, a)", "const moved = (m, a) => sub(turned(m, a)"),
+    ],
+)
+def test_a_mirrored_sign_of_a_matrix_is_noticed(browser, pendulum, true, false):
+    run, path = pendulum
+    browser.open(planted(path, true, false))
+    assert differences(browser, run) > 1e-3
+
+
+def picked(browser: Browser, run: mb.Trajectory, k: int) -> list[str]:
+    """What is seen a little beside the centre of each rod, where an upright picture has it."""
+    browser.run(f"symmb.play(false), symmb.seek({k})")
+    width, height = browser.run("[document.getElementById('view').width, document.getElementById('view').height]")
+    shoulder = np.array(browser.run("symmb.project([0, 0, 0])"))
+    metre = np.linalg.norm(np.array(browser.run("symmb.project([1, 0, 0])")) - shoulder)
+    names = []
+    for rod in ("rod1", "rod2"):
+        r = np.array([run[f"{rod}.x"][k], run[f"{rod}.y"][k]])
+        x, y = shoulder + metre * r  # gravity is along +y, which points down on the screen
+        assert 0 <= x < width and 0 <= y < height
+        names.append(browser.run(f"symmb.pick({round(x)}, {round(y)})?.shape.name ?? ''"))
+    return names
+
+
+def test_pixels_show_what_is_there(browser, pendulum):
+    run, path = pendulum
+    browser.open(path)
+    for k in (0, 370, 800):
+        assert picked(browser, run, k) == ["rod1", "rod2"]
+
+
+def test_a_mirrored_picture_is_noticed(browser, pendulum):
+    run, path = pendulum
+    browser.open(planted(path, "gl_Position = camera", "gl_Position = vec4(-1.0, 1.0, 1.0, 1.0) * camera"))
+    assert picked(browser, run, 0) != ["rod1", "rod2"]
+
+
+def test_pages_are_small(pendulum, tmp_path):
+    viewer = Path(mb.__file__).parent / "drawing" / "viewer.js"
+    assert len(viewer.read_text().splitlines()) <= 600
+    assert viewer.stat().st_size <= 100e3
+    assert pendulum[1].stat().st_size <= 1e6
+    gun = tmp_path / "gun.html"
+    mb.view(mb.simulate(load_scene("artillery"), times=np.linspace(0, 14e-3, 200)), gun)
+    assert gun.stat().st_size <= 6e6
