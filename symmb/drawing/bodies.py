@@ -93,7 +93,7 @@ class BodySketch:
             if len(points) < 2 and not self.slides:
                 yield from self._rod_or_disc(far, u)
         else:
-            yield from self._solid(u, faint=len(points) > 1 or self.slides)
+            yield from self._solid(u, alone=len(points) < 2 and not self.slides)
             if len(far) == 1 == len(points):
                 yield self._bar(np.zeros(3), far[0], u)
         yield from self._joined(points, u)
@@ -123,7 +123,7 @@ class BodySketch:
             end = np.zeros(3)
         yield self._bar(far[0], end, u)
 
-    def _solid(self, u: float, *, faint: bool) -> Iterator[Shape]:
+    def _solid(self, u: float, *, alone: bool) -> Iterator[Shape]:
         """The homogeneous box, cylinder or ball of the same inertia."""
         variances, axes = self.second_moments
         if not variances.max():
@@ -141,8 +141,10 @@ class BodySketch:
         else:
             form, half = 0, np.sqrt(3 * variances)
         half = np.maximum(half, 0.3 * u)
-        kind = SOLID if faint else ""
-        yield self._shape("solid", (self._at(np.zeros(3)),), (form,), kind, direction=axes * half, faint=faint)
+        kind = "" if alone else SOLID
+        yield self._shape("solid", (self._at(np.zeros(3)),), (form,), kind, direction=axes * half, faint=True)
+        if alone:  # a spoke shows how it turns
+            yield self._bar(np.zeros(3), axes[:, 0] * half[0], 0.6 * u)
 
     def _joined(self, points: list[Array], u: float) -> Iterator[Shape]:
         """A bar between two points, the edges of a plate for more in a plane, those of their hull for others."""

@@ -79,11 +79,10 @@ def _size(survey: Survey, bodies: Sequence[BodySketch]) -> float:
     tracks += [survey.pose(body.frame)[:, :, 3] for body in bodies]
     if not tracks:
         return 1.0
-    at_start = np.ptp([track[0] for track in tracks], axis=0)
-    all_along = np.ptp(np.vstack(tracks), axis=0)
-    reach = max((body.reach for body in bodies), default=0.0)
-    size = max(float(np.linalg.norm(at_start)), reach, _TRAVELLED * float(np.linalg.norm(all_along)))
-    return size or 1.0
+    at_start = float(np.linalg.norm(np.ptp([track[0] for track in tracks], axis=0)))
+    travelled = float(np.linalg.norm(np.ptp(np.vstack(tracks), axis=0)))
+    own = max([at_start, *(body.reach for body in bodies)])
+    return max(own, _TRAVELLED * travelled) if own else travelled or 1.0
 
 
 def _once(shapes: Sequence[Shape]) -> list[Shape]:

@@ -124,10 +124,10 @@ function meshes() {
     return [c * Math.sin(angle), s * Math.sin(angle), -Math.cos(angle)];
   };
   return {
-    cylinder: mesh([...surface(24, 1, side, u => [...circle(u), 0]), ...disc(0, -1, 24), ...disc(1, 1, 24)]),
+    cylinder: mesh([...surface(18, 1, side, u => [...circle(u), 0]), ...disc(0, -1, 18), ...disc(1, 1, 18)]),
     cone: mesh([...surface(20, 1, (u, v) => [...times([...circle(u), 0], 1 - v).slice(0, 2), v],
                            u => [...circle(u), 0.5]), ...disc(0, -1, 20)]),
-    ball: mesh(surface(28, 14, ball, ball)),
+    ball: mesh(surface(24, 12, ball, ball)), cap: mesh(surface(14, 8, ball, ball)),
     box: mesh(cube()),
     spiral: mesh(tube(line(60, u => times([...circle(2.5 * u), 0], 0.25 + 0.75 * u)), 0.07)),
     turn: mesh(tube(line(24, u => [...circle(0.75 * u), 0]), 0.05)),
@@ -148,7 +148,7 @@ function bar(a, b, radius) {
   part(built.cylinder, columns(times(u, radius), times(v, radius), d, a));
 }
 
-const ball = (a, r) => part(built.ball, columns([r, 0, 0], [0, r, 0], [0, 0, r], a));
+const ball = (a, r, of = built.ball) => part(of, columns([r, 0, 0], [0, r, 0], [0, 0, r], a));
 
 function along(of, a, direction, size, from = 0) {  // a mesh whose z points along a direction from a place
   const d = unit(direction), [u, v] = across(d);
@@ -194,7 +194,7 @@ function support(a, size, down) {
 }
 
 const forms = {
-  bar: (at, s) => { bar(at[0], at[1], s[0]); at.forEach(p => ball(p, s[0])); },
+  bar: (at, s) => { bar(at[0], at[1], s[0]); at.forEach(p => ball(p, s[0], built.cap)); },
   ball: (at, s) => ball(at[0], s[0]),
   pin: (at, s, d) => along(built.cylinder, at[0], d, [s[0], s[0], s[1]], -s[1] / 2),
   block: (at, s, d) => {
@@ -268,7 +268,9 @@ function arrange(k) {  // all parts of picture k
 }
 
 // Drawing with WebGL
-const canvas = $("view"), gl = canvas.getContext("webgl2", { alpha: false, antialias: true, preserveDrawingBuffer: true });
+const trial = document.createElement("canvas").getContext("webgl2"), info = trial?.getExtension("WEBGL_debug_renderer_info");
+const drawnBySoftware = info && /swiftshader|llvmpipe|software/i.test(trial.getParameter(info.UNMASKED_RENDERER_WEBGL));
+const canvas = $("view"), gl = canvas.getContext("webgl2", { alpha: false, antialias: !drawnBySoftware });
 if (!gl) $("message").textContent = "This browser shows no WebGL. Open the page in another one.";
 
 const VERTEX = `#version 300 es
@@ -319,7 +321,7 @@ function fit() {
       for (const shape of run.shapes)
         for (const place of shape.places) {
           const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
-          const margin = shape.form === "solid" ? length(row(shape.direction, 0, 9)) / 1.7
+          const margin = shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
             : shape.form === "ball" || shape.form === "ring" ? shape.size[0] : 4 * first.unit;
           view.axes.forEach((axis, i) => {
             low[i] = Math.min(low[i], dot(axis, p) - margin);
@@ -505,7 +507,7 @@ function show() {
   $("time").textContent = `${numbers[first.t[0] + picture].toPrecision(5)} s`;
   for (const { i, c, cursor, value } of curves) {
     cursor.style.transform = `translateX(${(numbers[first.t[0] + picture] - times0()) / span() * c.clientWidth}px)`;
-    value.textContent = short(numbers[first.values[0] + picture * n + i]);
+    if (!playing || drawn % 6 === 0) value.textContent = short(numbers[first.values[0] + picture * n + i]);
   }
   drawn += 1;
 }
