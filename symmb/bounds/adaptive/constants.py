@@ -55,6 +55,8 @@ FIELD_TRUST = 0.15
 CHEAP_RUNS, DOUBTED_SHARE = 60, 0.8
 """Runs up to which bounds are refined until they are not doubtful, and the share of the estimate that is reported where
 they are: `outer` then covers 99 % of the outputs and times of the double pendulum at +-20 %."""
+CERTAIN_SHARE = 0.75
+"""Share of what check runs let expect, with SAFETY, that is reported where bounds are not doubtful."""
 MANY_TIMES, SKIPPED_TIMES, FAR = 200, 8, 1.3
 """Times from which one of so many tells whether errors are so far above the tolerance that no others are searched."""
 WINDOW_SHARE = 0.2

@@ -9,6 +9,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
+    CERTAIN_SHARE,
     CHEAP_RUNS,
     CHECKED_TOGETHER,
     DOUBTED_SHARE,
@@ -95,8 +96,11 @@ def _range_or_refinement(
         is_doubted = is_doubtful(estimate, union.upper - union.lower, runs.noise)[:, np.isfinite(widths)].any()
         if is_doubted and _affordable(parts, runs) and len(runs) + _cost(parts, runs) <= CHEAP_RUNS:
             return worst, parts
-        if is_doubted:
-            estimate = np.maximum(estimate, DOUBTED_SHARE * union.errors.max(axis=0))
+        estimate = (
+            np.maximum(estimate, DOUBTED_SHARE * union.errors.max(axis=0))
+            if is_doubted
+            else np.maximum(CERTAIN_SHARE * estimate, beyond)
+        )
         error = measure(np.maximum(expected_errors, beyond), widths)
     parts = worst.refined_parts(all_directions=np.isfinite(error) and error > FARTHEST_SCALING * expected)
     if error > tolerance and _affordable(parts, runs):
