@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import fsolve
+from scipy.optimize import root
 
 import symmb as mb
 
@@ -60,7 +60,7 @@ def rest(load: float) -> np.ndarray:
         at_shoulder = at_elbow + G * L * (1.5 * M + load) * np.cos(a)
         return STIFFNESS * (TARGET - angles) - [at_shoulder, at_elbow]
 
-    a, b = np.cumsum(fsolve(torques, TARGET, xtol=1e-12))
+    a, b = np.cumsum(root(torques, TARGET, tol=1e-12).x)
     return L * np.array([np.cos(a) + np.cos(b), np.sin(a) + np.sin(b)])
 
 
