@@ -9,4 +9,4 @@ from symmb.model.dae import DAE, compile_dae, is_linear
 from symmb.model.scales import Scales
 from symmb.model.scene import Scene
 from symmb.model.system import System
-from symmb.model.units import unit_of
+from symmb.model.units import units_of

@@ -1,34 +1,135 @@
-"""Units of outputs, as far as they follow from the expression."""
+"""Units of outputs, as far as they follow from the expressions."""
+
+from collections.abc import Sequence
+from fractions import Fraction
 
 import casadi as ca
 
-from symmb.symbolic import lookup, symbols_in
+from symmb.model.system import System
+from symmb.symbolic import Kind, interpret, is_time, lookup, symbols_in
 
-_UNITS = {"x": "m", "y": "m", "z": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "vz": "m/s", "omega": "rad/s"}
-_UNITS |= {f"omega_{c}": "rad/s" for c in "xyz"}
+Unit = tuple[Fraction, ...]
+"""Powers of m, kg, s and rad."""
+
+
+def _unit(m: int = 0, kg: int = 0, s: int = 0, rad: int = 0) -> Unit:
+    return Fraction(m), Fraction(kg), Fraction(s), Fraction(rad)
+
+
+_NONE, _TIME, _ANGLE = _unit(), _unit(s=1), _unit(rad=1)
+_POSITION = {"x": _unit(m=1), "y": _unit(m=1), "z": _unit(m=1), "theta": _ANGLE, "angle": _ANGLE}
+_VELOCITY = {name: _unit(m=1, s=-1) for name in ("vx", "vy", "vz")}
+_VELOCITY |= {name: _unit(s=-1, rad=1) for name in ("omega", "omega_x", "omega_y", "omega_z")}
 _RATE = ".rate"
 """End of the names of accelerations, which are symbols in outputs only."""
+_ENERGY, _POWER = _unit(m=2, kg=1, s=-2), _unit(m=2, kg=1, s=-3)
+_TEXTS = {
+    _unit(m=1): "m",
+    _unit(m=1, s=-1): "m/s",
+    _unit(m=1, s=-2): "m/s^2",
+    _ANGLE: "rad",
+    _unit(s=-1, rad=1): "rad/s",
+    _unit(s=-2, rad=1): "rad/s^2",
+    _TIME: "s",
+    _unit(m=2): "m^2",
+    _unit(m=3): "m^3",
+    _unit(m=2, s=-2): "m^2/s^2",
+    _unit(m=1, kg=1, s=-2): "N",
+    _unit(kg=1, s=-2): "N/m",
+    _ENERGY: "N m",
+    _POWER: "W",
+}
+_SAME = frozenset((ca.OP_NEG, ca.OP_FABS, ca.OP_ASSIGN, ca.OP_COPYSIGN, ca.OP_FMOD))
+_SUM = frozenset((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_HYPOT))
+_ANGLES = frozenset((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2))
 
 
-def unit_of(expression: ca.SX) -> str:
-    """Unit of an expression with a coordinate, a velocity or an acceleration that has the factor 1 or -1, else ''.
+def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
+    """Units of expressions (n_y,) of a system, '' where they are not known.
 
-    Lengths have precedence over angles: x + l sin(theta) has the unit of x.
+    Coordinates, velocities, accelerations, multipliers and the time have units. Sums, differences, products, powers
+    and roots of them have others. Numbers and parameters may have any unit, so that products with them have none that
+    is known. Terms of a sum have the unit of those among them that have one; lengths have precedence over angles:
+    x + l sin(theta) has the unit of x.
 
     Examples
     --------
     >>> import symmb as mb
     >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
-    >>> unit_of(rod.point(0, 1).x), unit_of(-rod.omega), unit_of(rod.x**2)
-    ('m', 'rad/s', '')
+    >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
+    >>> system = mb.System(rod, hinge)
+    >>> units_of(system, ca.vertcat(rod.point(0.5, 0).vx, rod.x**2, 1000 * rod.x, system.reaction("hinge").fx))
+    ('m/s', 'm^2', '', 'N')
     """
-    units = set()
-    for symbol in symbols_in(expression):
-        record, name = lookup(symbol), symbol.name()
-        factor = ca.simplify(ca.jacobian(expression, symbol))
-        if factor.is_constant() and abs(float(factor)) == 1:
-            if record is not None:
-                units.add(_UNITS.get(record.name.rpartition(".")[2], ""))
-            elif name.endswith(_RATE):
-                units.add(_UNITS.get(name.removesuffix(_RATE).rpartition(".")[2], "") + "^2")
-    return next((unit for unit in ("m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2") if unit in units), "")
+    hashes = {symbol.element_hash() for symbol in symbols_in(y)}
+    known: dict[int, Unit | None] = {}
+    n_c, rows = system.Phi.numel(), ca.vertcat(system.Phi, system.Psi)
+    for i, multiplier in enumerate(ca.vertsplit(ca.SX(system.lam)) if rows.numel() else ()):
+        if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
+            (unit,) = _worked_out(rows[i], {})
+            known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
+    return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known))
+
+
+def _worked_out(y: ca.SX, known: dict[int, Unit | None]) -> list[Unit | None]:
+    """Units of expressions (n,), None where they are not known. Known are those of some symbols, by their hashes."""
+    symbols = symbols_in(y)
+    if not symbols:
+        return [None] * y.numel()
+    f = ca.Function("y", [ca.vertcat(*symbols)], [ca.densify(y)])
+    units = [known[s.element_hash()] if s.element_hash() in known else _of_symbol(s) for s in symbols]
+    return interpret(f, [units], _operation, _literal)[0]
+
+
+def _of_symbol(symbol: ca.SX) -> Unit | None:
+    record, name = lookup(symbol), symbol.name()
+    if is_time(symbol):
+        return _TIME
+    if record is None:
+        rate = _VELOCITY.get(name.removesuffix(_RATE).rpartition(".")[2]) if name.endswith(_RATE) else None
+        return _product(rate, _TIME, -1) if rate else None
+    if record.kind is Kind.COORDINATE:
+        return _POSITION.get(record.name.rpartition(".")[2])
+    if record.kind is Kind.VELOCITY:
+        return _VELOCITY.get(record.name.rpartition(".")[2])
+    if record.kind is Kind.STATE and record.value.numel():
+        return _worked_out(record.value, {})[0]
+    return None
+
+
+def _literal(value: float) -> None:
+    """A number may have any unit."""
+
+
+def _operation(code: int, arguments: Sequence[Unit | None]) -> Unit | None:
+    first, second = (*arguments, None, None)[:2]
+    if code in _SUM:
+        return _sum(first, second)
+    if code in _SAME:
+        return first
+    if code == ca.OP_IF_ELSE_ZERO:
+        return second
+    if code in _ANGLES:
+        return _ANGLE
+    if first and code == ca.OP_SQ:
+        return _product(first, first)
+    if first and code == ca.OP_SQRT:
+        return tuple(power / 2 for power in first)
+    if first and second and code in (ca.OP_MUL, ca.OP_DIV):
+        return _product(first, second, 1 if code == ca.OP_MUL else -1)
+    return None
+
+
+def _sum(first: Unit | None, second: Unit | None) -> Unit | None:
+    if not first or not second or first == second:
+        return first or second
+    straight = [unit for unit in (first, second) if not unit[3]]  # a radius of 1 is not seen
+    return straight[0] if len(straight) == 1 else None
+
+
+def _product(first: Unit, second: Unit, sign: int = 1) -> Unit | None:
+    """An angle times a length is a length. A quotient without unit may stand for anything times 1."""
+    unit = tuple(a + sign * b for a, b in zip(first, second, strict=True))
+    if unit[0]:
+        unit = (*unit[:3], Fraction(0))
+    return unit if any(unit) else None

@@ -25,7 +25,7 @@ from symmb.integrate import (
     SwitchPasses,
     impacts_text,
 )
-from symmb.model import DAE, Scene, compile_dae, unit_of
+from symmb.model import DAE, Scene, compile_dae, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.lock import LOCK
@@ -75,7 +75,7 @@ class DAESimulator:
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
-        self.units = tuple(unit_of(y) for y in ca.vertsplit(scene.y)) if self.outputs else ()
+        self.units = units_of(scene.system, scene.y)
         all_rows = compile_dae(scene.system)
         self.start: Start = prepare_start(scene, all_rows)
         dae = all_rows
