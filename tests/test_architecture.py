@@ -19,6 +19,9 @@ FLOORS = {
     "_options": 0,
     "_specs": 0,
     "_table": 0,
+    "_html": 0,
+    "_labelled": 0,
+    "_progress": 0,
     "_cleanup": 0,
     "_interrupts": 0,
     "_limits": 0,
@@ -42,7 +45,17 @@ FLOORS = {
     "": 14,  # symmb/__init__.py, the public names
     "cli": 15,  # a client of the public names
 }
-HEAVY = ("sympy", "matplotlib", "scipy.sparse", "scipy.stats", "scipy.optimize", "symmb.cli")
+HEAVY = (
+    "sympy",
+    "matplotlib",
+    "pandas",
+    "xarray",
+    "tqdm",
+    "scipy.sparse",
+    "scipy.stats",
+    "scipy.optimize",
+    "symmb.cli",
+)
 LONGEST = 350
 FILES = sorted(path for path in ROOT.rglob("*.py") if "models" not in path.relative_to(ROOT).parts)
 

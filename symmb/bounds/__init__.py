@@ -6,6 +6,7 @@ The method that chooses its own runs is in `bounds.adaptive`.
 from symmb.bounds.method import Method, parameter_samples, require_method
 from symmb.bounds.propagation import propagate
 from symmb.bounds.registry import METHODS, read_method
-from symmb.bounds.result import Bounds, kind_of
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import box_coordinates, kind_of
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bounds.study import Sample, Study

@@ -12,7 +12,8 @@ from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._options import require_callable
 from symmb._types import Array, Executor
-from symmb.bounds.result import Bounds, Kind
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.simulation import Attained, Progress, Simulator, attained_by_runs
 
@@ -61,9 +62,9 @@ class Method(ABC):
             try:
                 result = self._bounds(simulator, box, executor, progress)
             except KeyboardInterrupt as interrupt:
-                carry(interrupt, self._partial(simulator, attained, time.perf_counter() - start))
+                carry(interrupt, self._partial(simulator, box, attained, time.perf_counter() - start))
                 raise
-        return replace(result, seconds=time.perf_counter() - start)
+        return replace(result, seconds=time.perf_counter() - start, units=units_of(simulator), box=box)
 
     def planned_runs(self, d: int) -> int | None:
         """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""
@@ -73,14 +74,13 @@ class Method(ABC):
         """Bounds of this method; `details` are the attributes of Bounds that it knows beyond lower and upper."""
         return Bounds(simulator.times, simulator.outputs, lower, upper, self.kind, repr(self), evaluations, **details)
 
-    def _partial(self, simulator: Simulator, attained: Attained, seconds: float) -> Bounds | None:
+    def _partial(self, simulator: Simulator, box: Box, attained: Attained, seconds: float) -> Bounds | None:
         """What the runs before an interrupt attained."""
         if not (attained.lower <= attained.upper).all():
             return None
         inner, text = (attained.lower, attained.upper), f"{self!r}, interrupted"
-        return Bounds(
-            simulator.times, simulator.outputs, *inner, "sampled", text, attained.runs, inner=inner, seconds=seconds
-        )
+        bounds = Bounds(simulator.times, simulator.outputs, *inner, "sampled", text, attained.runs, inner=inner)
+        return replace(bounds, seconds=seconds, units=units_of(simulator), box=box)
 
     @abstractmethod
     def _bounds(
@@ -96,6 +96,11 @@ def require_method(owner: str, method: object) -> None:
         raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {method!r}.")
     if not repr(method).isprintable():
         raise DeclarationError(f"{owner}: the text of a method must be printable and on one line, got {method!r}.")
+
+
+def units_of(simulator: Simulator) -> tuple[str, ...]:
+    """Units of the outputs, where the simulator knows them."""
+    return tuple(getattr(simulator, "units", ()))
 
 
 def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:

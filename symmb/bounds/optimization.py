@@ -12,7 +12,8 @@ from symmb.bounds.derivatives import unit_jets
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.quadratic_models import Quadratics, quadratics
 from symmb.bounds.reductions import extremes, failure_records, failures, together
-from symmb.bounds.result import Bounds, Kind
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.simulation import Progress, Simulator

@@ -13,7 +13,8 @@ from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together
-from symmb.bounds.result import Bounds, Kind
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree

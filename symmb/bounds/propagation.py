@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._errors import warn_of
+from symmb._progress import shown_runs
 from symmb._types import Executor
 from symmb.bounds.method import Method, parameter_samples, require_method
 from symmb.bounds.result import Bounds
@@ -35,7 +36,8 @@ def propagate(
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
     progress : called with the finished runs and all runs; adaptive methods plan more as they go, and call its method
-        ``estimate`` with the estimated error that they have reached, if it has one
+        ``estimate`` with the estimated error that they have reached, if it has one; default: a bar, in notebooks and
+        terminals
 
     Returns
     -------
@@ -59,8 +61,9 @@ def propagate(
     array([1.   , 0.607])
     """
     require_method("propagate", method)
-    simulator, box = simulator_of(scene_or_simulator, box, solver)
-    bounds = method.bounds(simulator, box, executor=executor, progress=progress)
+    with shown_runs(progress, repr(method)) as progress:
+        simulator, box = simulator_of(scene_or_simulator, box, solver)
+        bounds = method.bounds(simulator, box, executor=executor, progress=progress)
     doubts = (*bounds.run_doubts, *getattr(simulator, "doubts", ()), *_pulse_doubts(simulator, box))
     bounds = replace(bounds, run_doubts=doubts, study=study_of(scene_or_simulator, simulator, method, box))
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")

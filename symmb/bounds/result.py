@@ -1,27 +1,31 @@
 """The result of every bounding method."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, PropagationError
+from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.failure import Failure, failure_text
+from symmb.bounds.result_file import Kind, attributes_of, labelled, record_of_table
 from symmb.bounds.summary import MEANING, widest_bounds
 from symmb.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful
+from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from symmb.bounds.study import Study
-
-Kind = Literal["enclosure", "estimate", "sampled"]
 
 _ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
@@ -30,7 +34,7 @@ _LEAST_WIDTH = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bounds:
+class Bounds(Result):
     """Lower and upper bounds of every output at every time.
 
     `print` shows their kind and where they are widest, `plot` draws them, `save` and `load` keep them in a file.
@@ -52,6 +56,8 @@ class Bounds:
     expansion : polynomial chaos of a given order, or None
     caution : from when on the method is not valid, and why; empty if it is valid
     run_doubts : what cannot be trusted about the runs, in sentences; `doubts` are all
+    units : n_y units of the outputs, '' where they are not known; empty if none is known
+    box : intervals of the parameters, or None where they are not known
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
 
     Examples
@@ -76,6 +82,8 @@ class Bounds:
     expansion: Expansion | None = None
     caution: str = ""
     run_doubts: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    box: Box | None = None
     study: "Study | None" = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -177,14 +185,19 @@ class Bounds:
 
     @classmethod
     def load(cls, path: str | Path) -> "Bounds":
-        """Read a file of ``save``. A .csv file holds neither ``inner`` nor failed runs, seconds and expansion.
+        """Read a file of ``save``. A .csv file lacks ``inner``, failed runs, seconds, expansion, units, box.
 
         Raises
         ------
         DeclarationError
             If the file is damaged or has other contents.
         """
-        return files.load(path, "saved Bounds", cls._of_record, cls._of_table)
+        return files.load(
+            path,
+            "saved Bounds",
+            lambda record: cls(**attributes_of(record)),
+            lambda table: cls(**attributes_of(record_of_table(table))),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The bounds as lists, texts and numbers. Numbers that are not finite are None."""
@@ -208,37 +221,13 @@ class Bounds:
             "seconds": self.seconds,
             "caution": self.caution,
             "run_doubts": self.run_doubts,
+            "units": self.units,
+            "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
             "doubts": self.doubts,
             "parameters": self.expansion and self.expansion.parameters,
             "alpha": self.expansion and self.expansion.alpha,
             "coefficients": self.expansion and self.expansion.coefficients,
         }
-
-    @classmethod
-    def _of_record(cls, record: files.Record) -> "Bounds":
-        t, names = record.times(), record.names("names")
-        shape = len(t), len(names)
-        lower, upper = record.pair("lower", "upper", *shape)
-        return cls(
-            t=t,
-            names=names,
-            lower=lower,
-            upper=upper,
-            kind=kind_of(record),
-            method=record.text("method"),
-            evaluations=record.whole("evaluations"),
-            estimate=record.size("estimate", *shape) if "estimate" in record else None,
-            noise=record.size("noise", len(names)) if "noise" in record else None,
-            inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
-            failed=tuple(
-                Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
-                for run in record.records("failed", "parameters", "time", "message")
-            ),
-            seconds=record.number("seconds"),
-            expansion=_expansion(record, *shape) if "alpha" in record else None,
-            caution=record.text("caution", default=""),
-            run_doubts=record.texts("run_doubts", default=()),
-        )
 
     def _table(self) -> files.Table:
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
@@ -251,37 +240,38 @@ class Bounds:
         same = {"kind": self.kind, "method": self.method, "evaluations": self.evaluations}
         return {"t": self.t, **columns, **{name: [value] * len(self.t) for name, value in same.items()}}
 
-    @classmethod
-    def _of_table(cls, table: files.Record) -> "Bounds":
-        headings, columns = table.texts("headings"), table.record("columns")
-        own = headings[1:-3]
-        parts = ("lower", "upper", "estimate")[: 3 if own[-1].endswith(" estimate") else 2]
-        names = tuple(heading.removesuffix(" lower") for heading in own[:: len(parts)])
-        expected = ("t", *(f"{name} {part}" for name in names for part in parts), "kind", "method", "evaluations")
-        if headings != expected:
-            raise DeclarationError(f"its headings must be {', '.join(expected)}.")
-        *numbers, kind, method, evaluations = (columns.plain[str(k)] for k in range(len(headings)))
-        values = np.array(numbers[1:]).reshape(len(names), len(parts), -1)
-        entries = {part: values[:, k].T for k, part in enumerate(parts)}
-        same = {"kind": kind[0], "method": method[0], "evaluations": int(evaluations[0]), "seconds": None}
-        return cls._of_record(files.Record({"t": numbers[0], "names": names, **entries, **same}))
+    def _labelled(self) -> Labelled:
+        return labelled(self._record(), self.outer, self.failed, self.box)
 
-    def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the bounds over time, the first six outputs; write the picture to ``path`` if given.
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
-        The filled band lies between lower and upper; dashed lines are ``outer``, dotted ones ``inner`` of bounds
-        that are not sampled.
+        Without names these are the first six outputs. The filled band lies between lower and upper; dashed lines are
+        ``outer``, dotted ones ``inner`` of bounds that are not sampled.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes to draw in, in the place of a new figure, one an output
         """
         return plot.plot_bounds(
             self.t,
             self.names,
             plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
+            units=self.units,
+            family=plot.family(self.method),
+            chosen=plot.columns_of("Bounds.plot", outputs, self.names),
             outer=None if self.estimate is None else self.outer,
             inner=None if self.kind == "sampled" else self.inner,
             path=path,
+            ax=ax,
         )
 
-    def __str__(self) -> str:
+    def _head(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
         lines = [
             f"Bounds by {self.method}, {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s",
@@ -290,24 +280,14 @@ class Bounds:
         ]
         if self.failed:
             lines.append(failure_text(self.failed, 3, indent="    "))
-        lines += [f"  doubtful     {doubt}" for doubt in self.doubts]
-        table = widest_bounds(self.t, self.names, self.lower, self.upper, self.estimate)
-        return "\n".join([*lines, *(f"  {line}" for line in aligned(table))])
+        return [*lines, *(f"  doubtful     {doubt}" for doubt in self.doubts)]
 
-    def __repr__(self) -> str:
-        failed = f", {len(self.failed)} failed" if self.failed else ""
-        return (
-            f"Bounds({self.kind}, {self.method}, {len(self.names)} outputs x {len(self.t)} times, "
-            f"{self.evaluations} evaluations{failed})"
-        )
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        return widest_bounds(self.t, names, self.lower, self.upper, self.estimate)
 
+    def __str__(self) -> str:
+        return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])
 
-def kind_of(record: files.Record) -> Kind:
-    """What the bounds of a file are."""
-    return cast(Kind, record.text("kind", *MEANING))
-
-
-def _expansion(record: files.Record, n_t: int, n_y: int) -> Expansion:
-    parameters = record.names("parameters")
-    alpha = record.size("alpha", None, len(parameters))
-    return Expansion(alpha.astype(np.intp), record.array("coefficients", len(alpha), n_t, n_y), parameters)
+    def _repr_html_(self) -> str:
+        head, rows = "\n".join(self._head()), self._rows(plot.labels(self.names, self.units))
+        return html.page(html.text(head), html.table(rows), html.picture(plot.png(self.plot())))

@@ -10,7 +10,8 @@ from symmb._options import constructor_text, require_kind, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
-from symmb.bounds.result import Bounds, Kind
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import Random, Sampler, grid
 from symmb.simulation import Progress, Simulator

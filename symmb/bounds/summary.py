@@ -1,5 +1,7 @@
 """Bounds as a table of text."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from symmb._types import Array
@@ -12,7 +14,7 @@ MEANING = {
 
 
 def widest_bounds(
-    t: Array, names: tuple[str, ...], lower: Array, upper: Array, estimate: Array | None
+    t: Array, names: Sequence[str], lower: Array, upper: Array, estimate: Array | None
 ) -> list[list[str]]:
     """One row of text for each output: the bounds where they are farthest apart, and the largest estimated error.
 

@@ -11,7 +11,8 @@ from symmb._types import Array, Executor, Indices
 from symmb.bounds.failure import Failure
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
-from symmb.bounds.result import Bounds, Kind
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.simulation import Progress, Reduction, Samples, Simulator
 

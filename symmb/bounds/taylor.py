@@ -12,7 +12,8 @@ from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.derivatives import unit_jets
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.result import Bounds, Kind
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials import MultiIndices, homogeneous

@@ -12,16 +12,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
-
 import symmb as mb
 from symmb._cleanup import left_folders
 from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._interrupts import partial_of
-from symmb._table import aligned
+from symmb._progress import Progress
 from symmb.cli import specs
 from symmb.cli.equations import equations_text
-from symmb.cli.progress import Progress
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import SLOW, cache, has_compiler
@@ -32,8 +29,6 @@ from symmb.plot import PICTURES
 _SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
 _DOUBTFUL = 3
 """Exit status of a command whose result cannot be trusted."""
-_ROUNDING = 1e-12, 1e-30
-"""Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -101,8 +96,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
         scene = _with_spread(scene, _share(options.spread))
     if (solver is None or isinstance(solver, mb.DormandPrince)) and not has_compiler():
         print(_SLOW, file=sys.stderr)
-    with Progress(f"comparing {scene.name}") as progress:
-        comparison = mb.compare(scene, methods, solver=solver, progress=progress)
+    comparison = mb.compare(scene, methods, solver=solver)
     print(comparison)
     if json_file:
         save_json(json_file, comparison.to_json())
@@ -122,7 +116,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
     parameters = _assignments(options.set)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
-    print(f"{trajectory}\n\n{_extremes(trajectory)}")
+    print(trajectory)
     if json_file:
         save_json(json_file, trajectory.to_json())
     if csv_file:
@@ -135,8 +129,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
 def _stability(options: argparse.Namespace) -> None:
     json_file, picture = _file(options.json, ".json"), _file(options.plot, *PICTURES)
     scene = load_scene(options.scene)
-    with Progress(f"trying solvers on {scene.name}") as progress:
-        result = mb.stability(scene, progress=progress)
+    result = mb.stability(scene)
     print(result)
     if json_file:
         save_json(json_file, result.to_json())
@@ -180,18 +173,6 @@ def _cache(options: argparse.Namespace) -> None:
             shutil.rmtree(path, ignore_errors=True)
     summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
     print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
-
-
-def _extremes(trajectory: mb.Trajectory) -> str:
-    """First, last, least and largest value of every output in a table. Rounding is shown as 0."""
-    t, values = trajectory.t, trajectory.values
-    size = np.abs(values)
-    rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
-    values = np.where(size < rounding, 0.0, values)
-    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
-    columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
-    lines = [[name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(trajectory.names)]
-    return "\n".join(aligned([head, *lines]))
 
 
 def _with_spread(scene: mb.Scene, spread: float) -> mb.Scene:

@@ -14,6 +14,8 @@ from symmb._types import Array, Expr
 from symmb.mechanics import Rotation, Spatial
 from symmb.model.box import Box
 from symmb.model.system import System
+from symmb.model.typeset import scene_html
+from symmb.model.units import units_of
 from symmb.symbolic import reduction, t
 
 _RATE_OF = {"x": "vx", "y": "vy", "z": "vz", "theta": "omega"}
@@ -159,6 +161,15 @@ class Scene:
     def __repr__(self) -> str:
         span = f"{self.times[0]:g} to {self.times[-1]:g} s"
         return f"Scene({self.name!r}, {len(self.output_names)} outputs at {len(self.times)} times, {span})"
+
+    def _repr_html_(self) -> str:
+        units = units_of(self.system, self.y)
+        outputs = {
+            name: (unit, expression)
+            for (name, expression), unit in zip(self._bound_outputs.items(), units, strict=True)
+        }
+        intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
+        return scene_html(repr(self), outputs, self.start, self.system.parameters, intervals)
 
     def with_box(self, box: Box) -> "Scene":
         """A copy with another box."""

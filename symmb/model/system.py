@@ -11,12 +11,10 @@ body axes. M is block-diagonal, a block for each body. Parts that a scene
 does not need are left out: `print(system)` lists them.
 """
 
-import itertools
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import casadi as ca
-import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
@@ -28,7 +26,9 @@ from symmb.model.binding import Binding
 from symmb.model.box import Box
 from symmb.model.multipliers import Multipliers, Reaction, joint_reaction
 from symmb.model.summary import system_text
-from symmb.symbolic import Symbol, is_zero, latex, rate, reduction, saddle_solver, t, to_sympy
+from symmb.model.typeset import displays, system_html
+from symmb.model.validation import sign_faults
+from symmb.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, t, to_sympy
 
 
 class System:
@@ -277,17 +277,7 @@ class System:
 
     def sign_faults(self, box: Box) -> list[str]:
         """Masses and lengths that are not positive at a corner of the box."""
-        names, positive = self.positive
-        order = list(self.parameters)
-        parts = {}
-        for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
-            p = self.parameters.nominal
-            p[[order.index(name) for name in box.names]] = corner
-            for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
-                if not value > 0:
-                    at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
-                    parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
-        return list(parts.values())
+        return sign_faults(*self.positive, self.parameters, box)
 
     @cached_property
     def _symbols(self) -> tuple[list[ca.SX], list[str]]:
@@ -304,9 +294,14 @@ class System:
 
     def latex(self) -> str:
         """The equations in LaTeX, one display for each part that the scene has."""
-        return "\n\n".join(
-            rf"\[ {_GREEK.get(name, name)} = {latex(getattr(self, name), *self._symbols)} \]" for name in self.parts
-        )
+        return "\n\n".join(rf"\[ {tex} \]" for tex in displays(self._own_parts, *self._symbols).values())
+
+    def _repr_html_(self) -> str:
+        return system_html(repr(self), self._own_parts, *self._symbols)
+
+    @property
+    def _own_parts(self) -> dict[str, ca.SX]:
+        return {name: getattr(self, name) for name in self.parts}
 
     @cached_property
     def parts(self) -> tuple[str, ...]:
@@ -343,8 +338,3 @@ def _restored(
     rows, system.lam, system.vdot = system.lam.rows, Multipliers(lam), vdot
     system.lam.rows = rows
     return system.with_states(added) if added else system
-
-
-_CORNERS = 10
-"""Parameters up to which all corners of the box are checked, about a thousand. With more, samples fail one by one."""
-_GREEK = {"Phi": r"\Phi", "Phi_q": r"\Phi_q", "Phi_t": r"\Phi_t", "Psi": r"\Psi", "gamma": r"\gamma"}

@@ -1,5 +1,6 @@
 """Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
 
+import itertools
 from collections.abc import Collection, Sequence
 
 import casadi as ca
@@ -23,6 +24,7 @@ from symmb.mechanics import (
     inertia_matrix,
 )
 from symmb.model.binding import Binding
+from symmb.model.box import Box
 from symmb.symbolic import is_zero
 
 
@@ -190,3 +192,20 @@ def require_inertia(M: ca.SX, G: ca.SX, v_names: Sequence[str]) -> None:
             f"Nothing determines the acceleration of {', '.join(free)}. Give the body a mass or an inertia, or "
             "add joints by which others carry it."
         )
+
+
+_CORNERS = 10
+"""Parameters up to which all corners of the box are checked, about a thousand. With more, samples fail one by one."""
+
+
+def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
+    """Masses and lengths, by name, that the function of the parameters shows not to be positive at a corner."""
+    order, parts = list(parameters), {}
+    for corner in itertools.product(*box.bounds) if len(box) <= _CORNERS else ():
+        p = parameters.nominal
+        p[[order.index(name) for name in box.names]] = corner
+        for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
+            if not value > 0:
+                at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
+                parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
+    return list(parts.values())

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb._types import Array
+from symmb.plot.colours import BAND_COLOUR, colour_of
 from symmb.plot.curves import Band, Curve
 from symmb.plot.layout import (
-    BAND_COLOUR,
-    COLOURS,
     DASHES,
     HEAD_HEIGHT,
     MOST_PANELS,
@@ -18,16 +17,25 @@ from symmb.plot.layout import (
     abscissa,
     along,
     cyclic,
+    given_panels,
+    labels,
     n_rows,
     new_figure,
     new_panels,
-    plain,
+    own_legend,
+    root,
     save,
     shared_legend,
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from symmb.plot.layout import GivenAxes
+
+_TINT = 0.16
+"""Opacity of the band between bounds: other bands stay visible below it."""
 
 
 def plot_bounds(
@@ -35,59 +43,68 @@ def plot_bounds(
     names: Sequence[str],
     band: Band,
     *,
+    units: Sequence[str] = (),
+    family: str = "",
+    chosen: Sequence[int] | None = None,
     outer: tuple[Array, Array] | None = None,
     inner: tuple[Array, Array] | None = None,
     path: str | Path | None = None,
+    ax: "GivenAxes | None" = None,
 ) -> "Figure":
-    """Bounds over time, the first outputs one panel each; see `plot_comparison` for t, names and path.
+    """Bounds over time, one panel an output; see `plot_comparison` for t, names, units, path and ax.
 
     Parameters
     ----------
+    family                             the method, which has its own colour
+    chosen : columns to draw           default: the first six outputs, in the caller's axes as many as there are
     outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and what
                                                                runs attained
     """
-    shown = names[:MOST_PANELS]
-    figure = new_figure(HEAD_HEIGHT + 0.2 + ROW_HEIGHT * n_rows(len(shown)))
-    pairs = (
-        ((band.lower, band.upper), None, {"linewidth": 1.1, "color": COLOURS[0]}),
-        (outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1], "color": COLOURS[1]}),
-        (inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2], "color": COLOURS[5]}),
+    every = range(len(names) if ax is not None else min(len(names), MOST_PANELS))
+    shown = [*every] if chosen is None else [*chosen]
+    own_names, own_units = [names[i] for i in shown], [units[i] for i in shown] if units else []
+    colour = colour_of(family)
+    pairs: tuple[tuple[tuple[Array, Array] | None, str | None, dict[str, Any]], ...] = (
+        ((band.lower, band.upper), None, {"linewidth": 1.1}),
+        (outer, "widened by the estimated error", {"linewidth": 1.0, "linestyle": DASHES[1]}),
+        (inner, "attained by runs", {"linewidth": 1.0, "linestyle": DASHES[2]}),
     )
-    panels = new_panels(figure, t, shown)
-    for i, axes in enumerate(panels):
+    if ax is None:
+        figure = new_figure(HEAD_HEIGHT + 0.2 + ROW_HEIGHT * n_rows(len(shown)))
+        panels = new_panels(figure, t, labels(own_names, own_units))
+    else:
+        panels = given_panels("Bounds.plot", ax, t, own_names, own_units)
+        figure = root(panels[0])
+    for axes, i in zip(panels, shown, strict=True):
         filled = along(t, band.lower[:, i]), along(t, band.upper[:, i])
-        axes.fill_between(abscissa(t), *filled, color=BAND_COLOUR, linewidth=0, label=band.label)
+        axes.fill_between(abscissa(t), *filled, color=colour, alpha=_TINT, linewidth=0, label=band.label)
         for pair, label, style in pairs:
             for k, values in enumerate(pair or ()):
-                axes.plot(abscissa(t), along(t, values[:, i]), label=label if k == 0 else None, **style)
-    shared_legend(figure, panels)
-    if len(shown) < len(names):
-        figure.suptitle(f"the first {len(shown)} of {len(names)} outputs", fontsize=10)
+                axes.plot(abscissa(t), along(t, values[:, i]), label=label if k == 0 else None, color=colour, **style)
+        if ax is not None:
+            own_legend(axes)
+    if ax is None:
+        shared_legend(figure, panels)
+        if chosen is None and len(shown) < len(names):
+            figure.suptitle(f"the first {len(shown)} of {len(names)} outputs", fontsize=10)
     return save(figure, path)
 
 
 def draw_bounds(
-    figure: "FigureBase",
-    t: Array,
-    names: Sequence[str],
-    shown: Sequence[int],
-    reference: Band,
-    curves: Sequence[Curve],
-    title: str,
+    panels: Sequence["Axes"], t: Array, shown: Sequence[int], reference: Band, curves: Sequence[Curve]
 ) -> None:
-    panels = new_panels(figure, t, [names[i] for i in shown])
+    """Bounds by several methods over the reference, one panel an output."""
     for axes, i in zip(panels, shown, strict=True):
+        is_empty = not axes.has_data()
         band = along(t, reference.lower[:, i]), along(t, reference.upper[:, i])
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
         for k, curve in enumerate(curves):
-            style: dict[str, Any] = {"color": cyclic(COLOURS, k), "linestyle": cyclic(DASHES, k), "linewidth": 1.1}
+            style: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colour_of(curve.family)}
             label = f"{curve.label}, {curve.kind}"
             axes.plot(abscissa(t), along(t, curve.lower[:, i]), label=label, **style)
             axes.plot(abscissa(t), along(t, curve.upper[:, i]), **style)
-        axes.set_ylim(*_window(reference, curves, i))
-    shared_legend(figure, panels)
-    part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if len(shown) < len(names) else ""
-    figure.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
+        if is_empty:
+            axes.set_ylim(*_window(reference, curves, i))
 
 
 def _window(reference: Band, curves: Sequence[Curve], i: int) -> tuple[float, float]:

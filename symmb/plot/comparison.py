@@ -1,6 +1,6 @@
 """The picture of a comparison: bounds over time, and error against run time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from symmb._types import Array
 from symmb.plot.bounds import draw_bounds
+from symmb.plot.colours import colour_of
 from symmb.plot.curves import Band, Curve
 from symmb.plot.layout import (
-    COLOURS,
     DASHES,
     DIAGRAM_HEIGHT,
     DPI,
@@ -21,16 +21,26 @@ from symmb.plot.layout import (
     MOST_PANELS,
     NUMBER_DISTANCE,
     ROW_HEIGHT,
+    axes_in,
     cyclic,
+    given_panels,
+    labels,
     n_rows,
     new_figure,
+    new_panels,
+    own_legend,
+    plain,
+    root,
     save,
+    shared_legend,
     style_axes,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from symmb.plot.layout import GivenAxes
 
 
 def plot_comparison(
@@ -41,8 +51,11 @@ def plot_comparison(
     *,
     measured: npt.NDArray[np.bool_],
     uncertainty: Array,
+    units: Sequence[str] = (),
+    chosen: Sequence[int] | None = None,
     title: str = "",
     path: str | Path | None = None,
+    ax: "GivenAxes | None" = None,
 ) -> "Figure":
     """Bounds over time above, mean error against run time below.
 
@@ -55,20 +68,58 @@ def plot_comparison(
     measured : (n_y,)       which outputs count in the mean error
     uncertainty : (n_y,)    the reference's, in the norm of the error; mean errors below its mean are drawn
                             there, hollow
+    units : n_y units       '' where they are not known
+    chosen : columns        of the outputs to draw; default: those with the largest errors
+    ax : optional           the caller's axes, to draw in: one an output for bounds over time; a single one without
+                            chosen outputs takes the errors
     path : optional         where to write the picture; the suffix decides the format
     """
     families: dict[str, list[Curve]] = {}
     for curve in curves:
         families.setdefault(curve.family, []).append(curve)
-    shown = hardest_outputs(curves, measured)
+    best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
+    if ax is not None:
+        return save(_drawn_into(ax, t, names, units, reference, families, best, chosen, measured, uncertainty), path)
+    shown = hardest_outputs(curves, measured) if chosen is None else [*chosen]
     n_legend = -(-(len(families) + 1) // 3)
     heights = [HEAD_HEIGHT + 0.2 * n_legend + ROW_HEIGHT * n_rows(len(shown)), DIAGRAM_HEIGHT]
     figure = new_figure(sum(heights))
     above, below = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
-    best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
-    draw_bounds(above, t, names, shown, reference, best, title)
+    texts = labels(names, units)
+    panels = new_panels(above, t, [texts[i] for i in shown])
+    draw_bounds(panels, t, shown, reference, best)
+    shared_legend(above, panels)
+    is_part = chosen is None and len(shown) < len(names)
+    part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
+    above.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
     _draw_errors(below.subplots(), list(families.values()), measured, uncertainty)
     return save(figure, path)
+
+
+def _drawn_into(
+    ax: "GivenAxes",
+    t: Array,
+    names: Sequence[str],
+    units: Sequence[str],
+    reference: Band,
+    families: Mapping[str, Sequence[Curve]],
+    best: Sequence[Curve],
+    chosen: Sequence[int] | None,
+    measured: npt.NDArray[np.bool_],
+    uncertainty: Array,
+) -> "Figure":
+    """The picture, or a part of it, in the caller's axes."""
+    panels = axes_in("Comparison.plot", ax)
+    if chosen is None and len(panels) == 1:
+        _draw_errors(panels[0], list(families.values()), measured, uncertainty)
+        return root(panels[0])
+    shown = range(len(names)) if chosen is None else chosen
+    own_units = [units[i] for i in shown] if units else []
+    panels = given_panels("Comparison.plot", panels, t, [names[i] for i in shown], own_units)
+    draw_bounds(panels, t, shown, reference, best)
+    for axes in panels:
+        own_legend(axes)
+    return root(panels[0])
 
 
 def _draw_errors(
@@ -84,7 +135,7 @@ def _draw_errors(
         points = [(x, y, n) for x, y, n in points if y < np.inf]
         if not points:
             continue
-        colour, marker = cyclic(COLOURS, k), {"marker": cyclic(MARKERS, k), "markersize": 6}
+        colour, marker = colour_of(group[0].family), {"marker": cyclic(MARKERS, k), "markersize": 6}
         style: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
         axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **style)
         axes.plot([], [], **style, **marker, label=group[0].family)

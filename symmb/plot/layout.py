@@ -1,20 +1,28 @@
-"""The common layout of all pictures: size, panels, colours, legend, saving.
+"""The common layout of all pictures: size, panels, legend, saving.
 
-Figures are drawn without pyplot, so nothing global changes. matplotlib loads on the first call.
+Figures are drawn without pyplot, so nothing global changes. matplotlib loads on the first call. A notebook shows them
+as they are.
 """
 
+import io
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
 from symmb._types import Array
 from symmb.files import replacement, require_suffix
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
+
+    GivenAxes = Axes | Sequence[Axes] | np.ndarray
+    """The axes that a caller wants a picture in: one, or one an output."""
 
 PICTURES = (".png", ".pdf", ".svg")
 """Formats of pictures."""
@@ -24,24 +32,37 @@ WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
 """Width of a figure, and heights of a row of panels, of the title and of a diagram [inch]."""
 DPI = 150
 """Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
-COLOURS = ("#0b6fb8", "#d1495b", "#2e8b57", "#e08e00", "#7a4fb5", "#4b5563", "#00929c", "#9c5a2d")
-"""Line style and marker differ as well, for readers who cannot distinguish red and green."""
 MARKERS = "osD^vPX*"
 DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
-BAND_COLOUR = "#c9d3dd"
 LEAST_ERROR, LARGEST_ERROR = 1e-16, 10.0
 """Range of drawn errors: rounding, as a share of the width, and a run that has lost the motion, as a share of it."""
 NUMBER_DISTANCE = 16.0
 """Distance from which on a number does not touch others [point]."""
+_SCREEN = 80
+"""Pixels of a notebook for an inch of a figure."""
 
 
 def new_figure(height: float) -> "Figure":
+    """A figure that a notebook shows without further ado."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
+    vars(figure)["_repr_png_"] = partial(_shown, figure)
     return figure
+
+
+def png(figure: "Figure") -> bytes:
+    """The figure as a PNG file."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+def _shown(figure: "Figure") -> tuple[bytes, dict[str, int]]:
+    width, height = figure.get_size_inches()
+    return png(figure), {"width": round(_SCREEN * width), "height": round(_SCREEN * height)}
 
 
 def save(figure: "Figure", path: str | Path | None) -> "Figure":
@@ -53,24 +74,79 @@ def save(figure: "Figure", path: str | Path | None) -> "Figure":
     return figure
 
 
-def new_panels(figure: "FigureBase", t: Array, names: Sequence[str]) -> list["Axes"]:
-    """One named panel an output, on a common time axis."""
-    columns = n_columns(len(names))
-    grid = figure.subplots(n_rows(len(names)), columns, sharex=True, squeeze=False).ravel()
-    for axes in grid[len(names) :]:
+def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[str]) -> list[int] | None:
+    """Columns of the outputs to be drawn, by name; None if none are asked for."""
+    if outputs is None:
+        return None
+    wanted = [outputs] if isinstance(outputs, str) else list(outputs)
+    for name in wanted:
+        if name not in names:
+            raise DeclarationError(f"{owner}: no output {name!r}.{did_you_mean(name, names)}")
+    if not wanted:
+        raise DeclarationError(f"{owner}: outputs names nothing to draw.")
+    return [names.index(name) for name in wanted]
+
+
+def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list["Axes"]:
+    """One panel an output, each with a title, on a common time axis."""
+    columns = n_columns(len(titles))
+    grid = figure.subplots(n_rows(len(titles)), columns, sharex=True, squeeze=False).ravel()
+    for axes in grid[len(titles) :]:
         axes.set_visible(False)
-    for i, (axes, name) in enumerate(zip(grid, names, strict=False)):
-        axes.set_title(plain(name), fontsize=9, loc="left", fontweight="bold", pad=3)
-        axes.set_xlim(*abscissa(t)[[0, -1]])
-        if len(t) == 1:
-            axes.set_xticks(t)
+    for i, (axes, title) in enumerate(zip(grid, titles, strict=False)):
+        axes.set_title(plain(title), fontsize=9, loc="left", fontweight="bold", pad=3)
+        _over_time(axes, t)
         axes.grid(color="#e3e7eb", linewidth=0.6)
         axes.ticklabel_format(useOffset=False)
         style_axes(axes)
-        if i + columns >= len(names):
+        if i + columns >= len(titles):
             axes.set_xlabel("time [s]", fontsize=8)
             axes.tick_params(labelbottom=True)
-    return list(grid[: len(names)])
+    return list(grid[: len(titles)])
+
+
+def given_panels(
+    owner: str, ax: "GivenAxes", t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
+) -> list["Axes"]:
+    """The caller's axes, one an output, with their labels; a single one is repeated if outputs may overlay."""
+    panels = axes_in(owner, ax)
+    if overlay and len(panels) == 1:
+        panels *= len(names)
+    if len(panels) != len(names):
+        raise DeclarationError(
+            f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need as many axes, "
+            f"got {len(panels)}. Choose some by outputs=[...]."
+        )
+    texts = labels(names, units)
+    for axes in dict.fromkeys(panels):
+        own = [k for k, panel in enumerate(panels) if panel is axes]
+        if not axes.has_data():
+            _over_time(axes, t)
+        axes.set_xlabel("time [s]")
+        shared = {units[k] if units else "" for k in own}
+        text = texts[own[0]] if len(own) == 1 else f"[{shared.pop()}]" if len(shared) == 1 and shared != {""} else ""
+        axes.set_ylabel(plain(text))
+    return panels
+
+
+def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
+    """Axes that a caller gave, one or several, as a list."""
+    panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object)))
+    if not panels or not all(hasattr(axes, "fill_between") for axes in panels):
+        raise DeclarationError(f"{owner}: ax must be matplotlib Axes, or a list of them, got {ax!r}.")
+    return cast("list[Axes]", panels)
+
+
+def root(axes: "Axes") -> "Figure":
+    """The figure that axes are in, whatever parts it has."""
+    figure: Any = axes.figure
+    return figure.figure
+
+
+def _over_time(axes: "Axes", t: Array) -> None:
+    axes.set_xlim(*abscissa(t)[[0, -1]])
+    if len(t) == 1:
+        axes.set_xticks(t)
 
 
 def plain(text: str) -> str:
@@ -110,6 +186,12 @@ def shared_legend(figure: "FigureBase", panels: Sequence["Axes"]) -> None:
     """One legend of all panels, which is that of the first."""
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, [*map(plain, labels)], loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+
+
+def own_legend(axes: "Axes") -> None:
+    """A legend inside the axes of a caller."""
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles, [*map(plain, labels)], fontsize=8, frameon=False)
 
 
 def labels(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:

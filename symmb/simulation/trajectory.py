@@ -1,20 +1,24 @@
 """The trajectory of one run."""
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
+from symmb import _html as html
 from symmb import files
 from symmb import plot as figures
 from symmb._errors import DeclarationError
+from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean
 from symmb._options import require_instance
+from symmb._table import aligned
 from symmb._types import Array, Expr
 from symmb.events import Event, event_doubts, longest_step
 from symmb.model import Scene
@@ -23,14 +27,18 @@ from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.examination import Examination, drift, energy
 from symmb.simulation.outputs import output_function
 from symmb.simulation.run_quality import drift_doubts, pulse_doubts, unexplained
-from symmb.simulation.trajectory_file import Drift, Energy, of_record, of_table
-from symmb.simulation.trajectory_text import doubt_lines, event_lines, pulse_lines, start_lines
+from symmb.simulation.trajectory_file import PLAIN, Drift, Energy, labelled, of_record, of_table
+from symmb.simulation.trajectory_text import doubt_lines, event_lines, extremes, pulse_lines, start_lines
 from symmb.start import Singularity
 from symmb.symbolic import batch
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Result):
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
@@ -52,21 +60,21 @@ class Trajectory:
     run_examination            the examination of the run between its output times as well; None if it was read
     """
 
-    scene: Scene | None = field(repr=False)
-    simulator: DAESimulator | None = field(repr=False)
+    scene: Scene | None
+    simulator: DAESimulator | None
     parameters: dict[str, float]
     solver: str
     reason: str
-    t: Array = field(repr=False)
-    x: Array = field(repr=False)
-    work: Array = field(repr=False)
-    statistics: dict[str, Any] = field(repr=False)
+    t: Array
+    x: Array
+    work: Array
+    statistics: dict[str, Any]
     setup_seconds: float
     run_seconds: float
-    events: tuple[Event, ...] = field(default=(), repr=False)
-    error: Array | None = field(default=None, repr=False)
-    run_doubts: tuple[str, ...] = field(default=(), repr=False)
-    run_examination: Examination | None = field(default=None, repr=False)
+    events: tuple[Event, ...] = ()
+    error: Array | None = None
+    run_doubts: tuple[str, ...] = ()
+    run_examination: Examination | None = None
 
     @property
     def _p(self) -> Array:
@@ -234,7 +242,18 @@ class Trajectory:
         return tuple(doubts)
 
     def __str__(self) -> str:
-        return self._text
+        return (
+            "\n".join([self._text, "", *aligned(extremes(self.t, self.values, self.names))])
+            if self.names
+            else self._text
+        )
+
+    def _repr_html_(self) -> str:
+        if not self.names:
+            return html.page(html.text(self._text))
+        picture = html.picture(figures.png(self.plot(outputs=self.names[: figures.MOST_PANELS])))
+        rows = extremes(self.t, self.values, figures.labels(self.names, self.units))
+        return html.page(html.text(self._text), html.table(rows), picture)
 
     @cached_property
     def _text(self) -> str:
@@ -298,37 +317,33 @@ class Trajectory:
 
     def _record(self) -> dict[str, Any]:
         q_names, v_names, s_names = self.state_names
-        return {
+        return {name: getattr(self, name) for name in PLAIN} | {
             "scene": self.name,
-            "t": self.t,
             "names": np.array(self.names, dtype=str),
-            "units": self.units,
-            "values": self.values,
-            "parameters": self.parameters,
-            "q": self.q,
-            "v": self.v,
-            "s": self.s,
-            "lam": self.lam,
             "q_names": q_names,
             "v_names": v_names,
             "s_names": s_names,
-            "row_names": self.row_names,
             "events": [asdict(event) for event in self.events],
-            "position_drift": self.position_drift,
-            "velocity_drift": self.velocity_drift,
-            "energy_drift": self.energy_drift,
             "drift": self.drift._asdict(),
             "energy": self.energy._asdict(),
-            "solver": self.solver,
-            "reason": self.reason,
-            "statistics": self.statistics,
-            "setup_seconds": self.setup_seconds,
-            "run_seconds": self.run_seconds,
-            "error": self.error,
-            "doubts": self.doubts,
-            "text": str(self),
+            "text": self._text,
         }
 
-    def plot(self, path: str | Path) -> None:
-        """Picture of the outputs over time."""
-        figures.plot_trajectory(self.t, self.values, figures.labels(self.names, self.units), path, title=self.name)
+    def _labelled(self) -> Labelled:
+        return labelled(self._record())
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw outputs over time, all if none are named; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes       to draw in, in the place of a new figure: one for all outputs, or one each
+        """
+        chosen = figures.columns_of("Trajectory.plot", outputs, self.names)
+        values = self.t, self.values, self.names, path
+        return figures.plot_trajectory(*values, units=self.units, chosen=chosen, title=self.name, ax=ax)

@@ -1,11 +1,13 @@
 """What the file of a run holds: attributes of a Trajectory, and what it would derive from the equations."""
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._labelled import Labelled, Named, over_outputs, parameter_names, unit_text
 from symmb._types import Array
 from symmb.events import Event
 from symmb.files import Record
@@ -33,6 +35,28 @@ class Energy(NamedTuple):
         return f"Energy({', '.join(ranges)})"
 
 
+PLAIN = (
+    "t",
+    "units",
+    "values",
+    "parameters",
+    "q",
+    "v",
+    "s",
+    "lam",
+    "row_names",
+    "position_drift",
+    "velocity_drift",
+    "energy_drift",
+    "solver",
+    "reason",
+    "statistics",
+    "setup_seconds",
+    "run_seconds",
+    "error",
+    "doubts",
+)
+"""Attributes of a Trajectory that its file holds under the same names."""
 Contents = tuple[dict[str, Any], dict[str, Any]]
 """Attributes of a Trajectory without its scene, and values of its cached properties."""
 
@@ -98,6 +122,21 @@ def of_table(table: Record) -> Contents:
         **dict.fromkeys(("position_drift", "velocity_drift", "energy_drift"), math.nan),
     }
     return of_record(Record(entries))
+
+
+def labelled(record: Mapping[str, Any]) -> Labelled:
+    """A run as labelled arrays, from the entries of its file. Its parameters are coordinates without dimension."""
+    names, units = list(record["names"]), record["units"]
+    coordinates, unit_of = over_outputs(record["t"], names, units)
+    variables: dict[str, Named] = {"value": (("time", "output"), record["values"])}
+    if record["error"] is not None:
+        variables["error"] = (("time", "output"), record["error"])
+        unit_of |= {"error": unit_of["value"]} if "value" in unit_of else {}
+    own_names = parameter_names([*record["parameters"]], [*coordinates, "unit", *variables, "error"])
+    coordinates |= {name: ((), value) for name, value in zip(own_names, record["parameters"].values(), strict=True)}
+    attributes = {name: record[name] or None for name in ("scene", "solver", "reason")}
+    attributes |= {"units": unit_text(names, units), "doubts": "\n".join(record["doubts"]) or None}
+    return Labelled(coordinates, variables, attributes, unit_of)
 
 
 def _series(record: Record, names: tuple[str, ...], n_t: int) -> dict[str, Array]:

@@ -4,8 +4,13 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from symmb._types import Array
 from symmb.events import Event
 
+_ROUNDING = 1e-12, 1e-30
+"""Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
@@ -40,6 +45,16 @@ def event_lines(events: Sequence[Event]) -> list[str]:
 def doubt_lines(doubts: Sequence[str]) -> list[str]:
     """One line for each doubt."""
     return [f"  doubtful    {doubt}" for doubt in doubts]
+
+
+def extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
+    """First, last, least and largest value of every output (n_t, n_y) as rows of text. Rounding is shown as 0."""
+    size = np.abs(values)
+    rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
+    values = np.where(size < rounding, 0.0, values)
+    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
+    columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
+    return [head, *([name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(names))]
 
 
 def _listed(names: list[str]) -> str:

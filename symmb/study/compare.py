@@ -6,6 +6,7 @@ from typing import Any, cast
 
 from symmb._errors import warn_of
 from symmb._options import require_callable
+from symmb._progress import shown
 from symmb._types import Array, Executor, Expr
 from symmb.bounds import Bounds, Method, require_method
 from symmb.integrate import Solver
@@ -39,7 +40,8 @@ def compare(
     solver : Solver                  of all methods, for a Scene; default: chosen by pilot runs
     times, outputs                   instead of those of the scene
     executor : anything with `map`   runs blocks of samples
-    progress : callable              called with the label of the work, the finished runs and all its runs
+    progress : callable              called with the label of the work, the finished runs and all its runs; default: a
+                                     bar, in notebooks and terminals
 
     Returns
     -------
@@ -64,26 +66,27 @@ def compare(
     require_callable("compare: progress", progress, "label", "done", "all")
     if reference is not None and not isinstance(reference, Bounds):
         require_method("compare: reference", reference)
-    simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
-    if not isinstance(simulator, DAESimulator):
-        return compare_simulator(
-            simulator, chosen, box, reference, executor=executor, progress=progress, scene=repr(simulator)
+    with shown(progress, "comparing methods") as progress:
+        simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
+        if not isinstance(simulator, DAESimulator):
+            return compare_simulator(
+                simulator, chosen, box, reference, executor=executor, progress=progress, scene=repr(simulator)
+            )
+        comparison = compare_simulator(
+            simulator,
+            chosen,
+            box,
+            reference,
+            tighter=simulator.tighter(),
+            scene=simulator.name,
+            solver=repr(simulator.solver),
+            setup_seconds=simulator.setup_seconds,
+            threads=simulator.threads,
+            units=simulator.units,
+            reason=simulator.reason,
+            executor=executor,
+            progress=progress,
         )
-    comparison = compare_simulator(
-        simulator,
-        chosen,
-        box,
-        reference,
-        tighter=simulator.tighter(),
-        scene=simulator.name,
-        solver=repr(simulator.solver),
-        setup_seconds=simulator.setup_seconds,
-        threads=simulator.threads,
-        units=simulator.units,
-        reason=simulator.reason,
-        executor=executor,
-        progress=progress,
-    )
     warn_of(simulator.doubts, f"Comparison of {simulator.name}")
     return replace(comparison, doubts=simulator.doubts)
 

@@ -1,24 +1,29 @@
 """The result of a comparison: print it, plot it, save it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from symmb import _html as html
 from symmb import files, plot
+from symmb._labelled import Labelled, Result
 from symmb._types import Array
 from symmb.model import Box
 from symmb.study import report
+from symmb.study.comparison_arrays import labelled
 from symmb.study.reference import Reference
 from symmb.study.row import LONG, NotRun, Row
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class Comparison(Result):
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `plot` a picture, `save` the file that `load` reads.
@@ -57,28 +62,29 @@ class Comparison:
     reason: str = ""
     doubts: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
-        return f"Comparison({self.scene!r}, {len(self.rows)} methods, {len(self.outputs)} outputs)"
-
     def __str__(self) -> str:
+        table = report.table(self.rows, self.reference.yardstick, self.outputs)
+        return "\n".join([*self._head(), "", table, "", *self._notes()])
+
+    def _repr_html_(self) -> str:
+        rows = report.cells(self.rows, self.reference.yardstick, self.outputs)
+        table = html.table(rows, report.left_columns(rows[0]))
+        head, notes = html.text("\n".join(self._head())), html.text("\n".join(self._notes()))
+        return html.page(head, table, notes, html.picture(plot.png(self.plot())))
+
+    def _notes(self) -> list[str]:
         yardstick = self.reference.yardstick
-        return "\n".join(
-            [
-                *self._head(),
-                "",
-                report.table(self.rows, yardstick, self.outputs),
-                "",
-                *report.not_run(self.not_run),
-                *report.failed(self.rows),
-                *(report.wrapped(f"doubtful: {doubt}") for doubt in self.doubts),
-                *report.cautions(self.rows),
-                *report.zero_width(self.rows, yardstick, self.outputs),
-                "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
-                "of the reference's width, means over outputs. covered: share of times at which outer holds",
-                f"the reference. run [s]: {self._timing()}.",
-                "Sampled bounds are attained, not proved.",
-            ]
-        )
+        return [
+            *report.not_run(self.not_run),
+            *report.failed(self.rows),
+            *(report.wrapped(f"doubtful: {doubt}") for doubt in self.doubts),
+            *report.cautions(self.rows),
+            *report.zero_width(self.rows, yardstick, self.outputs),
+            "error, outer (error of the bounds widened by the method's estimate), over, under: shares",
+            "of the reference's width, means over outputs. covered: share of times at which outer holds",
+            f"the reference. run [s]: {self._timing()}.",
+            "Sampled bounds are attained, not proved.",
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """The comparison as lists, texts and numbers. Numbers that are not finite are None."""
@@ -92,6 +98,9 @@ class Comparison:
         DeclarationError    if the name has another suffix
         """
         files.save(path, self._record())
+
+    def _labelled(self) -> Labelled:
+        return labelled(self)
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":
@@ -147,11 +156,21 @@ class Comparison:
             doubts=record.texts("doubts", default=()),
         )
 
-    def plot(self, path: str | Path | None = None) -> "Figure":
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+    ) -> "Figure":
         """Draw bounds over time and error against run time; write the picture to `path` if given.
 
-        Bounds are shown for the six outputs with the largest errors, by the most accurate setting of each family
-        of methods. The filled band is the reference.
+        Bounds are shown for the named outputs, or the six with the largest errors, by the most accurate setting of
+        each family of methods. The filled band is the reference.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes       to draw in, in the place of a new figure: one an output for bounds over time; a
+                                   single one without outputs takes the error against run time
         """
         reference = self.reference
         curves = [
@@ -169,13 +188,16 @@ class Comparison:
         ]
         return plot.plot_comparison(
             self.times,
-            plot.labels(self.outputs, self.units),
+            self.outputs,
             plot.Band(f"reference: {reference.method}", reference.lower, reference.upper),
             curves,
             measured=~reference.yardstick.zero_width,
             uncertainty=reference.uncertainty,
+            units=self.units,
+            chosen=plot.columns_of("Comparison.plot", outputs, self.outputs),
             title=self.scene,
             path=path,
+            ax=ax,
         )
 
     def _head(self) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from symmb._errors import PropagationError, SimulationError
 from symmb._interrupts import carry
+from symmb._progress import RunProgress
 from symmb._types import Array, Executor
 from symmb.bounds import METHODS, Bounds, Method
 from symmb.model import Box
@@ -195,19 +196,5 @@ def _solver_error(simulator: Simulator, tighter: Simulator, box: Box, yardstick:
     return yardstick.relative(simulator.run(points).Y - tighter.run(points).Y)
 
 
-class _Labelled:
-    """Progress of one method, with its label and the estimated error that it has reached."""
-
-    def __init__(self, progress: Progress, label: str) -> None:
-        self._progress, self._label, self._reached = progress, label, ""
-
-    def estimate(self, error: float) -> None:
-        """Note the estimated error."""
-        self._reached = f", estimated error {error:.0e}"
-
-    def __call__(self, done: int, total: int) -> None:
-        self._progress(self._label + self._reached, done, total)
-
-
-def _labelled(progress: Progress | None, label: str) -> _Labelled | None:
-    return None if progress is None else _Labelled(progress, label)
+def _labelled(progress: Progress | None, label: str) -> RunProgress | None:
+    return None if progress is None else RunProgress(progress, label)

@@ -17,10 +17,20 @@ _LEFT = {"method", "kind", "worst output"}
 
 def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
     """The rows as an aligned table; errors are means over the outputs that have a width, then the worst."""
-    header = ["method", "kind", "runs", "failed", "run [s]", "error", "outer", "over", "under", "covered"]
-    lines = [[*header, "worst output"], *([*_cells(row, yardstick), _worst(row, yardstick, outputs)] for row in rows)]
-    text = aligned(lines, left=[i for i, name in enumerate(lines[0]) if name in _LEFT])
+    lines = cells(rows, yardstick, outputs)
+    text = aligned(lines, left=left_columns(lines[0]))
     return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])
+
+
+def cells(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[list[str]]:
+    """The head of the table, and the cells of each row."""
+    header = ["method", "kind", "runs", "failed", "run [s]", "error", "outer", "over", "under", "covered"]
+    return [[*header, "worst output"], *([*_cells(row, yardstick), _worst(row, yardstick, outputs)] for row in rows)]
+
+
+def left_columns(head: Sequence[str]) -> list[int]:
+    """Columns whose cells begin below each other."""
+    return [i for i, name in enumerate(head) if name in _LEFT]
 
 
 def not_run(methods: Iterable[NotRun]) -> list[str]:

@@ -6,13 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import SimulationError
 from symmb._interrupts import carry
+from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.integrate import CVODES, Stiffness, stiffness
@@ -23,6 +25,10 @@ from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, refere
 from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""
@@ -35,8 +41,12 @@ _STRESS_STEPS = 800
 _WIDTHS = 0.1, 0.2, 0.5
 """Half widths of wider boxes, as shares of the nominal values."""
 
+_HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
+_LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
+"""Head of the tables, and columns whose cells begin below each other."""
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Stability:
     """Results of the solvers on a scene. `print` shows them, `plot` draws them, `save` and `load` keep them in a file.
 
@@ -62,19 +72,36 @@ class Stability:
     advice: str
 
     def __str__(self) -> str:
-        head = ["solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome"]
-        known = "errors are not known" if np.isnan(self.uncertainty) else f"errors to {self.uncertainty:.0e}"
-        lines = [
-            f"{self.scene}: {len(self.trials)} runs from {self.times[0]:g} to {self.times[-1]:g} s, {known}",
-            *aligned([head, *(self._cells(trial) for trial in self.trials)], left=(0, 7)),
-        ]
+        lines = [self._head(), *aligned(self._rows(), left=_LEFT)]
         if self.stress:
-            head[0:0] = ["under stress"]
-            rows = [[trial.scene, *self._cells(trial)] for trial in self.stress]
-            lines += ["", *aligned([head, *rows], left=(0, 1, 8))]
-        for width, (failed, corners) in self.corners.items():
-            lines.append(f"box widened to {width:.0%}: {failed or 'none'} of {corners} corners fail")
-        return "\n".join([*lines, "", self.advice])
+            lines += ["", *aligned(self._stress_rows(), left=_STRESS_LEFT)]
+        return "\n".join([*lines, *self._corner_lines(), "", self.advice])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        tables = [html.table(self._rows(), _LEFT)]
+        if self.stress:
+            tables.append(html.table(self._stress_rows(), _STRESS_LEFT))
+        notes = html.text("\n".join([*self._corner_lines(), "", self.advice]).strip())
+        return html.page(html.text(self._head()), *tables, notes, html.picture(plot.png(self.plot())))
+
+    def _head(self) -> str:
+        known = "errors are not known" if np.isnan(self.uncertainty) else f"errors to {self.uncertainty:.0e}"
+        return f"{self.scene}: {len(self.trials)} runs from {self.times[0]:g} to {self.times[-1]:g} s, {known}"
+
+    def _rows(self) -> list[list[str]]:
+        return [[*_HEAD], *(self._cells(trial) for trial in self.trials)]
+
+    def _stress_rows(self) -> list[list[str]]:
+        return [["under stress", *_HEAD], *([trial.scene, *self._cells(trial)] for trial in self.stress)]
+
+    def _corner_lines(self) -> list[str]:
+        return [
+            f"box widened to {width:.0%}: {failed or 'none'} of {corners} corners fail"
+            for width, (failed, corners) in self.corners.items()
+        ]
 
     def _cells(self, trial: Trial) -> list[str]:
         drift = [trial.position.max(initial=0.0), trial.velocity.max(initial=0.0), trial.energy]
@@ -136,8 +163,14 @@ class Stability:
             advice=record.text("advice"),
         )
 
-    def plot(self, path: str | Path) -> None:
-        """Draw error against run time, the drift of positions over time, and errors of the harder variants."""
+    def plot(self, path: str | Path | None = None, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+        """Draw error against run time, the drift of positions over time, and errors of the harder variants.
+
+        Parameters
+        ----------
+        path : optional            where to write the picture
+        ax : matplotlib Axes       to draw in, in the place of a new figure: up to three, for these diagrams
+        """
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
         points = {
@@ -152,7 +185,7 @@ class Stability:
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
             for family in families
         }
-        plot.plot_stability(self.times, points, drift, stress, path, title=self.scene)
+        return plot.plot_stability(self.times, points, drift, stress, path, title=self.scene, ax=ax)
 
     def _far_from_usual(self, trial: Trial) -> float:
         """Orders of magnitude from an error of 1e-4."""
@@ -172,7 +205,8 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     Parameters
     ----------
     scene : Scene
-    progress : callable, optional      called with the label of the work, the finished runs and all its runs
+    progress : callable, optional      called with the label of the work, the finished runs and all its runs; default: a
+                                       bar, in notebooks and terminals
 
     Raises
     ------
@@ -181,7 +215,11 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
     require_scene(scene)
-    study = _Study(scene, progress)
+    with shown(progress, f"trying solvers on {scene.name}") as progress:
+        return _studied(_Study(scene, progress))
+
+
+def _studied(study: "_Study") -> Stability:
     study.collect(study.jobs(references()), _REFERENCE_LIMIT, _TRIALS_END)
     known = list(study.done)
     fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
@@ -191,13 +229,13 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     try:
         study.collect(jobs, _LIMIT, _TRIALS_END)
         study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), _LIMIT, _STRESS_END)
-        corners = _corners(scene)
+        corners = _corners(study.whole)
     except KeyboardInterrupt as interrupt:
         text = f"Interrupted after {len(study.done)} of {study.total} runs."
         carry(interrupt, study.result(len(known), {}, lambda *_: text))
         raise
     if all(trial.reason for trial in study.done if not trial.scene):
-        raise SimulationError(f"{scene.name}: no solver finishes. {known[0].reason}")
+        raise SimulationError(f"{study.scene.name}: no solver finishes. {known[0].reason}")
     return study.result(len(known), corners, partial(advice, corners=corners, fastest=fastest, span=horizon))
 
 
@@ -216,7 +254,7 @@ class _Study:
         self._simulator = DAESimulator(scene, CVODES())
         if len(scene.times) < 2 or not self._simulator.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
-        self.scene, self.done, self._order = scene.with_times(self.times), [], []
+        self.whole, self.scene, self.done, self._order = scene, scene.with_times(self.times), [], []
         self.total = sum(map(len, references().values()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:

@@ -84,7 +84,9 @@ def test_output_by_name():
 
 
 def test_text_says_the_kind():
-    assert repr(propagate(Wave(), Vertex(), BOX)) == "Bounds(sampled, Vertex(), 1 outputs x 61 times, 4 evaluations)"
+    bounds = propagate(Wave(), Vertex(), BOX)
+    assert repr(bounds) == str(bounds)
+    assert "sampled (attained by runs" in str(bounds) and "evaluations  4, none failed" in str(bounds)
 
 
 def test_another_suffix_is_refused(tmp_path):
@@ -155,7 +157,7 @@ def test_failed_samples_are_recorded_and_the_others_count():
     assert "RuntimeError: blew up" in bounds.failed[0].message
     fine = propagate(Wave(), Scanning(5), Box(amplitude=(0.9, 1.1), w=(0.95, 1.05)))
     assert np.isfinite(bounds.lower).all() and (bounds.lower >= fine.lower).all()
-    assert repr(bounds).endswith("25 evaluations, 5 failed)")
+    assert "evaluations  25, 5 failed" in repr(bounds)
 
 
 def test_all_samples_failed():

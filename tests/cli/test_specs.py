@@ -1,10 +1,7 @@
-"""The table of methods and solvers that the command line knows, and its line of progress."""
+"""The table of methods and solvers that the command line knows."""
 
 import inspect
-import io
 import re
-import sys
-import time
 
 import pytest
 
@@ -12,10 +9,7 @@ import symmb as mb
 from symmb.bounds.method import Method
 from symmb.cli import specs
 from symmb.cli.main import main
-from symmb.cli.progress import Progress
 from symmb.integrate.solver import Solver
-
-# --- the table of methods and solvers -----------------------------------------
 
 
 def written(form, number="3"):
@@ -97,33 +91,3 @@ def test_words_of_solvers(text, solver):
 def test_wrong_words_of_solvers(text, message):
     with pytest.raises(mb.DeclarationError, match=message):
         specs.solver(text)
-
-
-# --- progress -----------------------------------------------------------------
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-@pytest.mark.parametrize(("stream", "shown"), [(Terminal(), True), (io.StringIO(), False)])
-def test_progress_is_for_terminals(monkeypatch, stream, shown):
-    monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr("symmb.cli.progress._PATIENCE", 0.0)
-    monkeypatch.setattr("symmb.cli.progress._PERIOD", 0.001)
-    with Progress("working") as progress:
-        progress("MonteCarlo(100)", 25, 100)
-        deadline = time.monotonic() + 5.0
-        while shown and "MonteCarlo" not in stream.getvalue() and time.monotonic() < deadline:
-            time.sleep(0.001)
-    assert ("MonteCarlo(100): 25 of 100 runs" in stream.getvalue()) is shown
-    assert stream.getvalue().endswith("\x1b[K") is shown
-
-
-def test_what_is_done_at_once_shows_no_progress(monkeypatch):
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
-    with Progress("working"):
-        pass
-    assert stream.getvalue() == ""

@@ -54,7 +54,7 @@ def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
     result.save(path)
     again = getattr(mb, kind).load(path)
     lost = (
-        ["inner", "failed", "expansion", "x", "lam", "work"]
+        ["inner", "failed", "expansion", "box", "x", "lam", "work"]
         + ["drift", "position_drift", "velocity_drift", "energy", "energy_drift"]
         if suffix == "csv"
         else []

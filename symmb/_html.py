@@ -1,0 +1,51 @@
+"""Results as HTML, for notebooks."""
+
+from base64 import b64encode
+from collections.abc import Collection, Sequence
+from html import escape
+
+_PLAIN = 'class="tex2jax_ignore mathjax_ignore"'
+"""Dollar signs in names are not mathematics."""
+_SCROLLED = 'style="overflow-x: auto; max-width: 100%"'
+
+
+def page(*parts: str) -> str:
+    """Parts below each other."""
+    return f"<div {_SCROLLED}>{''.join(parts)}</div>"
+
+
+def text(lines: str) -> str:
+    """Lines as they are."""
+    return f'<pre {_PLAIN[:-1]}" style="white-space: pre-wrap; margin: 0.4em 0">{escape(lines)}</pre>' if lines else ""
+
+
+def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: str = "") -> str:
+    """Rows of cells, the first of which is the head; the columns named in ``left`` begin below each other.
+
+    Examples
+    --------
+    >>> "<td" in table([["output", "least"], ["x < y", "-1.5"]]), "x &lt; y" in table([["a"], ["x < y"]])
+    (True, True)
+    """
+
+    def row(cells: Sequence[str], tag: str) -> str:
+        sides = ("left" if i in left else "right" for i in range(len(cells)))
+        return "".join(
+            f'<{tag} style="text-align: {side}">{escape(cell)}</{tag}>' for cell, side in zip(cells, sides, strict=True)
+        )
+
+    head, *body = rows
+    caption = f'<caption style="text-align: left">{escape(title)}</caption>' if title else ""
+    lines = "".join(f"<tr>{row(cells, 'td')}</tr>" for cells in body)
+    return f"<table {_PLAIN}>{caption}<thead><tr>{row(head, 'th')}</tr></thead><tbody>{lines}</tbody></table>"
+
+
+def formula(latex: str) -> str:
+    """Displayed mathematics, which notebooks typeset."""
+    return f'<div class="tex2jax_process mathjax_process" {_SCROLLED}>$$ {escape(latex)} $$</div>'
+
+
+def picture(png: bytes) -> str:
+    """A PNG file."""
+    data = b64encode(png).decode()
+    return f'<img alt="picture" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'

@@ -1,0 +1,154 @@
+"""Arrays with named dimensions, as xarray and pandas take them. Both are optional, and load when they are asked for."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+Named = tuple[tuple[str, ...], Any]
+"""Names of the dimensions of an array, and the array."""
+_ROWS = ("method", "time", "output")
+"""Dimensions that are rows of a table."""
+BOUND = ("lower", "upper")
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Variables over dimensions, with coordinates and attributes.
+
+    Attributes
+    ----------
+    coordinates, variables : dict      name -> (names of its dimensions, array)
+    attributes : dict                  name -> text or number; those that are None are left out
+    units : dict                       variable or coordinate -> unit
+    """
+
+    coordinates: Mapping[str, Named]
+    variables: Mapping[str, Named]
+    attributes: Mapping[str, str | float | None] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def to_xarray(self) -> "Dataset":
+        """A Dataset whose attributes are texts and numbers, so that every NetCDF engine can write it."""
+        xarray = _optional("xarray", "to_xarray")
+
+        def entries(named: Mapping[str, Named]) -> dict[str, Any]:
+            return {name: (*pair, self._attributes_of(name)) for name, pair in named.items()}
+
+        return xarray.Dataset(entries(self.variables), entries(self.coordinates), self._attributes)
+
+    def to_pandas(self) -> "DataFrame":
+        """A table with one row a time and output, and method if there are several; bounds are columns."""
+        pandas = _optional("pandas", "to_pandas")
+        dims = [name for name in _ROWS if name in self.coordinates]
+        sizes = [len(self.coordinates[name][1]) for name in dims]
+        columns: dict[str, Any] = {}
+        for name, (own, values) in {**self.coordinates, **self.variables}.items():
+            is_series = "time" in own or name in self.coordinates
+            if is_series and set(own) <= {*dims, "bound"} and name != "bound":
+                for column, part in _columns(name, own, np.asarray(values)):
+                    rows = tuple(dim for dim in own if dim != "bound")
+                    columns[column] = _spread(rows, part, dims, sizes)
+        frame = pandas.DataFrame({name: columns[name] for name in (*dims, *(columns.keys() - dims))}, copy=True)
+        frame = frame[[*dims, *(name for name in columns if name not in dims)]]
+        frame.attrs.update(self._attributes)
+        return frame
+
+    @property
+    def _attributes(self) -> dict[str, str | float]:
+        return {name: value for name, value in self.attributes.items() if value is not None}
+
+    def _attributes_of(self, name: str) -> dict[str, str]:
+        return {"units": self.units[name]} if self.units.get(name) else {}
+
+
+class Result:
+    """A result that prints as its text, and whose numbers xarray and pandas take."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _labelled(self) -> Labelled:
+        raise NotImplementedError
+
+    def to_xarray(self) -> "Dataset":
+        """The result as an xarray.Dataset, which `to_netcdf` keeps in a file.
+
+        Dimensions are time and output, for bounds also bound (lower, upper), for comparisons method, which is chosen
+        by `sel({"method": "Vertex()"})`, as `sel(method=...)` has another meaning. Parameters are
+        coordinates: of a run by their names, of bounds as `box`, of failed runs along the dimension sample. Units,
+        method and doubts are attributes.
+
+        Raises
+        ------
+        ImportError            if xarray is not installed
+        """
+        return self._labelled().to_xarray()
+
+    def to_pandas(self) -> "DataFrame":
+        """The result as a pandas.DataFrame with a row for each time and output, and for each method of a comparison.
+
+        Raises
+        ------
+        ImportError            if pandas is not installed
+        """
+        return self._labelled().to_pandas()
+
+
+def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """Columns of a variable: bounds are two, of which those of the values are called lower and upper alone."""
+    if "bound" not in dims:
+        return [(name, values)]
+    prefix = "" if name == "value" else f"{name}_"
+    return [(prefix + bound, np.take(values, k, dims.index("bound"))) for k, bound in enumerate(BOUND)]
+
+
+def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequence[int]) -> np.ndarray:
+    """Values over some dimensions, repeated along the others, as one column."""
+    order = np.argsort([dims.index(name) for name in own])
+    ordered = np.transpose(values, order.tolist())
+    shape = [size if dim in own else 1 for dim, size in zip(dims, sizes, strict=True)]
+    return np.broadcast_to(ordered.reshape(shape), sizes).ravel()
+
+
+def over_outputs(t: np.ndarray, names: Sequence[str], units: Sequence[str]) -> tuple[dict[str, Named], dict[str, str]]:
+    """Coordinates of values over times and outputs, and the units of the values if all outputs have the same."""
+    coordinates: dict[str, Named] = {"time": (("time",), t), "output": (("output",), texts(names))}
+    if any(units):
+        coordinates["unit"] = (("output",), texts(units))
+    return coordinates, {"time": "s"} | ({"value": units[0]} if len({*units}) == 1 else {})
+
+
+def unit_text(names: Sequence[str], units: Sequence[str]) -> str | None:
+    """Names and units of the outputs that have one, for an attribute."""
+    return ", ".join(f"{name}: {unit}" for name, unit in zip(names, units, strict=False) if unit) or None
+
+
+def texts(values: Sequence[str]) -> np.ndarray:
+    return np.array([str(value) for value in values], dtype=object)
+
+
+def parameter_names(names: Sequence[str], taken: Sequence[str]) -> list[str]:
+    """Names of coordinates for parameters. Those that others have taken begin with "parameter_"."""
+    free = []
+    for name in names:
+        while name in (*taken, *free):
+            name = f"parameter_{name}"
+        free.append(name.replace("/", "_"))
+    return free
+
+
+def _optional(package: str, what: str) -> Any:
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            f"{what} needs {error.name}, which is not installed. Install it: pip install {error.name}, "
+            "or pip install 'symmb[data]'."
+        ) from error

@@ -1,0 +1,122 @@
+"""The progress of long work, shown by tqdm: in a notebook as its bar, in a terminal as a line, elsewhere not at all."""
+
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any
+
+_PATIENCE, _PERIOD = 1.0, 0.2
+"""Time before the bar appears, so that short work shows none, and time between two updates of it [s]."""
+_UNKNOWN = "{desc} [{elapsed}]"
+_KNOWN = "{desc} |{bar:12}| {n_fmt} of {total_fmt} runs [{elapsed}, {remaining} left, {rate_fmt}]"
+"""What a bar shows where the number of runs is not known, and where it is."""
+
+_REACHED = ", estimated error "
+"""What divides the name of a method from the error that it has reached."""
+
+
+class Progress:
+    """A context that shows how far the work is, how fast, and how long it still takes.
+
+    A call tells the label of the work, the runs that are done and all its runs. The time goes on between two calls:
+    equations are derived and compiled meanwhile.
+    """
+
+    def __init__(self, label: str) -> None:
+        self._text, self._done, self._total = label, 0, 0
+        self._stream = sys.stderr  # solvers redirect it for a moment
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self.is_shown = self._stream is not None and (_in_notebook() or self._stream.isatty())
+
+    def __call__(self, label: str, done: int, total: int) -> None:
+        self._text, self._done, self._total = label, done, total
+
+    def __enter__(self) -> "Progress":
+        if self.is_shown and not os.environ.get("TQDM_DISABLE"):
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._thread.is_alive():
+            self._end.set()
+            self._thread.join()
+
+    def _watch(self) -> None:
+        if self._end.wait(_PATIENCE):
+            return
+        bar, label = None, ""
+        while True:
+            text, done, total = self._text, self._done, self._total
+            if bar is None or text.partition(_REACHED)[0] != label or done < bar.n:  # other work has its own rate
+                if bar is not None:
+                    bar.close()
+                bar, label = _new_bar(self._stream, done), text.partition(_REACHED)[0]
+            bar.total, bar.bar_format = total or None, _KNOWN if total else _UNKNOWN
+            bar.set_description_str(text, refresh=False)
+            bar.update(done - bar.n)
+            bar.refresh()
+            if self._end.wait(_PERIOD):
+                bar.close()
+                return
+
+
+@contextmanager
+def shown(
+    progress: Callable[[str, int, int], None] | None, label: str
+) -> Iterator[Callable[[str, int, int], None] | None]:
+    """Whoever is to be told the progress: the function that a caller gave, or a bar where people may see it."""
+    if progress is not None:
+        yield progress
+        return
+    with Progress(label) as own:
+        yield own if own.is_shown else None
+
+
+class RunProgress:
+    """Progress of one method: the finished runs and all runs, and the error that it has reached."""
+
+    def __init__(self, show: Callable[[str, int, int], None], label: str) -> None:
+        self._show, self._label, self._reached = show, label, ""
+
+    def estimate(self, error: float) -> None:
+        """Note the estimated error."""
+        self._reached = f"{_REACHED}{error:.0e}"
+
+    def __call__(self, done: int, total: int) -> None:
+        self._show(self._label + self._reached, done, total)
+
+
+@contextmanager
+def shown_runs(progress: Callable[[int, int], None] | None, label: str) -> Iterator[Callable[[int, int], None] | None]:
+    """The same for a single method, whose runs are told without a label."""
+    if progress is not None:
+        yield progress
+        return
+    with shown(None, label) as bar:
+        yield bar and RunProgress(bar, label)
+
+
+def _new_bar(stream: Any, done: int) -> Any:
+    if _in_notebook():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # without ipywidgets the bar is a line of text
+            from tqdm.auto import tqdm
+    else:
+        from tqdm import tqdm
+    tqdm.set_lock(threading.RLock())  # that of tqdm is shared with other processes, which draw no bars
+    tqdm.monitor_interval = 0
+    return tqdm(file=stream, initial=done, leave=False, dynamic_ncols=True, unit=" runs", disable=False, mininterval=0)
+
+
+def _in_notebook() -> bool:
+    """Whether this is the kernel of a notebook."""
+    module = sys.modules.get("IPython")
+    shell = module.get_ipython() if module is not None and hasattr(module, "get_ipython") else None
+    return hasattr(shell, "kernel")

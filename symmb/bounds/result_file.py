@@ -1,0 +1,122 @@
+"""What the files of bounds hold: entries of a record, columns of a table, labelled arrays."""
+
+from collections.abc import Mapping
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._labelled import BOUND, Labelled, Named, over_outputs, parameter_names, texts, unit_text
+from symmb._types import Array
+from symmb.bounds.failure import Failure
+from symmb.bounds.summary import MEANING
+from symmb.files import Record
+from symmb.model import Box
+from symmb.polynomials import Expansion
+
+Kind = Literal["enclosure", "estimate", "sampled"]
+
+
+def attributes_of(record: Record) -> dict[str, Any]:
+    """The attributes of Bounds from an archive or a JSON file."""
+    t, names = record.times(), record.names("names")
+    shape = len(t), len(names)
+    lower, upper = record.pair("lower", "upper", *shape)
+    box = record.record("box") if "box" in record else None
+    return {
+        "t": t,
+        "names": names,
+        "lower": lower,
+        "upper": upper,
+        "kind": kind_of(record),
+        "method": record.text("method"),
+        "evaluations": record.whole("evaluations"),
+        "estimate": record.size("estimate", *shape) if "estimate" in record else None,
+        "noise": record.size("noise", len(names)) if "noise" in record else None,
+        "inner": record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
+        "failed": tuple(
+            Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
+            for run in record.records("failed", "parameters", "time", "message")
+        ),
+        "seconds": record.number("seconds"),
+        "expansion": _expansion(record, *shape) if "alpha" in record else None,
+        "caution": record.text("caution", default=""),
+        "run_doubts": record.texts("run_doubts", default=()),
+        "units": record.texts("units", default=()),
+        "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+    }
+
+
+def record_of_table(table: Record) -> Record:
+    """The record of a .csv table, which has neither inner bounds nor failed runs, seconds and expansion."""
+    headings, columns = table.texts("headings"), table.record("columns")
+    own = headings[1:-3]
+    parts = ("lower", "upper", "estimate")[: 3 if own[-1].endswith(" estimate") else 2]
+    names = tuple(heading.removesuffix(" lower") for heading in own[:: len(parts)])
+    expected = ("t", *(f"{name} {part}" for name in names for part in parts), "kind", "method", "evaluations")
+    if headings != expected:
+        raise DeclarationError(f"its headings must be {', '.join(expected)}.")
+    *numbers, kind, method, evaluations = (columns.plain[str(k)] for k in range(len(headings)))
+    values = np.array(numbers[1:]).reshape(len(names), len(parts), -1)
+    entries = {part: values[:, k].T for k, part in enumerate(parts)}
+    same = {"kind": kind[0], "method": method[0], "evaluations": int(evaluations[0]), "seconds": None}
+    return Record({"t": numbers[0], "names": names, **entries, **same})
+
+
+def kind_of(record: Record) -> Kind:
+    """What the bounds of a file are."""
+    return cast(Kind, record.text("kind", *MEANING))
+
+
+def _expansion(record: Record, n_t: int, n_y: int) -> Expansion:
+    parameters = record.names("parameters")
+    alpha = record.size("alpha", None, len(parameters))
+    return Expansion(alpha.astype(np.intp), record.array("coefficients", len(alpha), n_t, n_y), parameters)
+
+
+def box_coordinates(box: Box | None) -> dict[str, Named]:
+    """Names of the uncertain parameters, and the ends of their intervals."""
+    if box is None:
+        return {}
+    ends = np.stack([box.lower, box.upper], axis=1)
+    return {"parameter": (("parameter",), texts(box.names)), "box": (("parameter", "bound"), ends)}
+
+
+def labelled(
+    record: Mapping[str, Any], outer: tuple[Array, Array], failed: tuple[Failure, ...], box: Box | None
+) -> Labelled:
+    """Bounds as labelled arrays.
+
+    Parameters
+    ----------
+    record                 all entries of a file
+    outer                  bounds widened by the estimated error
+    failed, box            of the Bounds
+    """
+    names, units = record["names"], record["units"]
+    coordinates, unit_of = over_outputs(record["t"], names, units)
+    coordinates |= {"bound": (("bound",), texts(BOUND)), **box_coordinates(box)}
+    series, pair = ("time", "output"), ("bound", "time", "output")
+    variables: dict[str, Named] = {"value": (pair, np.stack([record["lower"], record["upper"]]))}
+    if record["estimate"] is not None:
+        variables["outer"] = (pair, np.stack(outer))
+        variables["estimate"] = (series, record["estimate"])
+    if record["inner_lower"] is not None:
+        variables["inner"] = (pair, np.stack([record["inner_lower"], record["inner_upper"]]))
+    if record["noise"] is not None:
+        variables["noise"] = (("output",), record["noise"])
+    if record["alpha"] is not None:
+        own = "parameter" if box is not None and tuple(record["parameters"]) == box.names else "expansion_parameter"
+        coordinates[own] = ((own,), texts(record["parameters"]))
+        variables["alpha"] = (("term", own), record["alpha"])
+        variables["coefficients"] = (("term", "time", "output"), record["coefficients"])
+    if failed:
+        variables["failed_at"] = (("sample",), np.array([run.time for run in failed]))
+        variables["failure"] = (("sample",), texts([run.message for run in failed]))
+        values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
+        own_names = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
+        coordinates |= {name: (("sample",), column) for name, column in zip(own_names, values.values(), strict=True)}
+    unit_of |= {name: unit_of["value"] for name in ("outer", "estimate", "inner", "noise") if "value" in unit_of}
+    attributes = {name: record[name] for name in ("method", "kind", "evaluations", "seconds", "caution")}
+    attributes |= {"units": unit_text(names, units), "doubts": "\n".join(record["doubts"]) or None}
+    return Labelled(coordinates, variables, {k: None if v == "" else v for k, v in attributes.items()}, unit_of)

@@ -1,0 +1,53 @@
+"""One colour a method, the same in every picture."""
+
+from zlib import crc32
+
+COLOURS = ("#0b6fb8", "#d1495b", "#2e8b57", "#e08e00", "#7a4fb5", "#4b5563", "#00929c", "#9c5a2d")
+"""Line style and marker differ as well, for readers who cannot distinguish red and green."""
+_PALETTE = (*COLOURS, "#c2428d", "#7d8b1a", "#3d5a80", "#d9772b", "#5aa36f", "#8f9bb3")
+_METHODS = (
+    "PolynomialChaos",
+    "PolynomialChaos.paper",
+    "Taylor",
+    "MonteCarlo",
+    "Scanning",
+    "Vertex",
+    "Optimization",
+    "Swarm",
+    "IntervalArithmetic",
+    "TaylorModel",
+)
+_SOLVERS = (
+    "DormandPrince",
+    "CVODES",
+    "Rosenbrock",
+    "IDAS",
+    "StabilizedIndex2",
+    "NSTIFFSI2",
+    "GeneralizedAlpha",
+    "HHT",
+    "CVODES, stiff",
+    "Newmark",
+    "BDFI3",
+    "RungeKutta",
+    "Collocation",
+    "StateSpace",
+)
+BAND_COLOUR = "#c9d3dd"
+RUN_COLOUR = "#1f2937"
+"""Colours of what no method made: reference bounds, and single runs."""
+
+
+def colour_of(family: str) -> str:
+    """The colour of a method or a solver. It follows from the name alone, whatever else a picture shows.
+
+    Examples
+    --------
+    >>> colour_of("Taylor") == colour_of("Taylor(subintervals=4)"), colour_of("Taylor") == colour_of("MonteCarlo")
+    (True, False)
+    """
+    for names in (_METHODS, _SOLVERS):
+        for name in (family, family.partition("(")[0]):
+            if name in names:
+                return _PALETTE[names.index(name)]
+    return _PALETTE[crc32(family.encode()) % len(_PALETTE)]

@@ -1,0 +1,87 @@
+"""A comparison as arrays with named dimensions."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from symmb._labelled import BOUND, Labelled, Named, over_outputs, texts, unit_text
+from symmb._types import Array
+from symmb.bounds import box_coordinates
+from symmb.model import Box
+from symmb.study.reference import Reference
+from symmb.study.row import Row
+
+
+class Compared(Protocol):
+    """What a comparison consists of. See `Comparison`."""
+
+    @property
+    def scene(self) -> str: ...
+    @property
+    def times(self) -> Array: ...
+    @property
+    def outputs(self) -> tuple[str, ...]: ...
+    @property
+    def box(self) -> Box: ...
+    @property
+    def solver(self) -> str: ...
+    @property
+    def reference(self) -> Reference: ...
+    @property
+    def rows(self) -> tuple[Row, ...]: ...
+    @property
+    def solver_error(self) -> Array | None: ...
+    @property
+    def units(self) -> tuple[str, ...]: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def doubts(self) -> tuple[str, ...]: ...
+
+
+def labelled(comparison: Compared) -> Labelled:
+    """Bounds of all methods, their cost and their scores. Estimates of methods that have none are nan."""
+    rows, names, units, reference = comparison.rows, comparison.outputs, comparison.units, comparison.reference
+    n_t, n_y = len(comparison.times), len(names)
+    coordinates, unit_of = over_outputs(comparison.times, names, units)
+    coordinates |= {
+        "bound": (("bound",), texts(BOUND)),
+        **box_coordinates(comparison.box),
+        "method": (("method",), texts([row.name for row in rows])),
+        "kind": (("method",), texts([row.kind for row in rows])),
+    }
+    pair, series, score = ("method", "bound", "time", "output"), ("method", "time", "output"), ("method", "output")
+    value = np.reshape([[row.lower, row.upper] for row in rows], (len(rows), 2, n_t, n_y))
+    variables: dict[str, Named] = {
+        "value": (pair, value),
+        "reference": (pair[1:], np.stack([reference.lower, reference.upper])),
+        "uncertainty": (("output",), reference.uncertainty),
+        "evaluations": (("method",), np.array([row.evaluations for row in rows], dtype=int)),
+        "failed": (("method",), np.array([row.failed for row in rows], dtype=int)),
+        "run_seconds": (("method",), np.array([row.run_seconds for row in rows], dtype=float)),
+    }
+    if any(row.estimate is not None for row in rows):
+        variables["estimate"] = series, _filled([row.estimate for row in rows], (n_t, n_y))
+    if any(row.inner is not None for row in rows):
+        variables["inner"] = pair, _filled([row.inner and np.stack(row.inner) for row in rows], (2, n_t, n_y))
+    for name in ("error", "over", "under", "coverage"):
+        values = [getattr(row.score, name) for row in rows]
+        variables[name] = score, np.reshape(values, (len(rows), n_y)).astype(float)
+    if comparison.solver_error is not None:
+        variables["solver_error"] = ("output",), comparison.solver_error
+    unit_of |= {name: unit_of["value"] for name in ("reference", "estimate", "inner") if "value" in unit_of}
+    attributes = {
+        "scene": comparison.scene,
+        "solver": comparison.solver or None,
+        "reason": comparison.reason or None,
+        "reference_method": reference.method,
+        "units": unit_text(names, units),
+        "doubts": "\n".join(comparison.doubts) or None,
+    }
+    return Labelled(coordinates, variables, attributes, unit_of | {"run_seconds": "s"})
+
+
+def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array:
+    """Arrays in one; those that are missing are nan."""
+    return np.stack([np.full(shape, np.nan) if array is None else array for array in arrays])

@@ -1,0 +1,142 @@
+"""Pictures in the caller's axes, of chosen outputs, with one colour a method and units."""
+
+import pickle
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+import symmb as mb
+from symmb import plot
+from symmb.study.stability import Stability
+
+BALL = mb.Body("ball", mass=1.0, pose=mb.Particle())
+P = mb.Parameters(stiffness=40.0)
+SCENE = mb.Scene(
+    mb.System(BALL, mb.Spring("spring", mb.Ground().point(0, 0), BALL.point(0, 0), P.stiffness), parameters=P),
+    start={"ball.x": 0.1, "ball.y": 0.0, "ball.z": 0.0, "ball.vy": 1.0},
+    times=np.linspace(0.0, 1.0, 6),
+    outputs={"x": BALL.x, "vy": BALL.vy, "force": P.stiffness * BALL.x},
+    box=mb.Box(stiffness=(36.0, 44.0)),
+)
+RUN = mb.simulate(SCENE)
+BOUNDS = mb.propagate(SCENE, mb.PolynomialChaos(order=3))
+COMPARISON = mb.compare(SCENE, [mb.Vertex(), mb.PolynomialChaos(), mb.PolynomialChaos.paper(2)])
+RESULTS = pytest.mark.parametrize("result", [RUN, BOUNDS, COMPARISON], ids=lambda result: type(result).__name__)
+
+
+def colours(axes):
+    return {to_hex(line.get_color()) for line in axes.lines}
+
+
+@RESULTS
+def test_no_path_is_needed_and_a_figure_comes_back(result):
+    assert isinstance(result.plot(), Figure)
+
+
+@RESULTS
+def test_a_path_still_saves(result, tmp_path):
+    result.plot(tmp_path / "p.png")
+    assert (tmp_path / "p.png").stat().st_size > 1000
+
+
+@RESULTS
+def test_chosen_outputs(result):
+    figure = result.plot(outputs=["force", "x"])
+    titles = [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
+    assert titles == ["force", "x [m]"]  # the unit of the force is not known: it may be any
+
+
+@RESULTS
+def test_given_axes_are_used_and_others_left_alone(result):
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    right.plot([1, 2], [3, 4])
+    before = [left.get_position().bounds, right.get_position().bounds, right.get_xlim(), right.get_ylim()]
+    assert result.plot(outputs="x", ax=left) is figure
+    after = [left.get_position().bounds, right.get_position().bounds, right.get_xlim(), right.get_ylim()]
+    assert before == after
+    assert len(right.lines) == 1 and len(figure.axes) == 2
+    assert len(left.lines) >= 1
+    assert left.get_ylabel() == "x [m]"
+    assert left.get_xlabel() == "time [s]"
+    assert not right.get_xlabel() and figure.get_suptitle() == ""
+
+
+@RESULTS
+def test_axes_for_each_output(result):
+    panels = Figure().subplots(3, 1)
+    result.plot(ax=panels)
+    assert [axes.get_ylabel() for axes in panels] == ["x [m]", "vy [m/s]", "force"]
+
+
+def test_all_outputs_of_a_run_in_one_axes():
+    axes = Figure().subplots()
+    RUN.plot(ax=axes)
+    assert len(axes.lines) == 3 and len(colours(axes)) == 3
+    assert axes.get_ylabel() == ""  # they differ
+    np.testing.assert_array_equal(axes.lines[1].get_ydata(), RUN["vy"])
+
+
+def test_the_errors_of_a_comparison_in_one_axes():
+    axes = Figure().subplots()
+    COMPARISON.plot(ax=axes)
+    assert axes.get_yscale() == "log" and "[s]" in axes.get_xlabel()
+
+
+@pytest.mark.parametrize("result", [BOUNDS, COMPARISON], ids=lambda result: type(result).__name__)
+def test_too_few_axes_are_refused(result):
+    with pytest.raises(mb.DeclarationError, match=r"2 outputs .* need as many axes"):
+        result.plot(outputs=["x", "vy"], ax=Figure().subplots())
+
+
+@RESULTS
+def test_unknown_outputs_are_refused(result):
+    with pytest.raises(mb.DeclarationError, match=r"no output 'forse'.*'force'"):
+        result.plot(outputs="forse")
+
+
+@RESULTS
+def test_what_are_no_axes_is_refused(result):
+    with pytest.raises(mb.DeclarationError, match="ax must be matplotlib Axes"):
+        result.plot(ax=3)
+
+
+def test_a_method_has_one_colour_in_every_picture():
+    alone = colours(BOUNDS.plot(outputs="x").axes[0])
+    assert alone == {plot.colour_of("PolynomialChaos")}
+    together = colours(COMPARISON.plot(outputs="x").axes[0])
+    errors = colours(COMPARISON.plot().axes[-1])
+    names = ("PolynomialChaos", "PolynomialChaos.paper", "Vertex")
+    assert together == {plot.colour_of(name) for name in names}
+    assert together <= errors
+
+
+@pytest.mark.parametrize("of", ["METHODS", "SOLVERS"])
+def test_all_methods_and_solvers_differ(of):
+    from symmb.bounds import METHODS
+    from symmb.integrate import SOLVERS
+
+    if of == "METHODS":
+        families = {plot.family(repr(m)).partition("(")[0] for e in METHODS for m in (*e.examples, *e.compared(2))}
+    else:
+        families = {entry.family for entry in SOLVERS if entry.ladder is not None}
+    assert len({plot.colour_of(name) for name in families}) == len(families) > 5
+
+
+def test_stability_in_given_axes():
+    study = Stability("scene", np.array([0.0, 1.0]), (), (), {}, np.nan, {}, "advice")
+    figure = Figure()
+    first, second = figure.subplots(1, 2)
+    assert study.plot(ax=first) is figure
+    assert not second.get_xlabel()
+    assert isinstance(study.plot(), Figure)
+
+
+def test_figures_show_themselves_and_can_be_pickled():
+    figure = RUN.plot()
+    data, size = figure._repr_png_()
+    assert data.startswith(b"\x89PNG") and size["width"] == 800
+    again = pickle.loads(pickle.dumps(figure))
+    assert again._repr_png_()[0].startswith(b"\x89PNG")

@@ -1,0 +1,97 @@
+"""The README's example in a notebook: every result shows as a table, as typeset equations, or as a picture."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import symmb as mb
+
+nbclient = pytest.importorskip("nbclient")
+nbformat = pytest.importorskip("nbformat")
+pytest.importorskip("ipykernel")
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def example():
+    """The first block of Python in the README, without its prints."""
+    code = re.search(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert code is not None
+    return "\n".join(line for line in code[1].splitlines() if not line.startswith("print("))
+
+
+CELLS = {
+    "system": "system",
+    "scene": "scene",
+    "run": "run",
+    "bounds": "bounds",
+    "comparison": "comparison = mb.compare(scene, [mb.PolynomialChaos(), mb.Vertex()]); comparison",
+    "figure": 'run.plot(outputs="tip_y")',
+    "figure of bounds": "bounds.plot()",
+    "figure of a comparison": "comparison.plot()",
+}
+
+
+@pytest.fixture(scope="module")
+def notebook(tmp_path_factory):
+    cells = [nbformat.v4.new_code_cell(source) for source in (example(), *CELLS.values())]
+    book = nbformat.v4.new_notebook(cells=cells)
+    folder = str(tmp_path_factory.mktemp("notebook"))
+    nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": folder}}).execute()
+    return book
+
+
+@pytest.fixture
+def shown(notebook):
+    def shown(name):
+        cell = notebook.cells[1 + list(CELLS).index(name)]
+        (data,) = [output.data for output in cell.outputs if output.output_type == "execute_result"]
+        return data
+
+    return shown
+
+
+@pytest.mark.slow
+def test_no_cell_fails_or_writes_noise(notebook):
+    for cell in notebook.cells:
+        kinds = [output.output_type for output in cell.outputs]
+        assert kinds in ([], ["execute_result"]), cell.outputs
+
+
+@pytest.mark.slow
+def test_equations_are_typeset(shown):
+    page = shown("system")["text/html"]
+    assert page.count("$$") == 2 * 5  # M, Q, Phi, Phi_q, gamma
+    assert r"\theta_{\mathrm{rod}}" in page
+    assert "1 Revolute" in page
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["scene", "run", "bounds", "comparison"])
+def test_results_are_tables(shown, name):
+    page = shown(name)["text/html"]
+    assert "<table" in page and "tip_y" in page
+    assert ("data:image/png;base64," in page) is (name != "scene")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in CELLS if name.startswith("figure")])
+def test_figures_show_without_magic(shown, name):
+    assert len(shown(name)["image/png"]) > 10_000
+
+
+def test_texts_of_names_are_no_markup():
+    rod = mb.Body("<b>rod</b>", mass=1.0, inertia=0.1)
+    page = mb.Scene(mb.System(rod), outputs={"a<i>$x$": rod.x + rod.y})._repr_html_()
+    assert "<i>" not in page and "<b>" not in page
+    assert 'class="tex2jax_ignore mathjax_ignore"' in page
+
+
+def test_large_equations_are_left_to_latex():
+    rods = [mb.Body(f"rod{i}", mass=1.0, inertia=0.1) for i in range(40)]
+    points = [mb.Ground().point(0, 0), *(rod.point(0.5, 0) for rod in rods)]
+    hinges = [mb.Revolute(f"hinge{i}", points[i], rod.point(-0.5, 0)) for i, rod in enumerate(rods)]
+    page = mb.System(*rods, *hinges)._repr_html_()
+    assert len(page) < 100_000
+    assert "too large to be read here" in page

@@ -1,0 +1,90 @@
+"""Progress of long work: shown in terminals, with rate and time left, and nowhere else."""
+
+import io
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb._progress import Progress
+
+TIMES = np.array([0.0, 1.0])
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    monkeypatch.setattr("symmb._progress._PATIENCE", 0.0)
+    monkeypatch.setattr("symmb._progress._PERIOD", 0.01)
+
+
+def told(stream, text):
+    deadline = time.monotonic() + 10.0
+    while text not in stream.getvalue() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return text in stream.getvalue()
+
+
+def test_a_terminal_shows_runs_rate_and_time_left(monkeypatch, impatient):
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with Progress("working") as progress:
+        assert told(stream, "working")
+        progress("MonteCarlo(100)", 0, 100)
+        assert told(stream, "0 of 100 runs")
+        progress("MonteCarlo(100)", 25, 100)
+        assert told(stream, "25 of 100 runs")
+        assert told(stream, "left")
+        assert told(stream, "runs/s")
+    assert stream.getvalue().endswith("\r")  # nothing is left on the line
+    assert not stream.getvalue().splitlines()[-1].strip()
+
+
+def test_other_work_starts_anew(monkeypatch, impatient):
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with Progress("working") as progress:
+        progress("reference", 90, 100)
+        assert told(stream, "90 of 100 runs")
+        progress("Vertex()", 1, 4)
+        assert told(stream, "Vertex()")
+        assert told(stream, "1 of 4 runs")
+
+
+def test_what_is_no_terminal_shows_none(monkeypatch, impatient):
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with Progress("working") as progress:
+        progress("MonteCarlo(100)", 25, 100)
+        time.sleep(0.05)
+    assert stream.getvalue() == ""
+
+
+def test_what_is_done_at_once_shows_none(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with Progress("working"):
+        pass
+    assert stream.getvalue() == ""
+
+
+def slow(k):
+    time.sleep(0.02)
+    return np.exp(-k * TIMES)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_bounds_tell_terminals_unless_the_caller_watches(monkeypatch, impatient, own):
+    stream, seen = Terminal(), []
+    monkeypatch.setattr(sys, "stderr", stream)
+    decay = mb.FunctionSimulator(slow, {"k": 1.0}, TIMES, ["x"])
+    watch = (lambda done, total: seen.append((done, total))) if own else None
+    mb.propagate(decay, mb.Scanning(20), mb.Box(k=(0.5, 2.0)), progress=watch)
+    assert ("Scanning(20)" in stream.getvalue()) is not own
+    assert bool(seen) is own
