@@ -16,7 +16,8 @@ def page(*parts: str) -> str:
 
 def text(lines: str) -> str:
     """Lines as they are."""
-    return f'<pre {_PLAIN[:-1]}" style="white-space: pre-wrap; margin: 0.4em 0">{escape(lines)}</pre>' if lines else ""
+    style = "font-family: monospace; white-space: pre-wrap; margin: 0.4em 0"
+    return f'<pre {_PLAIN} style="{style}">{escape(lines)}</pre>' if lines else ""
 
 
 def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: str = "") -> str:

@@ -60,7 +60,7 @@ class Progress:
                 bar, label = _new_bar(self._stream, done), text.partition(_REACHED)[0]
             bar.total, bar.bar_format = total or None, _KNOWN if total else _UNKNOWN
             bar.set_description_str(text, refresh=False)
-            bar.update(done - bar.n)
+            bar.n = done
             bar.refresh()
             if self._end.wait(_PERIOD):
                 bar.close()
@@ -112,7 +112,7 @@ def _new_bar(stream: Any, done: int) -> Any:
         from tqdm import tqdm
     tqdm.set_lock(threading.RLock())  # that of tqdm is shared with other processes, which draw no bars
     tqdm.monitor_interval = 0
-    return tqdm(file=stream, initial=done, leave=False, dynamic_ncols=True, unit=" runs", disable=False, mininterval=0)
+    return tqdm(file=stream, initial=done, leave=False, dynamic_ncols=True, unit=" runs", disable=False)
 
 
 def _in_notebook() -> bool:
