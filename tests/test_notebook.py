@@ -72,7 +72,7 @@ def test_equations_are_typeset(shown):
 def test_results_are_tables(shown, name):
     page = shown(name)["text/html"]
     assert "<table" in page and "tip_y" in page
-    assert ("data:image/png;base64," in page) is (name != "scene")
+    assert "data:image/png;base64," in page
 
 
 @pytest.mark.slow
@@ -86,6 +86,14 @@ def test_texts_of_names_are_no_markup():
     page = mb.Scene(mb.System(rod), outputs={"a<i>$x$": rod.x + rod.y})._repr_html_()
     assert "<i>" not in page and "<b>" not in page
     assert 'class="tex2jax_ignore mathjax_ignore"' in page
+
+
+def test_a_scene_that_cannot_start_shows_why():
+    rod = mb.Body("rod", mass=1.0, inertia=0.1)
+    hinges = [mb.Revolute(f"h{x}", mb.Ground().point(x, 0), rod.point(x / 2, 0)) for x in (0, 1)]
+    page = mb.Scene(mb.System(rod, *hinges))._repr_html_()
+    assert "data:image" not in page
+    assert "No picture: " in page and "h1" in page
 
 
 def test_large_equations_are_left_to_latex():

@@ -1,5 +1,6 @@
 """`view`: a scene, a run or bounds, drawn into a file whose suffix chooses the format."""
 
+from io import BytesIO
 from pathlib import Path
 
 from symmb._errors import DeclarationError
@@ -66,3 +67,11 @@ def view(
             film(exhibit, file, suffix)
         else:
             still(exhibit, file, suffix)
+
+
+def start_picture(scene: Scene) -> bytes:
+    """A scene at its start as a PNG. Nothing is integrated."""
+    run = simulate(scene.with_times(scene.times[:1]))
+    file = BytesIO()
+    still(of_run(run, None, None), file, ".png")
+    return file.getvalue()

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from importlib import import_module
 
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import require_instance
 from symmb._types import Array, Expr
@@ -169,7 +170,13 @@ class Scene:
             for (name, expression), unit in zip(self._bound_outputs.items(), units, strict=True)
         }
         intervals = {} if self.box is None else dict(zip(self.box.names, self.box.bounds, strict=True))
-        return scene_html(repr(self), outputs, self.start, self.system.parameters, intervals)
+        # Drawings stand on scenes. Only a notebook that shows a scene asks for one.
+        drawing = import_module("symmb.drawing")
+        try:
+            picture = drawing.start_picture(self)
+        except SymmbError as error:
+            picture = f"No picture: {error}"
+        return scene_html(repr(self), outputs, self.start, self.system.parameters, intervals, picture)
 
     def with_box(self, box: Box) -> "Scene":
         """A copy with another box."""

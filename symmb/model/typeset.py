@@ -35,8 +35,9 @@ def scene_html(
     start: Mapping[str, Expr],
     parameters: Mapping[str, float],
     intervals: Mapping[str, tuple[float, float]],
+    picture: bytes | str,
 ) -> str:
-    """A scene as tables.
+    """A scene as a picture and tables.
 
     Parameters
     ----------
@@ -45,6 +46,7 @@ def scene_html(
     start                listed start values
     parameters           nominal values
     intervals            those of the uncertain parameters
+    picture              PNG of the mechanism, or why there is none
     """
     tables = [html.table([["output", "unit", "expression"], *_output_rows(outputs)], (0, 1, 2))]
     if start:
@@ -57,7 +59,8 @@ def scene_html(
         ]
         head = ["parameter", "nominal", "lower", "upper"]
         tables.append(html.table([head, *([*row, *[""] * (4 - len(row))] for row in rows)]))
-    return html.page(html.text(text), *tables)
+    shown = html.text(picture) if isinstance(picture, str) else html.picture(picture)
+    return html.page(html.text(text), shown, *tables)
 
 
 def _output_rows(outputs: Mapping[str, tuple[str, ca.SX]]) -> list[list[str]]:
