@@ -33,6 +33,9 @@ _WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
 _LOOKED_AT = 40
 """Pictures of a run by which the frame of a still is chosen, so that all stills and films of it have the same."""
 _MARGIN = 0.06
+"""Around the mechanism, over its size."""
+_FOOT = 2.2
+"""More below, over the margin: arrows of axes and gravity stand there."""
 
 
 def still(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
@@ -78,7 +81,7 @@ def _limits(exhibit: Exhibit) -> tuple[Array, Array]:
     every = np.vstack(corners)
     low, high = every.min(axis=0), every.max(axis=0)
     margin = _MARGIN * max((high - low).max(), 8 * exhibit.drawing.unit)
-    return low - margin - [0, margin], high + margin + [0, margin * bool(exhibit.ghosts)]  # texts above and below
+    return low - margin - [0, _FOOT * margin], high + margin + [0, margin * bool(exhibit.ghosts)]
 
 
 def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:

@@ -1,0 +1,33 @@
+"""The pages of the guide: their code runs from top to bottom, and their links lead somewhere."""
+
+import re
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "examples" / "guide").glob("*.md"))
+CODE = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
+WITH_CODE = [page for page in PAGES if CODE.search(page.read_text(encoding="utf-8"))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
+def test_code(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    namespace = {"__name__": "guide"}
+    for block in CODE.findall(page.read_text(encoding="utf-8")):
+        exec(block, namespace)
+    plt.close("all")
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+def test_links(page):
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+        assert "://" in target or (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "examples" / "guide" / "index.md").read_text(encoding="utf-8")
+    assert {page.name for page in PAGES} == {"index.md", *re.findall(r"\]\((\w+\.md)\)", index)}
