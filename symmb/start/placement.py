@@ -13,8 +13,8 @@ from symmb.start.joint_tree import GROUND, JointTree
 def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, free: Indices) -> Array:
     """Coordinates q (n_q,) after the bodies are placed one after the other along the tree of joints.
 
-    A body without guessed position is moved to its joint as it is turned. If that is not enough, or its position is
-    guessed, it is moved and turned least. A body that cannot be placed stays where it is.
+    A body without guessed position is moved to its joint as it is turned. If other joints stay open there, such as a
+    cylinder's, or its position is guessed, it is moved and turned least. A body that cannot be placed stays where it is.
     """
     connected = _connected(scene, dae)
     body_of = np.repeat(np.arange(len(scene.system.bodies)), scene.system.block_sizes)
@@ -26,8 +26,14 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
         shifts = np.array([i for i in own if dae.v_names[i][-3:] in (".vx", ".vy", ".vz")], dtype=np.intp)
         driven = [i for i, bodies in enumerate(connected) if body in bodies and bodies <= {body, carrier, GROUND}]
         joint = [i for i in driven if connected[i] == {body, carrier}]
-        moves = (own,) if scene.system.bodies[body].name in guessed else (shifts, own)
-        q = _placed(rows, q, [np.array(some, dtype=np.intp) for some in (driven, joint)], moves)
+        targets = [np.array(some, dtype=np.intp) for some in (driven, joint)]
+        if scene.system.bodies[body].name in guessed:
+            q = _placed(rows, q, targets, (own,))
+        else:
+            single = [np.intersect1d(joint, np.arange(dae.n_c)[where]) for where in dae.rows.values()]
+            pins = sorted((some for some in single if some.size), key=len, reverse=True)
+            q = _placed(rows, q, pins, (shifts,))
+            q = _placed(rows, q, targets, (shifts, own))
     return q
 
 

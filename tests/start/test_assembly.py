@@ -56,6 +56,34 @@ def test_held_angles_and_pins_need_no_guess(seed):
     assert_allclose([q["a.x"], q["a.y"]], at + lengths[0] / 2 * along[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_guessed_angles_choose_the_side_of_cylinders(seed):
+    """An arm as of an excavator: each link on a pin, and on a cylinder whose length two angles satisfy."""
+    rng = np.random.default_rng(seed)
+    carrier, carrier_at, carrier_turn, pin_at = GROUND, np.zeros(2), 0.0, np.array([0.3, -0.2])
+    elements, true, guess = [], {}, {}
+    for k in range(3):
+        link, angle, side = mb.Body(f"link{k}", 1.0, 0.1), rng.uniform(-2, 2), rng.choice([-1, 1])
+        turn, turn_carrier = (
+            np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (angle, carrier_turn)
+        )
+        middle = carrier_at + turn_carrier @ pin_at + turn @ [1.0, 0]
+        head = middle + turn @ [-0.5, 0.3]
+        # The cylinder stands across the lever from the pin to its head, on either side.
+        lever = head - (carrier_at + turn_carrier @ pin_at)
+        foot = turn_carrier.T @ (head + side * 1.5 * np.array([-lever[1], lever[0]]) - carrier_at)
+        length = float(np.linalg.norm(carrier_at + turn_carrier @ foot - head))
+        elements += [
+            link,
+            mb.Distance(f"cylinder{k}", carrier.point(*foot), link.point(-0.5, 0.3), length),
+            mb.Revolute(f"pin{k}", carrier.point(*pin_at), link.point(-1.0, 0)),
+        ]
+        true[f"link{k}.theta"], guess[f"link{k}.theta"] = angle, angle + rng.uniform(-0.3, 0.3)
+        carrier, carrier_at, carrier_turn, pin_at = link, middle, angle, np.array([1.0, 0])
+    q = assembled(mb.Scene(mb.System(*elements), guess=guess))
+    assert_allclose([q[name] for name in true], list(true.values()), atol=1e-6)
+
+
 def test_a_pinned_body_is_not_turned_where_nothing_asks_for_it():
     arm = mb.Body("arm", 1.0, 0.1)
     q = assembled(mb.Scene(mb.System(arm, mb.Revolute("pin", GROUND.point(3, 4), arm.point(-0.5, 0.2)))))
