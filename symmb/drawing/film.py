@@ -18,6 +18,8 @@ FILMS = (".gif", ".mp4")
 _RATE = {".gif": 20, ".mp4": 30}
 """Pictures a second."""
 _DPI = 90
+_LOOKED_AT = 40
+"""Pictures by which the frame of a film is chosen."""
 
 
 def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
@@ -38,7 +40,7 @@ def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
 
 def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
     """Pixels (h, w, 3) of pictures."""
-    figure, axes = canvas(exhibit, _DPI)
+    figure, axes = canvas(exhibit, numbers[:: max(len(numbers) // _LOOKED_AT, 1)], _DPI)
     limits = axes.get_xlim(), axes.get_ylim()
     for k in numbers:
         axes.clear()

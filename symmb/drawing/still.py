@@ -1,5 +1,6 @@
 """Stills: an exhibit in one picture, painted with matplotlib from the back to the front."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
@@ -30,8 +31,6 @@ ELEMENTS = {
 _REGION = "#b8d4ed"
 _WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
 """Width of a still [inch], and its greatest and least height over its width."""
-_LOOKED_AT = 40
-"""Pictures of a run by which the frame of a still is chosen, so that all stills and films of it have the same."""
 _MARGIN = 0.06
 """Around the mechanism, over its size."""
 _FOOT = 2.2
@@ -40,17 +39,17 @@ _FOOT = 2.2
 
 def still(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
     """Write the exhibit's picture."""
-    figure, axes = canvas(exhibit, dpi=150)
+    figure, axes = canvas(exhibit, [exhibit.picture], dpi=150)
     paint(axes, exhibit, exhibit.picture)
     figure.savefig(file, format=suffix[1:])
 
 
-def canvas(exhibit: Exhibit, dpi: float) -> "tuple[Figure, Axes]":
-    """An empty figure, in which all pictures of the exhibit have the same scale."""
+def canvas(exhibit: Exhibit, pictures: Sequence[int], dpi: float) -> "tuple[Figure, Axes]":
+    """An empty figure that has room for these pictures of the exhibit."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    low, high = _limits(exhibit)
+    low, high = _limits(exhibit, pictures)
     width, height = high - low
     ratio = min(max(height / width, _FLATTEST), _TALLEST)
     figure = Figure(figsize=(_WIDTH, _WIDTH * ratio), dpi=dpi)
@@ -64,13 +63,13 @@ def canvas(exhibit: Exhibit, dpi: float) -> "tuple[Figure, Axes]":
     return figure, axes
 
 
-def _limits(exhibit: Exhibit) -> tuple[Array, Array]:
-    """Least and largest coordinates (2,) in the camera's plane over the run [m]."""
+def _limits(exhibit: Exhibit, pictures: Sequence[int]) -> tuple[Array, Array]:
+    """Least and largest coordinates (2,) in the camera's plane over these pictures [m]."""
     camera = exhibit.drawing.camera
     corners = [
         outline.points
         for drawing in (exhibit.drawing, *(ghost.drawing for ghost in exhibit.ghosts))
-        for k in np.unique(np.linspace(0, len(drawing.t) - 1, _LOOKED_AT).astype(int)).tolist()
+        for k in {min(k, len(drawing.t) - 1) for k in pictures}
         for outline in Painter(drawing, k, camera).outlines()
         if outline.shape.kind != SOLID
     ]
