@@ -27,10 +27,10 @@ from symmb.integrate import (
 )
 from symmb.model import DAE, Scene, compile_dae, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
-from symmb.simulation.ensembles import CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
-from symmb.simulation.simulator import BLOCK, Progress, Reduction, Samples, stream
+from symmb.simulation.simulator import Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies
 from symmb.start import Start, prepare_start
 from symmb.symbolic import batch
@@ -39,12 +39,8 @@ S = TypeVar("S")
 
 NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
-COMPILED_BLOCK = 1024
-"""Samples of a block for the engine; up to 8 times as many of small models. tests/benchmarks/ensemble.py"""
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
-STATELESS_VALUES = 10**6
-"""Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
 
 
 class DAESimulator:
@@ -184,7 +180,9 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        self.__dict__ = {k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise")}  # of another solver
+        self.__dict__ = {
+            k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise", "_nominal")
+        }  # of another solver
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
@@ -206,16 +204,21 @@ class DAESimulator:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted about runs at the nominal parameters, by a second one at a tenth of the tolerance."""
-        P = self.dae.p_nominal[None]
-        first, second = self.run(P), self.tighter().run(P)
-        error = np.where(first.ok[0] & second.ok[0], np.abs(first.Y[0] - second.Y[0]), 0.0)
-        return (*self.start.doubts, *error_doubts(self.times, self.outputs, first.Y[0], error, self._rounding))
+        Y, error = self._nominal
+        return (*self.start.doubts, *error_doubts(self.times, self.outputs, Y, error, self._rounding))
 
     @cached_property
     def noise(self) -> Array:
-        """How far outputs may be off by the errors of the solver's steps (n_y,)."""
+        """How far outputs may be off (n_y,): by errors of the solver's steps, and as far as the nominal run is."""
         p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
-        return noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
+        steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
+        return np.maximum(steps, self._nominal[1].max(axis=0, initial=0.0))
+
+    @cached_property
+    def _nominal(self) -> tuple[Array, Array]:
+        """Outputs (n_t, n_y) at the nominal parameters, and how far a second run at a tenth of the tolerance is off."""
+        first, second = (simulator.run(self.dae.p_nominal[None]) for simulator in (self, self.tighter()))
+        return first.Y[0], np.where(first.ok[0] & second.ok[0], np.abs(first.Y[0] - second.Y[0]), 0.0)
 
     def _rounding(self) -> Array:
         """Changes of outputs (n_y,) that rounding of states can make."""
@@ -260,11 +263,8 @@ class DAESimulator:
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples block by block, and reduce each block."""
-        block = BLOCK
-        if self._stateless:
-            block = max(BLOCK, STATELESS_VALUES // (len(self.times) * len(self.outputs)))
-        elif self.compiled:
-            block = COMPILED_BLOCK * (1 if reduction.trajectories else max(1, min(8, 100 // self.y.numel_in(0))))
+        n_x, values = self.y.numel_in(0), len(self.times) * len(self.outputs)
+        block = block_size(n_x, values, self.compiled, reduction.trajectories)
         return stream(self, P, reduction, executor, progress, block)
 
     @property

@@ -14,13 +14,26 @@ from symmb.codegen import REASONS, FailedSamples
 from symmb.integrate import AnyEngine, Run
 from symmb.model import DAE
 from symmb.simulation.lock import LOCK
-from symmb.simulation.simulator import Ensemble
+from symmb.simulation.simulator import BLOCK, Ensemble
 from symmb.start import Start, singularity
 from symmb.symbolic import batch
 
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
 """Failed samples of a block whose messages name joints: as many as are printed."""
+_COMPILED_BLOCK = 1024
+"""Samples of a block for the engine; up to 8 times as many of small models. tests/benchmarks/ensemble.py"""
+_STATELESS_VALUES = 10**6
+"""Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
+
+
+def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:
+    """Samples of a block for n_x states and `values` outputs and times of a sample."""
+    if not n_x:
+        return max(BLOCK, _STATELESS_VALUES // values)
+    if not compiled:
+        return BLOCK
+    return _COMPILED_BLOCK * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
 
 
 def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:

@@ -1,5 +1,6 @@
 """The page in a browser: what WebGL is given, and what is seen at a pixel, are those of the run."""
 
+import runpy
 from pathlib import Path
 
 import casadi as ca
@@ -27,9 +28,16 @@ def browser():
         yield browser
 
 
-@pytest.fixture(scope="module", params=shipped_names())
+EXAMPLES = Path(__file__).parents[2] / "examples"
+GALLERY = [path.stem for path in sorted(EXAMPLES.glob("*.py")) if "mb.view(run" in path.read_text(encoding="utf-8")]
+
+
+@pytest.fixture(scope="module", params=[*shipped_names(), *GALLERY])
 def shown(request, tmp_path_factory):
-    run = mb.simulate(load_scene(request.param))
+    if request.param in GALLERY:
+        run = runpy.run_path(str(EXAMPLES / f"{request.param}.py"))["run"]
+    else:
+        run = mb.simulate(load_scene(request.param))
     path = tmp_path_factory.mktemp("pages") / f"{request.param}.html"
     mb.view(run, path)
     return run, path
