@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+from symmb.codegen.c_source import c_number
+
 A = TypeVar("A")
 R = TypeVar("R")
 
@@ -25,10 +27,28 @@ def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
         return [work(first), *(run.result() for run in running)]
 
 
-def on_threads(work: Callable[[ctypes.c_long], object], n: int) -> None:
-    """Call `work` once on each of several threads, with a common counter of n small pieces of work."""
-    side_by_side(work, [ctypes.c_long(0)] * max(1, min(cores(), n // _FEWEST)))
+def on_threads(work: Callable[[ctypes.c_long], object], n: int, numbers: int) -> None:
+    """Call `work` once on each of several threads, with a common counter of n small pieces of work.
+
+    An interrupt moves the counter to the end, so that threads take no more pieces. Work on few numbers, which takes a
+    moment, is done in this thread.
+    """
+    counter = ctypes.c_long(0)
+    if numbers <= _FEW_NUMBERS:
+        work(counter)
+        return
+    count = max(1, min(cores(), n // _FEWEST))
+    with ThreadPoolExecutor(count) as pool:
+        try:
+            for run in [pool.submit(work, counter) for _ in range(count)]:
+                run.result()
+        except BaseException:
+            counter.value = _STOPPED
+            raise
 
 
 _FEWEST = 128
 """Pieces of work for each additional thread: fewer take less time than the start of a thread."""
+_FEW_NUMBERS = 2**12
+"""Numbers up to which work takes less than 0.1 s: no interrupt waits for longer."""
+_STOPPED = int(c_number("polynomial_ranges", "STOPPED"))

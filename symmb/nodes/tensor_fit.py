@@ -69,7 +69,7 @@ def _compiled_interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Ar
         if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to fit an expansion")
 
-    on_threads(work, m)
+    on_threads(work, m, C.size)
     return C
 
 

@@ -99,6 +99,19 @@ def test_an_integrator_of_casadi_does_not_swallow_an_interrupt(solver):
     assert time.monotonic() - begin < 2.0 and signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.parametrize(("d", "order", "m"), [(6, 4, 1), (3, 12, 300)])
+def test_a_long_search_of_ranges_ends_at_an_interrupt(d, order, m):
+    """They take 7 s and 5 s: a polynomial of many parameters, and many polynomials of few."""
+    alpha = mb.TensorDegree().indices(d, order)
+    coefficients = np.random.default_rng(0).standard_normal((len(alpha), m)) * 0.8 ** alpha.sum(axis=1)[:, None]
+    mb.Exact().search(np.zeros((1, 1), dtype=int), np.ones((1, 1)))  # builds the search
+    begin = time.monotonic()
+    interrupt_after(0.5)
+    with pytest.raises(KeyboardInterrupt):
+        mb.Exact().search(alpha, coefficients)
+    assert time.monotonic() - begin < 1.5
+
+
 def endless_ball():
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     system = mb.System(ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, 1.0))

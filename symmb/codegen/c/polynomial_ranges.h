@@ -16,6 +16,7 @@ enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a desc
    out; further descents; polynomials that a thread takes at once */
 #define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
 #define PRUNED 0.9
+#define STOPPED 1073741824 /* more than there are polynomials */
 #define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
 typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
@@ -43,11 +44,15 @@ typedef struct {
   double *slope, *local;   /* (n_sums) and (4, d) of a box: variation of the derivatives, then their values and others */
   double *terms;           /* (2, order + 1) of a single parameter */
   double *changed;         /* (padded) coefficients after the change of basis */
+  long *next;              /* polynomials that threads have taken; STOPPED or more if the search is given up */
 } Search;
 
 typedef struct {
   double best, bound, *at; /* the least value known and where, and what it cannot fall below */
 } Extreme;
+
+/* A single search of many parameters may take some seconds. */
+static int is_stopped(const Search *s) { return __atomic_load_n(s->next, __ATOMIC_RELAXED) >= STOPPED; }
 
 static double total(V a) { return ((a[0] + a[4]) + (a[1] + a[5])) + ((a[2] + a[6]) + (a[3] + a[7])); }
 
@@ -252,7 +257,7 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
   const long size = b->order + 1;
   double *T = s->terms, *g = T + size, gain = INFINITY;
   value(s, c, s->x, b->n);
-  for (int sweep = 0; sweep < 20 && gain > enough; ++sweep) {
+  for (int sweep = 0; sweep < 20 && gain > enough && !is_stopped(s); ++sweep) {
     gain = 0.0;
     for (long k = 0; k < b->d; ++k) {
       memset(g, 0, size * sizeof *g);
@@ -300,7 +305,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   s->stack[stride - 2] = (double)b->n;
   s->stack[stride - 1] = 0.0;
   e->bound = INFINITY;
-  while (used) {
+  while (used && !is_stopped(s)) {
     double *box = s->stack + --used * stride, *centre = box + b->padded, *half = centre + b->d;
     if (++count > s->budget || used + 2 > s->depth) return 0;
     double slack = share * (top - e->best) + floor;
@@ -378,14 +383,13 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
 }
 
 /* Coefficients C (m, padded), or with a change of basis (n_given, padded) others (n_given, m), -> bounds (2, m), points
-   (2, m, d) and gaps (2, m); `next` counts the polynomials that threads have taken. Without the
-   change C is overwritten. */
-void ranges(const Search *s, long *next, long m, double *C, const double *change, long n_given, double *found,
-            double *points, double *gaps);
-void ranges(const Search *s, long *next, long m, double *C, const double *change, long n_given, double *found,
-            double *points, double *gaps) {
+   (2, m, d) and gaps (2, m). Without the change C is overwritten. */
+void ranges(const Search *s, long m, double *C, const double *change, long n_given, double *found, double *points,
+            double *gaps);
+void ranges(const Search *s, long m, double *C, const double *change, long n_given, double *found, double *points,
+            double *gaps) {
   const Basis *b = s->basis;
-  for (long i; (i = __atomic_fetch_add(next, PART, __ATOMIC_RELAXED)) < m;)
+  for (long i; (i = __atomic_fetch_add(s->next, PART, __ATOMIC_RELAXED)) < m;)
     for (const long end = i + PART < m ? i + PART : m; i < end; ++i) {
       double y[2], gap[2], *at[] = {points + i * b->d, points + (m + i) * b->d};
       for (long k = 0; change && k < b->padded; k += W) {

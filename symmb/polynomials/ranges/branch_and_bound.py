@@ -35,7 +35,7 @@ class _Search(ctypes.Structure):
         ("depth", ctypes.c_long),
         *(
             (name, ctypes.c_void_p)
-            for name in ("stack", "values", "powers", "x", "z", "slope", "local", "terms", "changed")
+            for name in ("stack", "values", "powers", "x", "z", "slope", "local", "terms", "changed", "next")
         ),
     ]
 
@@ -64,11 +64,11 @@ def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int
         boxes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d
         scratch = b.n_sums, 4 * b.d, 2 * (b.order + 1), b.padded
         own = [np.zeros(size) for size in (*boxes, *scratch)]
-        search = _Search(ctypes.addressof(b), tolerance, budget, depth, *(a.ctypes.data for a in own))
-        sizes = ctypes.c_long(m), of, to, ctypes.c_long(n_given)
-        library.ranges(ctypes.byref(search), ctypes.byref(next_polynomial), *sizes, *rest)
+        addresses = *(a.ctypes.data for a in own), ctypes.addressof(next_polynomial)
+        search = _Search(ctypes.addressof(b), tolerance, budget, depth, *addresses)
+        library.ranges(ctypes.byref(search), ctypes.c_long(m), of, to, ctypes.c_long(n_given), *rest)
 
-    on_threads(work, m)
+    on_threads(work, m, legendre.size)
     return *ranges, *points, *gaps
 
 

@@ -78,7 +78,7 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
         if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    on_threads(work, m)
+    on_threads(work, m, C.size)
     return extremes, points
 
 
