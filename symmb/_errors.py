@@ -28,6 +28,15 @@ class SymmbWarning(UserWarning):
     """Something that the user should know about a result, or about how it is computed."""
 
 
+def text_of(error: BaseException) -> str:
+    """Kind and text of an exception of the user's code in one line. The text of some cannot be made."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:
+        text = ""
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
 def warn_of(doubts: Sequence[str], subject: str) -> None:
     """One SymmbWarning about what is doubtful in a result, at the user's line that called the caller."""
     if doubts:

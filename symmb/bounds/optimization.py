@@ -73,7 +73,7 @@ class Optimization(Method):
     def __post_init__(self) -> None:
         require_whole("Optimization", "budget", self.budget, 1)
         if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
-            raise DeclarationError(f"Optimization: tolerance must be between 0 and 1, got {self.tolerance!r}.")
+            raise DeclarationError(f"Optimization: tolerance must be above 0 and below 1, got {self.tolerance!r}.")
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         shape = len(simulator.times), len(simulator.outputs)

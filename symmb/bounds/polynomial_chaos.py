@@ -98,7 +98,7 @@ class PolynomialChaos(Method):
         if self.budget is not None:
             require_whole("PolynomialChaos", "budget", self.budget, 1)
         if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
-            raise DeclarationError(f"PolynomialChaos: tolerance must be between 0 and 1, got {self.tolerance!r}.")
+            raise DeclarationError(f"PolynomialChaos: tolerance must be above 0 and below 1, got {self.tolerance!r}.")
 
     @classmethod
     def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":

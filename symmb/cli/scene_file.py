@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from symmb._errors import DeclarationError, SymmbError
+from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
 from symmb.model import Scene
 
@@ -81,4 +81,4 @@ def _sentence(error: BaseException, path: Path) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
     where = f" (line {lines[-1]})" if lines else ""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}{where}."
+    return f"{text_of(error)}{where}."

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, text_of
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import law_faults, press
@@ -22,7 +22,7 @@ def law_value(law: Callable[..., Expr], title: str, *arguments: ca.SX) -> Expr:
     except DeclarationError:
         raise
     except Exception as error:  # the law is the user's
-        raise DeclarationError(f"{title}: the law raises {type(error).__name__}: {error}.") from error
+        raise DeclarationError(f"{title}: the law raises {text_of(error)}.") from error
 
 
 @dataclass(frozen=True, eq=False)

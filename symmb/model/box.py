@@ -66,7 +66,7 @@ class Box:
         ------
         DeclarationError
             If a name is unknown, if a nominal value is 0, so that its interval would have no width, or if the
-            spread is not between 0 and 1: the interval must not reach 0.
+            spread is not above 0 and below 1: the interval must not reach 0.
 
         Examples
         --------
@@ -77,7 +77,7 @@ class Box:
             raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {parameters!r}.")
         if not is_finite_number(spread) or not 0 < spread < 1:
             raise DeclarationError(
-                f"Box.around: spread must be a share between 0 and 1, such as 0.05 for ± 5 %, got {spread!r}. "
+                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 for ± 5 %, got {spread!r}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
         try:

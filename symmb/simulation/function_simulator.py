@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError, SimulationError
+from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean, name_faults
 from symmb._options import is_finite_number
 from symmb._types import Array, Executor
@@ -22,8 +22,8 @@ class FunctionSimulator:
     Parameters
     ----------
     f : called as ``f(**parameters)``, returns (n_t, n_y), or (n_t,) where there is one output. A sample
-        whose call raises, or returns something else or a value that is not finite, is a failed sample. Picklable
-        (a function of a module) if the executor runs in other processes.
+        whose call raises, or returns something else, or a value that is masked or not finite, is a failed sample.
+        Picklable (a function of a module) if the executor runs in other processes.
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
@@ -115,8 +115,9 @@ class FunctionSimulator:
         shape = (len(self.times), len(self.outputs))
         expected = f"expected numbers of the shape {shape} (n_t, n_y)"
         try:
-            values = np.asarray(result)
+            values = np.asanyarray(np.ma.stack(result) if _has_masked_rows(result) else result)
             values = values.astype(float) if values.dtype.kind in "biuf" else np.array(None)
+            values = np.asarray(np.ma.filled(values, np.nan))
         except (TypeError, ValueError):  # lists of different lengths
             values = np.array(None)
         if values.dtype.kind == "O":
@@ -150,10 +151,15 @@ def _numbers(parameters: Mapping[str, float]) -> dict[str, float]:
     return {name: float(value) for name, value in parameters.items()}
 
 
+def _has_masked_rows(result: Any) -> bool:
+    """Whether a result is a list with masked arrays or values."""
+    return isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
+
+
 def _fault(error: Exception) -> str:
     """The fault of a call in one line."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, SimulationError) else f"{type(error).__name__}: {text}"
+    text = text_of(error)
+    return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text
 
 
 def _short(value: Any) -> str:

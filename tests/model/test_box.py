@@ -35,8 +35,8 @@ def test_around():
     [
         (({"a": 0.0}, 0.1), "'a' has nominal value 0"),
         (({"alpha": 1.0}, 0.1, ["alpa"]), "unknown parameter 'alpa'.*'alpha'"),
-        (({"a": 1.0}, -0.1), "spread must be a share between 0 and 1"),
-        (({"a": 1.0}, float("nan")), "spread must be a share between 0 and 1"),
+        (({"a": 1.0}, -0.1), "spread must be a share above 0 and below 1"),
+        (({"a": 1.0}, float("nan")), "spread must be a share above 0 and below 1"),
         (({"a": 1.0}, 1.0), r"spread must be a share.*got 1\.0.*Box\(name=\(lower, upper\)\)"),
     ],
 )

@@ -122,5 +122,5 @@ def test_many_polynomials_at_once_equal_single_ones():
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, float("nan")])
 def test_tolerance_out_of_range(tolerance):
-    with pytest.raises(DeclarationError, match="between 1e-12 and 1"):
+    with pytest.raises(DeclarationError, match="at least 1e-12 and below 1"):
         Exact(tolerance)

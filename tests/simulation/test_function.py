@@ -54,6 +54,32 @@ def test_value_that_is_not_finite_fails_from_its_time_on():
     assert ensemble.messages == ("not finite at t = 1 (a=1)",)
 
 
+@pytest.mark.parametrize(
+    "masked",
+    [
+        np.ma.array([0, 1, 2], mask=[False, True, False]),
+        np.ma.array([[0.0], [1.0], [2.0]], mask=[[False], [True], [False]]),
+        [0.0, np.ma.masked, 2.0],
+        (np.ma.array([0.0]), np.ma.array([1.0], mask=[True]), [2.0]),
+    ],
+)
+def test_a_masked_value_fails_from_its_time_on(masked):
+    ensemble = _simulator(lambda a: masked).run(np.array([[1.0]]))
+    assert ensemble.messages == ("not finite at t = 1 (a=1)",)
+    assert ensemble.Y[0, 0, 0] == 0 and np.isnan(ensemble.Y[0, 1:]).all()
+
+
+def test_an_exception_without_a_text_is_a_failed_sample():
+    class Odd(Exception):
+        def __str__(self):
+            raise ValueError
+
+    def f(a):
+        raise Odd
+
+    assert _simulator(f).run(np.array([[1.0]])).messages == ("Odd (a=1)",)
+
+
 @pytest.mark.parametrize("times", [[0.0, 0.0], [1.0, 0.0], [0.0, np.nan], [], [[0.0]]])
 def test_times_must_increase(times):
     with pytest.raises(DeclarationError, match="times must be finite and increase"):

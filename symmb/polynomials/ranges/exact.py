@@ -55,7 +55,7 @@ class Exact:
     Raises
     ------
     DeclarationError
-        If the tolerance is not between 1e-12 and 1, or the budget is not a positive whole number.
+        If the tolerance is below 1e-12, or not below 1, or the budget is not a positive whole number.
 
     Notes
     -----
@@ -85,7 +85,7 @@ class Exact:
 
     def __post_init__(self) -> None:
         if not is_finite_number(self.tolerance) or not 1e-12 <= self.tolerance < 1:
-            raise DeclarationError(f"Exact: tolerance must be between 1e-12 and 1, got {self.tolerance!r}.")
+            raise DeclarationError(f"Exact: tolerance must be at least 1e-12 and below 1, got {self.tolerance!r}.")
         require_whole("Exact", "budget", self.budget, 1)
 
     def bounds(self, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
