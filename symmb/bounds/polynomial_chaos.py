@@ -19,9 +19,12 @@ from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.polynomials.ranges import Exact, LegendreInclusion, Range
-from symmb.simulation import March, Progress, Simulator
+from symmb.simulation import March, Noisy, Progress, Simulator
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
+
+_ORDINARY = 100
+"""Powers of two between which coefficients are multiplied with each other as they are."""
 
 _Responses = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
 """Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), and the failed runs."""
@@ -120,11 +123,25 @@ class PolynomialChaos(Method):
             coefficients, inner, failed = self._marched(fit, P, simulator, box, progress)
         else:
             coefficients, inner, failed = self._streamed(fit, P, simulator, box, executor, progress)
-        lower, upper = self.range.bounds(fit.alpha, coefficients)
         shape = len(simulator.times), len(simulator.outputs)
-        lower, upper = lower.reshape(shape), upper.reshape(shape)
+        noise = simulator.noise if isinstance(simulator, Noisy) else None
+        is_noise = np.zeros(shape[1], dtype=bool) if noise is None else _width(*inner) <= 2 * noise
         expansion = Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names)
-        return self._result(simulator, lower, upper, len(P), inner=inner, failed=failed, expansion=expansion)
+        expansion = expansion.without(box.lower == box.upper, is_noise)
+        lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
+        lower, upper = np.where(is_noise, inner[0], lower), np.where(is_noise, inner[1], upper)
+        details = {"inner": inner, "failed": failed, "expansion": expansion, "noise": noise}
+        return self._result(simulator, lower, upper, len(P), **details)
+
+    def _range(self, expansion: Expansion) -> tuple[Array, Array]:
+        """Lower and upper bounds, each (m,), of all responses. Products of very large or small numbers are avoided."""
+        coefficients = expansion.coefficients.reshape(len(expansion.alpha), -1)
+        power = np.frexp(np.maximum(coefficients.max(axis=0), -coefficients.min(axis=0)))[1]
+        if (np.abs(power) < _ORDINARY).all():
+            return self.range.bounds(expansion.alpha, coefficients)
+        lower, upper = self.range.bounds(expansion.alpha, np.ldexp(coefficients, -power))
+        with np.errstate(over="ignore"):
+            return np.ldexp(lower, power), np.ldexp(upper, power)
 
     def _streamed(
         self, fit: Fit, P: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
@@ -185,3 +202,9 @@ class PolynomialChaos(Method):
                 options.append("lockstep=True")
             return f"PolynomialChaos.paper({', '.join(options)})"
         return constructor_text(self, order)
+
+
+def _width(lower: Array, upper: Array) -> Array:
+    """Largest widths (n_y,) over time."""
+    with np.errstate(over="ignore"):
+        return (upper - lower).max(axis=0)

@@ -14,7 +14,7 @@ from symmb.events import longest_steps
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.nodes import grid
-from symmb.simulation import DAESimulator, Progress, Simulator, simulator_of
+from symmb.simulation import DAESimulator, Noisy, Progress, Simulator, simulator_of
 
 
 def propagate(
@@ -64,7 +64,8 @@ def propagate(
     with shown_runs(progress, repr(method)) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         bounds = method.bounds(simulator, box, executor=executor, progress=progress)
-    doubts = (*bounds.run_doubts, *getattr(simulator, "doubts", ()), *_pulse_doubts(simulator, box))
+    own = getattr(simulator, "doubts", ())
+    doubts = (*bounds.run_doubts, *own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
     bounds = replace(bounds, run_doubts=doubts, study=study_of(scene_or_simulator, simulator, method, box))
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
@@ -86,6 +87,16 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         f"At {where} a law of time has a pulse over which steps may pass: they follow the pulses at the nominal "
         "parameters. Take nominal parameters at which it is shortest.",
     )
+
+
+def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
+    """Outputs whose noise is told to be larger than the width that runs attain. That of scenes is a rough guess."""
+    if isinstance(simulator, DAESimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
+        return ()
+    lower, upper = bounds.inner or (bounds.lower, bounds.upper)
+    below = (upper <= lower + simulator.noise).all(axis=0) & (lower < upper).any(axis=0)
+    names = ", ".join(bounds.names[k] for k in np.flatnonzero(below))
+    return (f"The noise is told to be larger than the width of {names}.",) if names else ()
 
 
 _LONG = 1e-2

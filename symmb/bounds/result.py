@@ -49,7 +49,7 @@ class Bounds(Result):
     method : text of the method's constructor
     evaluations : runs; a run with derivatives counts as many as they cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
-    noise : (n_y,) how far runs may be off, or None where it is not known
+    noise : (n_y,) how far runs may be off by noise or rounding, or None where it is not known
     inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
     failed : the runs that failed
     seconds : wall time of runs and bounding [s]
@@ -109,7 +109,8 @@ class Bounds(Result):
         """(lower, upper) widened by the estimated error, where there is one."""
         if self.estimate is None:
             return self.lower, self.upper
-        return self.lower - self.estimate, self.upper + self.estimate
+        with np.errstate(over="ignore"):
+            return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
         """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
@@ -119,7 +120,7 @@ class Bounds(Result):
         """
         if self.estimate is None:
             return {}
-        bad = is_doubtful(self.estimate, self.upper - self.lower, self._floor, share)
+        bad = is_doubtful(*self._scaled(self.estimate), share)
         return {
             name: float(self.t[int(np.argmax(rest))])
             for name, rest in zip(self.names, bad.T, strict=True)
@@ -134,10 +135,9 @@ class Bounds(Result):
         """
         if self.estimate is None:
             return ()
-        width = np.square(self.upper - self.lower)
+        estimate, width, floor = map(np.square, self._scaled(self.estimate))
         width = np.maximum(average_over_window(width), _LEAST_WIDTH**2 * width.mean(axis=0))
-        enough = share**2 * width + np.square(self._floor)
-        bad = average_over_window(np.square(self.estimate)) > enough
+        bad = average_over_window(estimate) > share**2 * width + floor
         edges = np.diff(np.pad(bad, ((1, 1), (0, 0))).astype(int), axis=0)
         return tuple(
             (name, float(self.t[first]), float(self.t[behind - 1]))
@@ -145,11 +145,16 @@ class Bounds(Result):
             for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
         )
 
-    @property
-    def _floor(self) -> Array:
-        """Errors that are noise or rounding, (n_y,)."""
+    def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
+        """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.
+
+        Their squares neither overflow nor underflow.
+        """
         scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
-        return np.maximum(_ROUNDING * scale, 0.0 if self.noise is None else self.noise)
+        power = np.frexp(scale)[1]
+        lower, upper = np.ldexp([self.lower, self.upper], -power)
+        floor = _ROUNDING * scale if self.noise is None else self.noise
+        return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """(lower, upper) of one output, each (n_t,)."""

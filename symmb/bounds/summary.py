@@ -26,7 +26,8 @@ def widest_bounds(
     estimate : (n_t, n_y) array or None    estimated error of both
     """
     rows = [["output", "widest at [s]", "lower", "upper", "width", "estimated error"]]
-    width = upper - lower
+    with np.errstate(over="ignore"):
+        width = upper - lower
     widest = np.where(np.isnan(width), np.inf, width).argmax(axis=0)
     for k, (name, i) in enumerate(zip(names, widest.tolist(), strict=True)):
         numbers = [t[i], lower[i, k], upper[i, k], width[i, k]]

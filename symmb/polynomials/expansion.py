@@ -8,7 +8,7 @@ import numpy as np
 from symmb import files
 from symmb._errors import DeclarationError
 from symmb._table import aligned
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
 
 ROUNDING = 1e-12
@@ -33,6 +33,15 @@ class Expansion:
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""
         return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
+
+    def without(self, parameters: Mask, outputs: Mask) -> "Expansion":
+        """One in which some parameters (d,) change nothing, and some outputs (n_y,) are constant."""
+        if not parameters.any() and not outputs.any():
+            return self
+        coefficients = self.coefficients.copy()
+        coefficients[self.alpha[:, parameters].sum(axis=1) > 0] = 0.0
+        coefficients[1:, :, outputs] = 0.0
+        return Expansion(self.alpha, coefficients, self.parameters)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,16 +105,16 @@ class Moments:
         return f"Moments({len(self.names)} outputs x {len(self.t)} times, {len(self.parameters)} parameters)"
 
     def __str__(self) -> str:
-        varies = ~np.isnan(self.first).all(axis=(0, 1))
-        whole = self.variance.sum(axis=0)
-        parts = [np.nansum(each * self.variance, axis=1) for each in (self.first, self.total)]
-        alone, along = (np.divide(part, whole, out=np.full_like(part, np.nan), where=varies).T for part in parts)
-        rows = [
-            [name, *(f"{a:.3f} / {b:.3f}" for a, b in zip(*shares, strict=True))]
-            for name, *shares in zip(self.names, alone, along, strict=True)
-        ]
-        title = "shares of the variance, alone / with others, over all times"
-        return "\n".join([title, *aligned([["", *self.parameters], *rows])])
+        is_known = ~np.isnan(self.first[0])
+        limits = np.finfo(float)
+        size = np.clip(self.variance, limits.tiny, limits.max)  # it may underflow or overflow
+        weights = np.where(is_known, size / size.max(axis=0), 0.0)
+        alone, along = (np.nansum(each * weights, axis=1).T for each in (self.first, self.total))
+        rows = [["", *self.parameters]]
+        for name, whole, *shares in zip(self.names, weights.sum(axis=0).tolist(), alone, along, strict=True):
+            texts = [f"{a / whole:.3f} / {b / whole:.3f}" for a, b in zip(*shares, strict=True)] if whole else []
+            rows.append([name, *(texts or ["no variance", *[""] * (len(self.parameters) - 1)])])
+        return "\n".join(["shares of the variance, alone / with others, over all times", *aligned(rows)])
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
@@ -129,11 +138,13 @@ def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
     """
     involved = expansion.alpha.T > 0
     varies, alone = involved.any(axis=0), involved & (involved.sum(axis=0) == 1)
-    parts = mean_squares(expansion.alpha)[:, None, None] * expansion.coefficients**2
+    power = np.frexp(np.abs(expansion.coefficients).max(axis=(0, 1)))[1]  # squares may underflow or overflow
+    parts = mean_squares(expansion.alpha)[:, None, None] * np.ldexp(expansion.coefficients, -power) ** 2
     mean = expansion.coefficients[~varies].sum(axis=0)
     variance = parts[varies].sum(axis=0)
     least = ROUNDING**2 * parts.sum(axis=0).max(axis=0)
     shares = np.full((2, len(involved), *variance.shape), np.nan)
     for share, chosen in zip(shares, (alone, involved), strict=True):
         np.divide(np.tensordot(chosen.astype(float), parts, axes=1), variance, out=share, where=variance > least)
-    return Moments(t, names, expansion.parameters, mean, variance, *shares)
+    with np.errstate(over="ignore"):
+        return Moments(t, names, expansion.parameters, mean, np.ldexp(variance, 2 * power), *shares)

@@ -94,3 +94,36 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
     assert len(points) == len(set(points)) == bounds.evaluations < 100
     assert bounds.inner is not None
     assert (bounds.upper == bounds.inner[1]).all()
+
+
+def test_a_told_noise_above_the_response_is_doubtful():
+    for method in mb.PolynomialChaos(), mb.PolynomialChaos(order=3), mb.MonteCarlo(20, seed=0):
+        with pytest.warns(mb.SymmbWarning, match="noise is told to be larger than the width of x.$"):
+            mb.propagate(
+                simulator(lambda a, b: np.stack([a * T, b * T], axis=1), {"x": 5.0, "other": 0.01}), method, BOX
+            )
+
+
+METHODS = mb.PolynomialChaos(), mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(2)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_a_given_order_respects_a_told_noise(method):
+    def f(a, b):
+        return np.stack([a * b + T, 3.0 + 1e-3 * random_looking(a, b)], axis=1)
+
+    bounds = mb.propagate(simulator(f, {"other": 1e-3}), method, BOX)
+    assert bounds.noise is not None and bounds.noise[1] == 1e-3 and bounds.inner is not None
+    assert (bounds.lower[:, 1] == bounds.inner[0][:, 1]).all() and (bounds.upper[:, 1] == bounds.inner[1][:, 1]).all()
+    moments = bounds.moments()
+    assert (moments.variance[:, 1] == 0).all() and (moments.variance[:, 0] > 0).all()
+    assert "nan" not in str(moments) and str(moments).splitlines()[-1].split() == ["other", "no", "variance"]
+
+
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_a_parameter_of_no_width_has_no_share(method):
+    rng = np.random.default_rng(0)
+    noisy = simulator(lambda a, b: a * b * T + rng.uniform(-1e-2, 1e-2, len(T)), outputs=("x",))
+    moments = mb.propagate(noisy, method, mb.Box(a=(0.9, 1.1), b=(1.0, 1.0))).moments()
+    assert (moments.first[1] == 0).all() and (moments.total[1] == 0).all()
+    assert_allclose(moments.first[0], 1.0)

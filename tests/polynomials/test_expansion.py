@@ -120,7 +120,7 @@ def test_moments_print_as_a_table_of_shares():
     assert str(found).split("\n")[1:] == [
         "                 a              b",
         "f    0.628 / 1.000  0.000 / 0.372",
-        "one      nan / nan      nan / nan",
+        "one    no variance",
     ]
 
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Executor, Mask
+from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARAMETERS
-from symmb.bounds.adaptive.runs import Runs
+from symmb.bounds.adaptive.runs import EstimatedRange, Runs
 from symmb.bounds.adaptive.sparse_grids import sparse_bounds
 from symmb.bounds.adaptive.tensor_grids import tensor_bounds
 from symmb.bounds.result import Bounds
 from symmb.model import Box
-from symmb.polynomials import Expansion
 from symmb.simulation import Progress, Simulator
 
 
@@ -39,33 +38,43 @@ def adaptive_bounds(
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress)
     estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
-    lowest, highest = inner = runs.extremes
-    evaluations, failed, noise, is_noise = len(runs), runs.failed, runs.noise, np.isinf(runs.rms_widths())
-    beyond = runs.beyond(estimated.lower, estimated.upper)
-    below, above = (False, False) if estimated.places is None else runs.is_near_lost(estimated.places)
-    del runs
-    estimate = np.where(is_noise, noise, np.maximum(estimated.estimate, beyond))
-    unresolved = is_noise | (estimate > highest - lowest)
-    return Bounds(
+    is_noise, power = np.isinf(runs.rms_widths()), runs.power
+    lower, upper, estimate = (_scaled(each, power) for each in _attained_or_estimated(runs, estimated, is_noise))
+    bounds = Bounds(
         t=simulator.times,
         names=simulator.outputs,
-        lower=np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest)),
-        upper=np.where(unresolved | above, highest, np.maximum(estimated.upper, highest)),
+        lower=lower,
+        upper=upper,
         kind="estimate",
         method=text,
-        evaluations=evaluations,
+        evaluations=len(runs),
         estimate=estimate,
-        noise=noise,
-        inner=inner,
-        failed=failed,
-        expansion=estimated.expansion and _without_noise(estimated.expansion(), is_noise),
+        noise=_scaled(runs.floor, power),
+        inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
+        failed=runs.failed,
     )
+    del runs  # the expansion is as large
+    expansion = estimated.expansion and estimated.expansion()
+    if expansion is None:
+        return bounds
+    expansion = expansion.without(box.lower == box.upper, is_noise)
+    return replace(bounds, expansion=replace(expansion, coefficients=_scaled(expansion.coefficients, power)))
 
 
-def _without_noise(expansion: Expansion | None, is_noise: Mask) -> Expansion | None:
-    """An expansion in which outputs that are noise (n_y,) are constant."""
-    if expansion is None or not is_noise.any():
-        return expansion
-    coefficients = expansion.coefficients.copy()
-    coefficients[np.ix_(expansion.alpha.sum(axis=1) > 0, np.ones(coefficients.shape[1], dtype=bool), is_noise)] = 0.0
-    return replace(expansion, coefficients=coefficients)
+def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
+    """Bounds and their estimated error, each (n_t, n_y): those that runs attained where an estimate says no more."""
+    lowest, highest = runs.extremes
+    below, above = (False, False) if estimated.places is None else runs.is_near_lost(estimated.places)
+    estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
+    floor = np.where(highest > lowest, np.where(is_noise, runs.floor, runs.noise), 0.0)
+    estimate = np.maximum(np.where(is_noise, 0.0, estimate), floor)
+    unresolved = is_noise | (estimate > highest - lowest)
+    lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
+    upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
+    return lower, upper, estimate
+
+
+def _scaled(values: Array, power: Indices) -> Array:
+    """Values (..., n_y) times 2^power. They overflow where bounds are beyond the largest number."""
+    with np.errstate(over="ignore"):
+        return np.ldexp(values, power) if power.any() else values

@@ -145,6 +145,10 @@ MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
 TENSOR_PARAMETERS = 3
 """Most parameters of tensor grids. Extremes lie at corners and edges, where sparse grids are least accurate."""
 ROUNDING_WIDTH = 1e-9
-"""Share of an output's scale below which its width is rounding."""
+"""Share of an output's scale below which its width is rounding, unless the simulator tells its noise."""
+ROUNDING_OF_VALUES = 4 * 2.0**-52
+"""The same where it tells it: the digits that numbers have."""
+ORDINARY = 300
+"""Powers of two, 1e90, by which numbers may grow: they are squared. Half of it is not scaled by a power of two."""
 NODE_DIGITS = 12
 """Decimal digits in which equal nodes agree."""

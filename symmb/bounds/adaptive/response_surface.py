@@ -94,7 +94,7 @@ class _Responses:
     def of(cls, runs: Runs, nodes: Array) -> "_Responses":
         points = np.concatenate([nodes[runs.is_attained], runs.points])
         Y = np.concatenate([runs.nodes[runs.is_attained], runs.checks]).reshape(len(points), -1)
-        mean, deviation, varies = Y.mean(axis=0), Y.std(axis=0), np.ptp(Y, axis=0) > ROUNDING_WIDTH * abs(Y).max(axis=0)
+        mean, deviation, varies = Y.mean(axis=0), Y.std(axis=0), np.ptp(Y, axis=0) > runs.rounding * abs(Y).max(axis=0)
         return cls(points, (Y - mean)[:, varies] / deviation[varies], mean, deviation, varies)
 
     def relative(self, responses: Array) -> Array:

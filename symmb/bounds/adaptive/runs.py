@@ -15,6 +15,8 @@ from symmb.bounds.adaptive.constants import (
     NOISE_RUNS,
     NOISE_SAFETY,
     NOISE_SPACING,
+    ORDINARY,
+    ROUNDING_OF_VALUES,
     ROUNDING_WIDTH,
     WINDOW_SHARE,
 )
@@ -46,10 +48,13 @@ class Runs:
     """All runs of a study: at nodes, none of which is run twice, and at check points.
 
     A node whose run failed has the value that an interpolant predicts. Check points that failed are left out.
+    Responses are those of the simulator over 2^power.
 
     Attributes
     ----------
     most : the runs that are allowed
+    power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
+    rounding : share of an output's scale below which its width is rounding
     nodes : (N, n_t, n_y) responses at nodes
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
@@ -69,6 +74,7 @@ class Runs:
     points: Array = field(init=False)
     extremes: tuple[Array, Array] = field(init=False)
     lost: Array = field(init=False)
+    power: Indices = field(init=False)
     noise: Array = field(init=False)
     events: Indices | None = None
     failed: tuple[Failure, ...] = ()
@@ -78,9 +84,11 @@ class Runs:
         self.nodes = self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.lost = np.empty((0, len(self.box)))
-        told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
-        self.noise_is_known = told is not None
-        self.noise = np.zeros(self.shape[1]) if told is None else told
+        self.power = np.zeros(self.shape[1], dtype=np.intp)
+        self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
+        self.noise_is_known = self._told is not None
+        self.noise = np.zeros(self.shape[1])
+        self.rounding = ROUNDING_WIDTH if self._told is None else ROUNDING_OF_VALUES
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
         self._count = 0
@@ -149,8 +157,18 @@ class Runs:
     def rms_widths(self) -> Array:
         """Root mean square widths (n_y,), by which errors are measured; infinite if a width is only rounding."""
         low, high = self.extremes
-        width, scale = rms(high - low), np.maximum(rms(low), rms(high))
-        return np.where(width > np.maximum(ROUNDING_WIDTH * scale, 2 * self.noise), width, np.inf)
+        width = rms(high - low)
+        return np.where(width > np.maximum(self.rounding * self._scale, 2 * self.noise), width, np.inf)
+
+    @property
+    def _scale(self) -> Array:
+        """Root mean square (n_y,) of the extremes."""
+        return np.maximum(*map(rms, self.extremes))
+
+    @property
+    def floor(self) -> Array:
+        """Errors (n_y,) that are noise or rounding."""
+        return np.maximum(self.noise, self.rounding * self._scale)
 
     def is_near_lost(self, places: Array) -> Mask:
         """At which places (..., d) the nearest point that was run is one that failed."""
@@ -204,9 +222,36 @@ class Runs:
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
         self.lost = np.concatenate([self.lost, points[bad]])
         low, high = ensemble.extremes()
-        self.extremes = np.minimum(self.extremes[0], low), np.maximum(self.extremes[1], high)
         note_attained(low, high, len(P))
-        return ensemble.Y, ensemble.ok, ensemble.events
+        if not ensemble.ok.any():
+            return ensemble.Y, ensemble.ok, ensemble.events
+        self._choose_powers(np.maximum(np.abs(low), np.abs(high)).max(axis=0))
+        self.extremes = (
+            np.minimum(self.extremes[0], np.ldexp(low, -self.power)),
+            np.maximum(self.extremes[1], np.ldexp(high, -self.power)),
+        )
+        if self._told is not None:
+            self.noise = np.maximum(np.ldexp(self._told, -self.power), self.rounding * self._scale)
+        Y = np.ldexp(ensemble.Y, -self.power) if self.power.any() else ensemble.Y
+        return Y, ensemble.ok, ensemble.events
+
+    def _choose_powers(self, largest: Array) -> None:
+        """Scale outputs that have been 0 so far, by their largest values (n_y,) in new runs.
+
+        Raises
+        ------
+        PropagationError        if others exceed earlier ones so far that their squares overflow
+        """
+        largest = np.maximum(largest, 0.0 if self._told is None else self._told)
+        new = np.where(largest > 0, np.frexp(largest)[1], self.power)
+        varies = np.isfinite(self.extremes[0]).any(axis=0) & (np.abs(self.extremes) > 0).any(axis=(0, 1))
+        if (too_large := varies & (new - self.power > ORDINARY)).any():
+            name = self.simulator.outputs[int(too_large.argmax())]
+            raise PropagationError(
+                f"Runs give values of '{name}' that are 1e90 times those of earlier runs. "
+                "Take its logarithm as an output."
+            )
+        self.power = np.where(varies | (np.abs(new) < ORDINARY / 2), self.power, new)
 
 
 def relative_rms(error: Array, widths: Array) -> float:
