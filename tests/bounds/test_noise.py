@@ -127,3 +127,21 @@ def test_a_parameter_of_no_width_has_no_share(method):
     moments = mb.propagate(noisy, method, mb.Box(a=(0.9, 1.1), b=(1.0, 1.0))).moments()
     assert (moments.first[1] == 0).all() and (moments.total[1] == 0).all()
     assert_allclose(moments.first[0], 1.0)
+
+
+@pytest.mark.parametrize("d", [1, 2, 4])
+@pytest.mark.parametrize("times", [T, T[:1]], ids=["field", "scalar"])
+def test_estimates_near_failed_points_cover_what_is_predicted_there(d, times):
+    """The response grows towards a corner where runs fail."""
+
+    def f(**p):
+        mean = sum(p.values()) / d
+        return np.exp(2 * mean) * (1 + times) if mean < 0.7 else np.full(len(times), np.nan)
+
+    names = [f"p{i}" for i in range(d)]
+    failing = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), times, ["x"])
+    with pytest.warns(mb.SymmbWarning, match="above 10 % of the width: x"):
+        bounds = mb.propagate(failing, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    assert bounds.inner is not None and (bounds.upper == bounds.inner[1]).all()
+    assert (bounds.outer[1][:, 0] > np.exp(1.4) * (1 + times)).all()
+    assert bounds.doubtful() == {"x": 0.0} and [name for name, *_ in bounds.doubtful_windows()] == ["x"]

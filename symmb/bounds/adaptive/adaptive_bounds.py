@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARAMETERS
+from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARAMETERS, UNKNOWN_SHARE
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs
 from symmb.bounds.adaptive.sparse_grids import sparse_bounds
 from symmb.bounds.adaptive.tensor_grids import tensor_bounds
@@ -64,8 +64,13 @@ def adaptive_bounds(
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
     """Bounds and their estimated error, each (n_t, n_y): those that runs attained where an estimate says no more."""
     lowest, highest = runs.extremes
-    below, above = (False, False) if estimated.places is None else runs.is_near_lost(estimated.places)
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
+    below = above = False
+    if estimated.places is not None:
+        below, above = near_lost = runs.is_near_lost(estimated.places)
+        predicted = np.stack([lowest - estimated.lower, estimated.upper - highest])
+        unknown = estimate + np.maximum(predicted, UNKNOWN_SHARE * (highest - lowest))
+        estimate = np.where(near_lost, unknown, estimate).max(axis=0)
     floor = np.where(highest > lowest, np.where(is_noise, runs.floor, runs.noise), 0.0)
     estimate = np.maximum(np.where(is_noise, 0.0, estimate), floor)
     unresolved = is_noise | (estimate > highest - lowest)

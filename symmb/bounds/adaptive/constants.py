@@ -21,6 +21,10 @@ CHECKED_TOGETHER = 5
 ROUNDING_SHARE = 1e-6
 """Share of an expected error below which it is rounding, so that the place is a node."""
 
+UNKNOWN_SHARE = 0.15
+"""Least error over the width of a bound near failed runs: no check run tells how good the prediction is there. It is
+above the share from which bounds are doubtful."""
+
 # --- Noise -------------------------------------------------------------------------------------------------------
 
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7

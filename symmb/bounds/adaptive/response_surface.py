@@ -60,7 +60,7 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
         is_enough = n_spread >= FEWEST_SPREAD and (estimate <= tolerance * width).all()
         if is_enough or len(runs) >= most or not runs.left:
-            return data.range(runs, surface, ends, attained, estimate)
+            return data.range(runs, surface, (places[:, 0], ends), attained, estimate)
         spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
         n_spread += SPREAD
         beside = _beside(places[:, 0].reshape(-1, d), n_spread)
@@ -102,9 +102,15 @@ class _Responses:
         return (responses.reshape(len(responses), -1) - self.mean)[:, self.varies] / self.deviation[self.varies]
 
     def range(
-        self, runs: Runs, surface: GaussianProcess, ends: Array, attained: Array, estimate: Array
+        self, runs: Runs, surface: GaussianProcess, extremes: tuple[Array, Array], attained: Array, estimate: Array
     ) -> EstimatedRange:
-        """From ends (2, 2, m) of the mean, and of it and deviations; those attained (2, m) where these are doubtful."""
+        """From places (2, m, d) of the mean's extremes, and ends (2, 2, m) of the mean, and of it and deviations.
+
+        The ends are those attained (2, m) where these are doubtful.
+        """
+        at, ends = extremes
+        places = np.zeros((2, len(self.mean), at.shape[2]))
+        places[:, self.varies] = at
         doubtful = estimate > DOUBTFUL_SHARE * np.ptp(attained, axis=0)
         lower, upper = np.where(doubtful, attained, ends[:, 0])
         estimate = np.where(doubtful, np.maximum(estimate, np.abs(ends[:, 1] - attained).max(axis=0)), estimate)
@@ -114,6 +120,7 @@ class _Responses:
             self.absolute(upper).reshape(runs.shape),
             (self.absolute(estimate) - self.mean).reshape(runs.shape),
             None if doubtful.any() else expansion,
+            places.reshape(2, *runs.shape, -1),
         )
 
     def absolute(self, values: Array) -> Array:
