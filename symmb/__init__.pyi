@@ -103,6 +103,7 @@ from .polynomials.ranges.bernstein import Bernstein as Bernstein
 from .polynomials.ranges.exact import Exact as Exact
 from .polynomials.ranges.inclusion import ChebyshevInclusion as ChebyshevInclusion
 from .polynomials.ranges.inclusion import LegendreInclusion as LegendreInclusion
+from .simulation.command_simulator import CommandSimulator as CommandSimulator
 from .simulation.dae_simulator import DAESimulator as DAESimulator
 from .simulation.function_simulator import FunctionSimulator as FunctionSimulator
 from .simulation.single_run import simulate as simulate

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from symmb._interrupts import deferred_interrupts
 
@@ -21,14 +22,14 @@ _LEADS = False
 
 
 @contextmanager
-def temporary_folder() -> Iterator[Path]:
-    """A new folder that is removed at the end of the block.
+def temporary_folder(base: Path | None = None) -> Iterator[Path]:
+    """A new folder that is removed at the end of the block, in `base` or where temporary files are.
 
     Raises
     ------
     OSError     if it cannot be created
     """
-    name = tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-")
+    name = tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=base)
     _FOLDERS.add(name)
     try:
         yield Path(name).resolve()
@@ -63,27 +64,32 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
     subprocess.TimeoutExpired       if it takes longer
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
+    output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
+    with process_group(command, env=environment, **output) as process:
+        text, _ = process.communicate(timeout=seconds)
+        return process.wait(), text
+
+
+@contextmanager
+def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
+    """A program in a group of processes of its own. What is left of the group is ended with the block.
+
+    Raises
+    ------
+    OSError     if it cannot be started
+    """
     with deferred_interrupts():  # one that arrives before the process is known would leave it behind
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            env=environment,
-            start_new_session=not _LEADS,
-        )
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=not _LEADS, **options)
         _GROUPS.add(process.pid)
     with process:
         try:
-            text, _ = process.communicate(timeout=seconds)
+            yield process
         finally:
-            if process.returncode is None:
-                _kill(process.pid)
+            if process.poll() is None:
                 process.kill()  # in a group that it does not lead
+            if not _LEADS:
+                _kill(process.pid)
             _GROUPS.discard(process.pid)
-        return process.wait(), text
 
 
 def lead_group() -> None:

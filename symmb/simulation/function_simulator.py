@@ -2,21 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
-import numpy as np
-
-from symmb._errors import DeclarationError, SimulationError, text_of
-from symmb._names import did_you_mean, name_faults
-from symmb._options import is_finite_number
-from symmb._types import Array, Executor
-from symmb.simulation.simulator import Ensemble, Progress, Reduction, stream
-
-S = TypeVar("S")
+from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.simulation.black_box import BlackBox
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FunctionSimulator:
+class FunctionSimulator(BlackBox):
     """Trajectories from a function of the parameters, taken as a black box.
 
     Parameters
@@ -38,6 +32,7 @@ class FunctionSimulator:
 
     Examples
     --------
+    >>> import numpy as np
     >>> t = np.linspace(0.0, 1.0, 3)
     >>> decay = FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
     >>> decay.run(np.array([[0.0], [2.0]])).Y[:, :, 0].round(3)
@@ -46,10 +41,6 @@ class FunctionSimulator:
     """
 
     f: Callable[..., Any]
-    parameters: Mapping[str, float]
-    times: Array
-    outputs: tuple[str, ...]
-    noise: Array | None
 
     def __init__(
         self,
@@ -59,113 +50,14 @@ class FunctionSimulator:
         outputs: Sequence[str],
         noise: Mapping[str, float] | None = None,
     ):
-        try:
-            times = np.array(times, dtype=float)
-        except (TypeError, ValueError):
-            raise DeclarationError(f"FunctionSimulator: times must be numbers, got {times!r}.") from None
-        if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-            raise DeclarationError("FunctionSimulator: times must be finite and increase, shape (n_t,), n_t >= 1.")
-        if not isinstance(outputs, str | list | tuple):
-            raise DeclarationError(f"FunctionSimulator: outputs must be a list of names, got {outputs!r}.")
-        names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         if not callable(f):
             raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {f!r}.")
-        if not isinstance(parameters, Mapping):
-            raise DeclarationError(f"FunctionSimulator: parameters must be nominal values by name, got {parameters!r}.")
-        faults = name_faults(names) + name_faults([*parameters])
-        if not names or faults:
-            reasons = " ".join(faults)
-            raise DeclarationError(f"FunctionSimulator: outputs must be one or more different names. {reasons}".strip())
-        times.flags.writeable = False
         object.__setattr__(self, "f", f)
-        object.__setattr__(self, "parameters", _numbers(parameters))
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "outputs", names)
-        object.__setattr__(self, "noise", None if noise is None else _noise(noise, names))
+        self._declare(parameters, times, outputs, noise)
 
-    def run(self, P: Array) -> Ensemble:
-        """Call f for each row of P (N, d)."""
-        P = np.asarray(P, dtype=float)
-        Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
-        t_failed = np.full(len(P), np.nan)
-        messages = []
-        for i, row in enumerate(P):
-            values = dict(zip(self.parameters, row.tolist(), strict=True))
-            try:
-                Y[i] = self._shaped(self.f(**values))
-            except Exception as error:  # the function is the user's: any exception is a failed run
-                t_failed[i] = self.times[0]
-                messages.append(f"{_fault(error)} ({_text(values)})")
-                continue
-            bad = ~np.isfinite(Y[i]).all(axis=1)
-            if bad.any():
-                first = int(bad.argmax())
-                Y[i, first:] = np.nan
-                t_failed[i] = self.times[first]
-                messages.append(f"not finite at t = {t_failed[i]:g} ({_text(values)})")
-        return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
-
-    def stream(
-        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
-    ) -> S:
-        """Run P (N, d) in about 64 blocks, so that many workers share slow runs."""
-        return stream(self, P, reduction, executor, progress, block=1 + len(P) // 64)
-
-    def _shaped(self, result: Any) -> Array:
-        shape = (len(self.times), len(self.outputs))
-        expected = f"expected numbers of the shape {shape} (n_t, n_y)"
-        try:
-            values = np.asanyarray(np.ma.stack(result) if _has_masked_rows(result) else result)
-            values = values.astype(float) if values.dtype.kind in "biuf" else np.array(None)
-            values = np.asarray(np.ma.filled(values, np.nan))
-        except (TypeError, ValueError):  # lists of different lengths
-            values = np.array(None)
-        if values.dtype.kind == "O":
-            raise SimulationError(f"the function returned {_short(result)}, {expected}")
-        if values.shape == shape[:1] and shape[1] == 1:
-            values = values[:, None]
-        if values.shape != shape:
-            raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
-        return values
+    def response(self, values: dict[str, float]) -> Any:
+        """What f returns."""
+        return self.f(**values)
 
     def __repr__(self) -> str:
         return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"
-
-
-def _noise(noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
-    """Noise (n_y,) of all outputs."""
-    if not isinstance(noise, Mapping):
-        raise DeclarationError(f"FunctionSimulator: noise must be numbers by name of the output, got {noise!r}.")
-    for name, value in noise.items():
-        if name not in names:
-            raise DeclarationError(f"FunctionSimulator: noise: no output {name!r}.{did_you_mean(str(name), names)}")
-        if not is_finite_number(value) or value < 0:
-            raise DeclarationError(f"FunctionSimulator: noise of {name!r} must be at least 0, got {value!r}.")
-    return np.array([float(noise.get(name, 0.0)) for name in names])
-
-
-def _numbers(parameters: Mapping[str, float]) -> dict[str, float]:
-    for name, value in parameters.items():
-        if not is_finite_number(value):
-            raise DeclarationError(f"FunctionSimulator: parameter {name!r}: {value!r} is not a finite number.")
-    return {name: float(value) for name, value in parameters.items()}
-
-
-def _has_masked_rows(result: Any) -> bool:
-    """Whether a result is a list with masked arrays or values."""
-    return isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
-
-
-def _fault(error: Exception) -> str:
-    """The fault of a call in one line."""
-    text = text_of(error)
-    return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text
-
-
-def _short(value: Any) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def _text(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())

@@ -14,7 +14,7 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     """Coordinates q (n_q,) after the bodies are placed one after the other along the tree of joints.
 
     A body without guessed position is moved to its joint as it is turned. If other joints stay open there, such as a
-    cylinder's, or its position is guessed, it is moved and turned least. A body that cannot be placed stays where it is.
+    cylinder's, or its position is guessed, it is moved and turned least. A body that cannot be placed stays there.
     """
     connected = _connected(scene, dae)
     body_of = np.repeat(np.arange(len(scene.system.bodies)), scene.system.block_sizes)

@@ -1,0 +1,159 @@
+"""Simulators of which nothing is known but their runs: functions, programs, FMUs."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError, text_of
+from symmb._names import did_you_mean, name_faults
+from symmb._options import is_finite_number
+from symmb._types import Array, Executor
+from symmb.simulation.simulator import Ensemble, Progress, Reduction, stream
+
+S = TypeVar("S")
+
+
+class BlackBox(ABC):
+    """A simulator that makes one run after the other. A run that raises, or is not finite, is a failed sample.
+
+    Attributes
+    ----------
+    parameters : nominal values by name
+    times : (n_t,) increasing times of the rows [s]
+    outputs : n_y names of the columns
+    noise : (n_y,) how far values may be off; None if it is not known
+    """
+
+    parameters: Mapping[str, float]
+    times: Array
+    outputs: tuple[str, ...]
+    noise: Array | None
+
+    @abstractmethod
+    def response(self, values: dict[str, float]) -> Any:
+        """What a run with these parameters gives: (n_t, n_y), or (n_t,) where there is one output.
+
+        Raises
+        ------
+        SimulationError         if the run fails: the text alone is told. Of other exceptions the kind is told as well
+        """
+
+    @property
+    def block(self) -> int | None:
+        """Samples that one worker runs together; None: about 64 blocks a study."""
+        return None
+
+    def _declare(
+        self,
+        parameters: Mapping[str, float],
+        times: Array | Sequence[float],
+        outputs: Sequence[str],
+        noise: Mapping[str, float] | None,
+    ) -> None:
+        """Check and keep what is declared."""
+        owner = type(self).__name__
+        try:
+            times = np.array(times, dtype=float)
+        except (TypeError, ValueError):
+            raise DeclarationError(f"{owner}: times must be numbers, got {times!r}.") from None
+        if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+            raise DeclarationError(f"{owner}: times must be finite and increase, shape (n_t,), n_t >= 1.")
+        if not isinstance(outputs, str | list | tuple):
+            raise DeclarationError(f"{owner}: outputs must be a list of names, got {outputs!r}.")
+        names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        if not isinstance(parameters, Mapping):
+            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {parameters!r}.")
+        faults = name_faults(names) + name_faults([*parameters])
+        if not names or faults:
+            raise DeclarationError(f"{owner}: outputs must be one or more different names. {' '.join(faults)}".strip())
+        times.flags.writeable = False
+        object.__setattr__(self, "parameters", _numbers(owner, parameters))
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "outputs", names)
+        object.__setattr__(self, "noise", None if noise is None else _noise(owner, noise, names))
+
+    def run(self, P: Array) -> Ensemble:
+        """Run each row of P (N, d)."""
+        P = np.asarray(P, dtype=float)
+        Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
+        t_failed = np.full(len(P), np.nan)
+        messages = []
+        for i, row in enumerate(P):
+            values = dict(zip(self.parameters, row.tolist(), strict=True))
+            try:
+                Y[i] = self._shaped(self.response(values))
+            except Exception as error:  # the code is the user's: any exception is a failed run
+                t_failed[i] = self.times[0]
+                messages.append(f"{_fault(error)} ({_text(values)})")
+                continue
+            bad = ~np.isfinite(Y[i]).all(axis=1)
+            if bad.any():
+                first = int(bad.argmax())
+                Y[i, first:] = np.nan
+                t_failed[i] = self.times[first]
+                messages.append(f"not finite at t = {t_failed[i]:g} ({_text(values)})")
+        return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
+
+    def stream(
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
+    ) -> S:
+        """Run P (N, d) block by block, and reduce each block."""
+        return stream(self, P, reduction, executor, progress, block=self.block or 1 + len(P) // 64)
+
+    def _shaped(self, result: Any) -> Array:
+        shape = (len(self.times), len(self.outputs))
+        expected = f"expected numbers of the shape {shape} (n_t, n_y)"
+        try:
+            values = np.asanyarray(np.ma.stack(result) if _has_masked_rows(result) else result)
+            values = values.astype(float) if values.dtype.kind in "biuf" else np.array(None)
+            values = np.asarray(np.ma.filled(values, np.nan))
+        except (TypeError, ValueError):  # lists of different lengths
+            values = np.array(None)
+        if values.dtype.kind == "O":
+            raise SimulationError(f"the function returned {_short(result)}, {expected}")
+        if values.shape == shape[:1] and shape[1] == 1:
+            values = values[:, None]
+        if values.shape != shape:
+            raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
+        return values
+
+
+def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    """Noise (n_y,) of all outputs."""
+    if not isinstance(noise, Mapping):
+        raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {noise!r}.")
+    for name, value in noise.items():
+        if name not in names:
+            raise DeclarationError(f"{owner}: noise: no output {name!r}.{did_you_mean(str(name), names)}")
+        if not is_finite_number(value) or value < 0:
+            raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {value!r}.")
+    return np.array([float(noise.get(name, 0.0)) for name in names])
+
+
+def _numbers(owner: str, parameters: Mapping[str, float]) -> dict[str, float]:
+    for name, value in parameters.items():
+        if not is_finite_number(value):
+            raise DeclarationError(f"{owner}: parameter {name!r}: {value!r} is not a finite number.")
+    return {name: float(value) for name, value in parameters.items()}
+
+
+def _has_masked_rows(result: Any) -> bool:
+    """Whether a result is a list with masked arrays or values."""
+    return isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
+
+
+def _fault(error: Exception) -> str:
+    """The fault of a run in one line."""
+    text = text_of(error)
+    return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _text(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())

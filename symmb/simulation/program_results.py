@@ -1,0 +1,93 @@
+"""Results that programs write: tables of times and outputs as .csv, .json or .npz files."""
+
+import csv
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import SimulationError
+from symmb._types import Array
+
+_TIME = "time"
+_AGREE = 1e-6
+"""Difference of times, over the largest one, up to which they are the same: programs write about six digits."""
+
+
+def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
+    """Outputs (n_t, n_y) at times from a file with a column `time` and one for each output. Other columns are ignored.
+
+    With a single time the column `time` may be left out.
+
+    Raises
+    ------
+    SimulationError     if the file cannot be read, lacks a column, or has other times
+    """
+    if not path.is_file():
+        raise SimulationError(f"the program wrote no file {path.name!r}")
+    try:
+        columns = READERS[path.suffix](path)
+        lost = [name for name in outputs if name not in columns]
+        if lost:
+            raise SimulationError(f"{path.name} has no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
+        values = np.column_stack([np.atleast_1d(np.asarray(columns[name], dtype=float)) for name in outputs])
+        if _TIME not in columns and len(times) == len(values) == 1:
+            return values
+        if _TIME not in columns:
+            raise SimulationError(f"{path.name} has no column {_TIME!r}")
+        at = np.atleast_1d(np.asarray(columns[_TIME], dtype=float))
+    except SimulationError:
+        raise
+    except Exception as error:  # a file of another program: anything may be wrong with it
+        raise SimulationError(f"{path.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
+    if at.ndim != 1 or len(at) != len(values):
+        raise SimulationError(f"{path.name}: {len(at)} times, but {len(values)} values of the outputs")
+    return _at_times(path.name, at, values, times, interpolate)
+
+
+def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bool) -> Array:
+    """Values at the declared times."""
+    if not len(at):
+        raise SimulationError(f"{name} has no rows")
+    allowed = _AGREE * float(np.abs(times).max())
+    if len(at) == len(times) and (np.abs(at - times) <= allowed).all():
+        return values
+    has = f"{name} has {len(at)} times from {at[0]:g} to {at[-1]:g} s"
+    declared = f"{len(times)} times from {times[0]:g} to {times[-1]:g} s are declared"
+    if not interpolate:
+        raise SimulationError(f"{has}, but {declared}; declare those of the file, or give interpolate=True")
+    if not np.isfinite(at).all() or (np.diff(at) <= 0).any():
+        raise SimulationError(f"{name}: its times do not increase, so that nothing can be interpolated")
+    if at[0] > times[0] + allowed or at[-1] < times[-1] - allowed:
+        raise SimulationError(f"{has}, but {declared}: nothing is known beyond those of the file")
+    return np.column_stack([np.interp(times, at, column) for column in values.T])
+
+
+def _csv(path: Path) -> Mapping[str, Any]:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        header = file.readline()
+        mark = max(",;\t", key=header.count)
+        names = [name.strip().strip('"') for name in header.rstrip("\r\n").split(mark)]
+        rows = [row for row in csv.reader(file, delimiter=mark) if row]
+    short = next((k for k, row in enumerate(rows) if len(row) < len(names)), None)
+    if short is not None:
+        raise SimulationError(f"{path.name}: line {short + 2} has {len(rows[short])} values for {len(names)} columns")
+    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+
+def _json(path: Path) -> Mapping[str, Any]:
+    columns = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(columns, dict):
+        raise SimulationError(f"{path.name} must hold an object with a list for each output")
+    return columns
+
+
+def _npz(path: Path) -> Mapping[str, Any]:
+    with np.load(path, allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+READERS: dict[str, Callable[[Path], Mapping[str, Any]]] = {".csv": _csv, ".json": _json, ".npz": _npz}
+"""Readers by suffix."""
