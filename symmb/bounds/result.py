@@ -17,7 +17,7 @@ from symmb._types import Array
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.result_file import Kind, attributes_of, labelled, record_of_table
 from symmb.bounds.summary import MEANING, widest_bounds
-from symmb.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful
+from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
 
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
-_LEAST_WIDTH = 0.1
-"""Width in a window of time, over that over all times, which counts at least: bounds may touch for a moment."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,9 +133,7 @@ class Bounds(Result):
         """
         if self.estimate is None:
             return ()
-        estimate, width, floor = map(np.square, self._scaled(self.estimate))
-        width = np.maximum(average_over_window(width), _LEAST_WIDTH**2 * width.mean(axis=0))
-        bad = average_over_window(estimate) > share**2 * width + floor
+        bad = is_doubtful_in_window(*self._scaled(self.estimate), share)
         edges = np.diff(np.pad(bad, ((1, 1), (0, 0))).astype(int), axis=0)
         return tuple(
             (name, float(self.t[first]), float(self.t[behind - 1]))

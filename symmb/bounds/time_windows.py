@@ -7,9 +7,10 @@ from symmb._types import Array, Mask
 WINDOW = 0.02
 """Length of a window, over that of all times: coefficients and widths of a swinging response pass 0."""
 
-
 DOUBTFUL = 0.1
 """Share of the width above which an estimated error is doubtful."""
+LEAST_WIDTH = 0.1
+"""Width in a window of time, over that over all times, which counts at least: bounds may touch for a moment."""
 
 
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
@@ -20,6 +21,16 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
     enough = np.square(share * width) + np.square(floor)
     error, enough = (np.cumsum(a[::-1], axis=0)[::-1] for a in (np.square(estimate), enough))
     return np.asarray(error > enough)
+
+
+def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
+    """At which times (n_t, n_y) an estimated error exceeds a share of the width, and a floor (n_y,).
+
+    All are root mean squares over a window, the width at least a share LEAST_WIDTH of that over all times.
+    """
+    squares = np.square(width)
+    enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))
+    return np.asarray(average_over_window(np.square(estimate)) > share**2 * enough + np.square(floor))
 
 
 def average_over_window(squares: Array) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.constants import CANDIDATES, HEAVIEST, SAFETY
+from symmb.bounds.adaptive.constants import CANDIDATES, HEAVIEST, MOST_CORNERS, SAFETY, SHAPE_RUNS, SHAPE_SHARE
 from symmb.bounds.time_windows import average_over_window
 
 
@@ -54,6 +54,36 @@ def quasi_random_points(number: int, d: int) -> Array:
     return np.asarray(np.sign(u) * np.sqrt(0.25 + 0.7 * np.abs(u)))
 
 
+def screening_corners(d: int) -> Array:
+    """Corners (N, d) of the unit box, one of them near any corner: the rows of a Hadamard matrix and their opposites.
+
+    For up to eight parameters one of 2 d ... 4 d corners has three quarters of the signs of any corner.
+
+    References
+    ----------
+    Plackett and Burman (1946), The design of optimum multifactorial experiments.
+    """
+    rows = np.ones((1, 1))
+    while len(rows) < d:
+        rows = np.block([[rows, rows], [rows, -rows]])
+    return np.concatenate([rows, -rows])[:MOST_CORNERS, :d]
+
+
+def count_shapes(Y: Array, widths: Array) -> int:
+    """How many independent functions of time and output responses Y (N, n_t, n_y) are made of.
+
+    What few shapes hide, few numbers would: all times together may show no more than one. Shapes count from a share
+    SHAPE_SHARE of the largest one on.
+    """
+    Y = Y[:SHAPE_RUNS]
+    relative = ((Y - Y.mean(axis=0)) / widths).reshape(len(Y), -1)
+    squares = np.linalg.eigvalsh(relative @ relative.T)
+    return int((squares > SHAPE_SHARE**2 * squares[-1]).sum())
+
+
 def inflated_error(squares: Array) -> Array:
-    """Errors (n_t, n_y) to expect elsewhere from the largest squares of errors at check runs, by a factor SAFETY."""
-    return SAFETY * np.sqrt(average_over_window(squares))
+    """Errors (n_t, n_y) to expect elsewhere from the largest squares of errors at check runs, by a factor SAFETY.
+
+    They are averages over a window, but at least what a check run showed: a pulse is shorter than a window.
+    """
+    return np.sqrt(np.maximum(SAFETY**2 * average_over_window(squares), squares))

@@ -18,6 +18,12 @@ FARTHEST_SCALING = 10.0
 """Largest factor by which the error of a check run is scaled to the error expected elsewhere."""
 CHECKED_TOGETHER = 5
 """Check runs whose errors are computed together: a tensor grid has nearly twice as many nodes at least."""
+SHAPE_SHARE = 1e-2
+"""Share of the largest shape of time from which others tell more than it does."""
+SHAPE_RUNS = 100
+"""Most runs of which shapes are counted."""
+MOST_CORNERS = 32
+"""Most corners that are run because nothing else tells where a response varies."""
 ROUNDING_SHARE = 1e-6
 """Share of an expected error below which it is rounding, so that the place is a node."""
 
@@ -30,7 +36,7 @@ above the share from which bounds are doubtful."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
 """Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there."""
 LEAST_COST = 3
-"""Runs of a refinement, over those that measure noise, from which it is worth while to measure."""
+"""Runs of a refinement, or before it, over those that measure noise, from which it is worth while to measure."""
 NOISE_SAFETY = 3.0
 """Factor on the standard deviation of noise: as far as its values reach."""
 NOISE_OF_COEFFICIENTS = 2.0
@@ -56,9 +62,12 @@ MANY_VALUES = 1000
 """Values of a run from which check runs tell how far the estimate is from errors: their ratio is a mean over many."""
 FIELD_TRUST = 0.15
 """Least share of the estimate that errors of so many values are expected to have where check runs show less."""
-CHEAP_RUNS, DOUBTED_SHARE = 60, 0.8
-"""Runs up to which bounds are refined until they are not doubtful, and the share of the estimate that is reported where
-they are: `outer` then covers 99 % of the outputs and times of the double pendulum at +-20 %."""
+CHEAP_RUNS, CHEAP_SHARE = 60, 0.5
+"""Runs up to which bounds are refined until they are not doubtful, and the share of the error at which windows of time
+are doubtful that these may have: what check runs show of a window is less certain."""
+DOUBTED_SHARE = 0.8
+"""Share of the estimate that is reported where bounds are doubtful: `outer` then covers 99 % of the outputs and times
+of the double pendulum at +-20 %."""
 CERTAIN_SHARE = 0.75
 """Share of what check runs let expect, with SAFETY, that is reported where bounds are not doubtful."""
 MANY_TIMES, SKIPPED_TIMES, FAR = 200, 8, 1.3
@@ -68,9 +77,9 @@ WINDOW_SHARE = 0.2
 
 # --- Tensor grids ------------------------------------------------------------------------------------------------
 
-TENSOR_PROBES = ((10, 6), (100, 3))
-"""Most values of a run, and quasi-random check points; with more values there is 1. Nodes lie at middles, ends and
-halves, where symmetric responses may be alike. What one value hides, others show."""
+TENSOR_PROBES = ((3, 6), (6, 3))
+"""Most shapes of time of a response, and quasi-random check points; with more shapes there is 1. Nodes lie at middles,
+ends and halves, where symmetric responses may be alike. What one shape hides, others show."""
 REFINED_SHARE = 0.25
 """Directions with at least this share of the largest error are refined together."""
 SMOOTH_DECAY = 0.6

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
+from symmb.bounds.adaptive.check_runs import count_shapes, inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
     CERTAIN_SHARE,
     CHEAP_RUNS,
+    CHEAP_SHARE,
     CHECKED_TOGETHER,
     DOUBTED_SHARE,
     FAR,
@@ -29,7 +30,7 @@ from symmb.bounds.adaptive.constants import (
 from symmb.bounds.adaptive.piece import Part, Piece, nodes_of
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.union import Union
-from symmb.bounds.time_windows import is_doubtful
+from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 
 
 def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
@@ -46,7 +47,7 @@ def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
         if isinstance(outcome, EstimatedRange):
             return outcome
         old, parts = outcome
-        if not runs.noise_is_known and _cost(parts, runs) >= LEAST_COST * NOISE_RUNS:
+        if not runs.noise_is_known and max(_cost(parts, runs), len(runs)) >= LEAST_COST * NOISE_RUNS:
             runs.measure_noise()
             pieces = [replace(piece, widths=runs.rms_widths()) for piece in pieces]  # their errors are estimated anew
             continue
@@ -93,9 +94,13 @@ def _range_or_refinement(
     if is_field:
         expected_errors = ratio * union.errors.max(axis=0)
         estimate = np.maximum(np.maximum(inflated, SAFETY * expected_errors), beyond)
-        is_doubted = is_doubtful(estimate, union.upper - union.lower, runs.noise)[:, np.isfinite(widths)].any()
-        if is_doubted and _affordable(parts, runs) and len(runs) + _cost(parts, runs) <= CHEAP_RUNS:
-            return worst, parts
+    width, varies = union.upper - union.lower, np.isfinite(widths)
+    is_doubted = is_doubtful(estimate, width, runs.noise)[:, varies].any()
+    for_a_moment = is_doubtful_in_window(estimate, width, runs.noise, CHEAP_SHARE * DOUBTFUL)[:, varies].any()
+    is_cheap = _affordable(parts, runs) and len(runs) + _cost(parts, runs) <= CHEAP_RUNS
+    if is_cheap and (is_doubted or for_a_moment):
+        return worst, parts
+    if is_field:
         estimate = (
             np.maximum(estimate, DOUBTED_SHARE * union.errors.max(axis=0))
             if is_doubted
@@ -124,8 +129,8 @@ def _cost(parts: list[Part], runs: Runs) -> int:
 
 def _probes(runs: Runs) -> int:
     """The number of quasi-random check points."""
-    values = runs.shape[0] * runs.shape[1]
-    return next((number for most, number in TENSOR_PROBES if values <= most), 1)
+    shapes = count_shapes(runs.nodes, runs.rms_widths())
+    return next((number for most, number in TENSOR_PROBES if shapes <= most), 1)
 
 
 def _farthest(runs: Runs, union: Union, widths: Array) -> Piece:
@@ -148,15 +153,14 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
     Piece                   the piece to refine next: that with the largest observed error, or else the worst
     """
     estimate = union.errors.max(axis=0)
-    n_known, probes = len(runs.points), quasi_random_points(_probes(runs), len(runs.box))
+    probes = quasi_random_points(_probes(runs), len(runs.box))
     selected = select_dispersed(union.places, union.checkable_error / widths, number)
     runs.check(np.concatenate([probes, selected])[: runs.left])
-    rows = [k for k in range(len(runs.points)) if k < len(probes) or k >= n_known]
-    if not rows:
+    if not len(runs.points):
         return estimate, np.zeros_like(estimate), np.ones(runs.shape[1]), worst
     squares, largest = np.zeros_like(estimate), -1.0
     seen, foreseen = np.zeros((2, runs.shape[1]))
-    for row, piece, error in _observed_errors(runs, union, rows):
+    for row, piece, error in _observed_errors(runs, union, list(range(len(runs.points)))):
         expected = piece.expected_error(runs.points[row])
         ratio = np.divide(estimate, expected, out=np.ones_like(error), where=expected > estimate / FARTHEST_SCALING)
         ratio = np.where(np.abs(error) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)

@@ -1,0 +1,44 @@
+"""What no node of a grid shows: bumps of fields, narrow windows, dead zones. Bounds are right, or they are doubtful."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import slider_crank
+
+
+def bounds_of(f, d, n_t, n_y=1):
+    """Bounds of f(x) (n_t, n_y), d parameters from -1 to 1."""
+    names = [f"p{i}" for i in range(d)]
+    simulator = mb.FunctionSimulator(
+        lambda **p: np.reshape(f(np.array(list(p.values()))), (n_t, n_y)),
+        dict.fromkeys(names, 0.0),
+        np.arange(float(n_t)),
+        [f"y{k}" for k in range(n_y)],
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        return mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+
+
+@pytest.mark.parametrize("shape", ["same at all times", "some of the times", "swinging"])
+@pytest.mark.parametrize("seed", [9, 11, 15, 28, 50, 55, 59])
+def test_a_bump_of_few_shapes_is_seen(shape, seed):
+    rng = np.random.default_rng(seed)
+    at, sigma, t = rng.uniform(-0.9, 0.9, 2), rng.uniform(0.3, 0.5), np.linspace(0, 10, 101)
+    of_time = {"same at all times": 1 + 0 * t, "some of the times": (t > 3) & (t < 6), "swinging": np.sin(t)}[shape]
+    bounds = bounds_of(lambda x: np.exp(-np.square(x - at).sum() / (2 * sigma**2)) * of_time, 2, 101)
+    highest = of_time.max() - 0.02
+    assert bounds.outer[1].max() >= highest or bounds.doubts
+
+
+def test_a_narrow_window_of_the_slider_crank_is_refined_or_doubtful():
+    """At 4.58 s, a scan of 101 x 101 runs finds the angular velocity 2.562 of the rod."""
+    box = mb.Box(l1=(0.9, 1.1), l2=(1.8, 2.2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        bounds = mb.propagate(slider_crank.scene(), mb.PolynomialChaos(), box)
+    highest = bounds.outer[1][:, bounds.names.index("phi_dot")]
+    assert highest[np.argmin(np.abs(bounds.t - 4.58))] > 2.562 or bounds.doubts
