@@ -7,6 +7,8 @@ from symmb._types import Array, Mask
 WINDOW = 0.02
 """Length of a window, over that of all times: coefficients and widths of a swinging response pass 0."""
 
+ROUNDING_SCALE = 1e-12
+"""Difference of runs, over the largest value of an output, that is rounding."""
 DOUBTFUL = 0.1
 """Share of the width above which an estimated error is doubtful."""
 LEAST_WIDTH = 0.1
@@ -31,6 +33,16 @@ def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: fl
     squares = np.square(width)
     enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))
     return np.asarray(average_over_window(np.square(estimate)) > share**2 * enough + np.square(floor))
+
+
+def rests_for_a_time(lowest: Array, highest: Array, noise: Array) -> bool:
+    """Whether some output (n_t, n_y) is the same in all runs, but for noise (n_y,) and rounding, throughout a window.
+
+    The first of several times does not count: there, motions have their start in common.
+    """
+    scale = np.abs([lowest, highest]).max(axis=(0, 1))
+    varies = highest - lowest > np.maximum(ROUNDING_SCALE * scale, 2 * noise)
+    return bool((average_over_window(varies.astype(float))[len(varies) > 1 :] == 0).any())
 
 
 def average_over_window(squares: Array) -> Array:

@@ -96,6 +96,7 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
     assert (bounds.upper == bounds.inner[1]).all()
 
 
+<<<<<<< HEAD
 def test_a_told_noise_above_the_response_is_doubtful():
     for method in mb.PolynomialChaos(), mb.PolynomialChaos(order=3), mb.MonteCarlo(20, seed=0):
         with pytest.warns(mb.SymmbWarning, match="noise is told to be larger than the width of x.$"):
@@ -145,3 +146,30 @@ def test_estimates_near_failed_points_cover_what_is_predicted_there(d, times):
     assert bounds.inner is not None and (bounds.upper == bounds.inner[1]).all()
     assert (bounds.outer[1][:, 0] > np.exp(1.4) * (1 + times)).all()
     assert bounds.doubtful() == {"x": 0.0} and [name for name, *_ in bounds.doubtful_windows()] == ["x"]
+=======
+def uniform(*x):
+    """A number from -1 to 1 that is random, the same at the same place."""
+    return np.random.default_rng(np.array(x, dtype=float).view(np.uint64)).uniform(-1, 1)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+def test_noise_of_one_parameter_is_measured(tolerance):
+    noisy = mb.FunctionSimulator(lambda a: [[np.sin(3 * a) + 0.1 * uniform(a)]], {"a": 0.0}, [0.0], ["y"])
+    bounds = mb.propagate(noisy, mb.PolynomialChaos(tolerance=tolerance), mb.Box(a=(-1.0, 1.0)))
+    assert bounds.evaluations < 100
+    assert bounds.noise is not None and 0.05 < bounds.noise[0] < 0.4
+
+
+@pytest.mark.parametrize("d", [1, 3, 6])
+def test_noise_of_an_output_does_not_spoil_another(d):
+    names = [f"p{i}" for i in range(d)]
+
+    def f(**p):
+        x = list(p.values())
+        return [[np.exp(np.mean(x)), 1 + 1e-9 * uniform(*x)]]
+
+    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["smooth", "noisy"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    assert bounds.evaluations < 80 and not bounds.doubts
+    assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)
+>>>>>>> be0d525 (Dead zones in many parameters are screened by corners; noise that is not told is measured for one and for many parameters, by more runs where values are few)

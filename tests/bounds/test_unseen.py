@@ -7,6 +7,7 @@ import pytest
 
 import symmb as mb
 from models import slider_crank
+from symmb.bounds.adaptive.check_runs import screening_corners
 
 
 def bounds_of(f, d, n_t, n_y=1):
@@ -42,3 +43,20 @@ def test_a_narrow_window_of_the_slider_crank_is_refined_or_doubtful():
         bounds = mb.propagate(slider_crank.scene(), mb.PolynomialChaos(), box)
     highest = bounds.outer[1][:, bounds.names.index("phi_dot")]
     assert highest[np.argmin(np.abs(bounds.t - 4.58))] > 2.562 or bounds.doubts
+
+
+@pytest.mark.parametrize("d", [5, 6, 8])
+@pytest.mark.parametrize("is_field", [False, True], ids=["scalar", "field"])
+def test_a_dead_zone_is_left_or_doubtful(d, is_field):
+    """A response that is 0 in most of the box, at some of the times, and 0.7 in a corner."""
+    t = np.linspace(0, 10, 101) if is_field else np.zeros(1)
+    zone = (t >= 4) & (t < 6) if is_field else np.ones(1, dtype=bool)
+    bounds = bounds_of(lambda x: np.where(zone, max(0.0, x.mean() - 0.3), np.sin(t + 0.1 * x[0])), d, len(t))
+    assert bounds.outer[1][zone].min() >= 0.68 or bounds.doubts
+
+
+def test_corners_that_are_screened_are_near_any_corner():
+    for d in range(4, 9):
+        corners = screening_corners(d)
+        every = np.indices((2,) * d).reshape(d, -1).T * 2 - 1
+        assert ((every @ corners.T).max(axis=1) >= d / 2).all() and len(corners) <= 16

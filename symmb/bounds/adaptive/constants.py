@@ -20,8 +20,8 @@ CHECKED_TOGETHER = 5
 """Check runs whose errors are computed together: a tensor grid has nearly twice as many nodes at least."""
 SHAPE_SHARE = 1e-2
 """Share of the largest shape of time from which others tell more than it does."""
-SHAPE_RUNS = 100
-"""Most runs of which shapes are counted."""
+SHAPE_RUNS, FEW_SHAPES = 100, 3
+"""Most runs of which shapes are counted, and shapes that hide as much as single numbers do."""
 MOST_CORNERS = 32
 """Most corners that are run because nothing else tells where a response varies."""
 ROUNDING_SHARE = 1e-6
@@ -33,8 +33,9 @@ above the share from which bounds are doubtful."""
 
 # --- Noise -------------------------------------------------------------------------------------------------------
 
-NOISE_RUNS, NOISE_SPACING = 5, 1e-7
-"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there."""
+NOISE_RUNS, NOISE_RUNS_OF_FEW, NOISE_SPACING = 5, 9, 1e-7
+"""Runs on a line from which noise is measured, at many times and at few, where few numbers may be alike by chance,
+and their distance in the unit box: the response is a line there."""
 LEAST_COST = 3
 """Runs of a refinement, or before it, over those that measure noise, from which it is worth while to measure."""
 NOISE_SAFETY = 3.0
@@ -77,7 +78,7 @@ WINDOW_SHARE = 0.2
 
 # --- Tensor grids ------------------------------------------------------------------------------------------------
 
-TENSOR_PROBES = ((3, 6), (6, 3))
+TENSOR_PROBES = ((FEW_SHAPES, 6), (6, 3))
 """Most shapes of time of a response, and quasi-random check points; with more shapes there is 1. Nodes lie at middles,
 ends and halves, where symmetric responses may be alike. What one shape hides, others show."""
 REFINED_SHARE = 0.25
@@ -99,6 +100,8 @@ GROWTH = 0.25
 """Share by which the grid grows at a time."""
 SPARSE_PROBES = 2
 """Quasi-random check points. Runs along the axes cannot show products of parameters; runs at these points can."""
+SCREENING_PROBES = 8
+"""Further points beside the corners where few shapes, or none, tell where a response varies."""
 SURPRISE = 3.0
 """Error at these points over the estimate above which any index ahead of the grid may have caused it."""
 PATIENCE, LEAST_PROGRESS = 30, 0.7

@@ -34,9 +34,9 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     """Range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
 
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
-    those of the mean and some standard deviations, and at points that are spread over the box. The estimated error is
-    what these deviations allow beyond the extremes, or a share of the error that the latest runs showed. Where it
-    remains large the bounds are those that runs attained.
+    those of the mean and some standard deviations, and at points and corners that are spread over the box. The
+    estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
+    showed. Where it remains large the bounds are those that runs attained.
 
     Parameters
     ----------
@@ -58,10 +58,11 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         ends = np.where(_is_plateau(data, attained)[:, None], attained[:, None], ends)
         observed = np.where(_is_plateau(data, attained), 0.0, OBSERVED_SHARE * _rms(latest) * width)
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
-        is_enough = n_spread >= FEWEST_SPREAD and (estimate <= tolerance * width).all()
+        is_enough = n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
         if is_enough or len(runs) >= most or not runs.left:
             return data.range(runs, surface, (places[:, 0], ends), attained, estimate)
         spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
+        spread[1::2] = np.sign(spread[1::2])
         n_spread += SPREAD
         beside = _beside(places[:, 0].reshape(-1, d), n_spread)
         new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
@@ -82,6 +83,7 @@ class _Responses:
     points, Y : (N, d) and (N, m)
     mean, deviation : (n_t n_y,) of all responses
     varies : (n_t n_y,) which of these are the m responses
+    noise : (m,) of these
     """
 
     points: Array
@@ -89,13 +91,17 @@ class _Responses:
     mean: Array
     deviation: Array
     varies: Mask
+    noise: Array
 
     @classmethod
     def of(cls, runs: Runs, nodes: Array) -> "_Responses":
         points = np.concatenate([nodes[runs.is_attained], runs.points])
         Y = np.concatenate([runs.nodes[runs.is_attained], runs.checks]).reshape(len(points), -1)
-        mean, deviation, varies = Y.mean(axis=0), Y.std(axis=0), np.ptp(Y, axis=0) > runs.rounding * abs(Y).max(axis=0)
-        return cls(points, (Y - mean)[:, varies] / deviation[varies], mean, deviation, varies)
+        mean, deviation, noise = Y.mean(axis=0), Y.std(axis=0), np.tile(runs.noise, runs.shape[0])
+        varies = np.ptp(Y, axis=0) > np.maximum(runs.rounding * abs(Y).max(axis=0), 2 * noise)
+        return cls(
+            points, (Y - mean)[:, varies] / deviation[varies], mean, deviation, varies, (noise / deviation)[varies]
+        )
 
     def relative(self, responses: Array) -> Array:
         """Responses (C, n_t, n_y) in the units of Y, (C, m)."""

@@ -13,6 +13,7 @@ from symmb.bounds.adaptive.constants import (
     LARGEST_SHARE,
     NODE_DIGITS,
     NOISE_RUNS,
+    NOISE_RUNS_OF_FEW,
     NOISE_SAFETY,
     NOISE_SPACING,
     ORDINARY,
@@ -185,18 +186,16 @@ class Runs:
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def measure_noise(self) -> None:
-        """Measure the noise by runs on a short line, whose third differences are 0 but for noise.
-
-        References
-        ----------
-        More, Wild (2011), Estimating computational noise, SIAM Journal on Scientific Computing 33, 1292-1314.
-        """
+        """Measure the noise by runs on a short line, along which responses are straight but for noise."""
         d = len(self.box)
         middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
-        Y, ok, _ = self._run(middle + NOISE_SPACING * np.arange(NOISE_RUNS)[:, None] * direction)
-        differences = np.diff(Y[ok], 3, axis=0) / np.sqrt(20.0)  # the norm of (1, 3, 3, 1)
-        if differences.size:
-            self.noise = NOISE_SAFETY * np.sqrt(np.mean(np.square(differences), axis=(0, 1)))
+        number = NOISE_RUNS if self.shape[0] >= NOISE_RUNS else NOISE_RUNS_OF_FEW
+        along = np.arange(number) - 0.5 * (number - 1)
+        Y, ok, _ = self._run(middle + NOISE_SPACING * along[:, None] * direction)
+        if (freedom := int(ok.sum()) - 2) > 0:
+            line, _ = np.linalg.qr(np.vander(along[ok], 2))
+            rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
+            self.noise = NOISE_SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
         self.noise_is_known = True
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:

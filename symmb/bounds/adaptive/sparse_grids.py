@@ -8,18 +8,27 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
+from symmb.bounds.adaptive.check_runs import (
+    count_shapes,
+    inflated_error,
+    quasi_random_points,
+    screening_corners,
+    select_dispersed,
+)
 from symmb.bounds.adaptive.constants import (
     CHECKED_SHARE,
     CONTINUED_SHARE,
     EARLY,
+    FEW_SHAPES,
     FEWEST_BOXES,
     GROWTH,
     LEAST_GAIN,
     LEAST_PROGRESS,
     MOST_ROUNDS,
+    NOISE_RUNS,
     PATIENCE,
     RANGE_WORK,
+    SCREENING_PROBES,
     SLOW,
     SPARSE_PROBES,
     SPARSE_RANGE,
@@ -32,6 +41,7 @@ from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes,
 from symmb.bounds.adaptive.error_estimate import TruncationError
 from symmb.bounds.adaptive.response_surface import surface_bounds
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, rms
+from symmb.bounds.time_windows import rests_for_a_time
 from symmb.nodes import Grid, Index
 from symmb.nodes import grid as corners
 from symmb.polynomials import Expansion, MultiIndices, basis_values
@@ -46,12 +56,22 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
     left to a response surface.
     """
     d = len(runs.box)
-    grid, expansion, n_checks = Grid(d), None, 2 * d
+    grid, expansion, n_checks, n_probes = Grid(d), None, 2 * d, SPARSE_PROBES
     errors: dict[int, float] = {}
     step = grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)])
     while True:
         expansion = _interpolant(runs, grid, step, expansion)
-        sizes, estimate = _expected(runs, grid, expansion)
+        sizes, estimate = _expected(runs, grid, expansion, n_probes)
+        error = relative_rms(estimate, runs.rms_widths())
+        if error > tolerance / TRUST and not runs.noise_is_known and NOISE_RUNS < runs.left - n_checks:
+            runs.measure_noise()
+            sizes, estimate = _expected(runs, grid, expansion, n_probes)
+            error = relative_rms(estimate, runs.rms_widths())
+        if error <= EARLY * tolerance and n_probes == SPARSE_PROBES and _may_hide(runs):
+            points = quasi_random_points(SPARSE_PROBES + SCREENING_PROBES, d)[SPARSE_PROBES:]
+            runs.check(np.concatenate([screening_corners(d), points])[: max(runs.left - n_checks, 0)])
+            n_probes = len(runs.points)
+            sizes, estimate = _expected(runs, grid, expansion, n_probes)
         widths = runs.rms_widths()
         step = largest(sizes, min(max(d, int(GROWTH * len(grid.row))), runs.left - n_checks))
         errors[len(grid.row)] = relative_rms(estimate, widths)
@@ -86,16 +106,21 @@ def _interpolant(runs: Runs, grid: Grid, step: set[Index], before: Expansion | N
     return Expansion(grid.alpha, coefficients, runs.box.names)
 
 
-def _expected(runs: Runs, grid: Grid, expansion: Expansion) -> tuple[dict[Index, float], Array]:
+def _may_hide(runs: Runs) -> bool:
+    """Whether runs tell as little as those of a few numbers: their responses have few shapes, or none for some time."""
+    return count_shapes(runs.nodes, runs.rms_widths()) <= FEW_SHAPES or rests_for_a_time(*runs.extremes, runs.noise)
+
+
+def _expected(runs: Runs, grid: Grid, expansion: Expansion, n_probes: int) -> tuple[dict[Index, float], Array]:
     """Expected sizes of the coefficients ahead of the grid, and the estimated error (n_t, n_y).
 
-    An error at the quasi-random points far above the estimate may come from any index ahead of the grid.
+    An error at the first check points, so many, far above the estimate may come from any index ahead of the grid.
     """
     widths, coefficients = runs.rms_widths(), expansion.coefficients
     sizes = extrapolated_sizes(grid, (rms(coefficients.swapaxes(0, 1)) / widths).max(axis=1))
     estimate = TruncationError.of(grid.alpha, coefficients, runs.noise).least
-    probes, values = runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES]
-    observed = np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0)
+    probes, values = runs.points[:n_probes], runs.checks[:n_probes]
+    observed = np.maximum(np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0) - runs.noise, 0.0)
     if relative_rms(observed, widths) > SURPRISE * relative_rms(estimate, widths):
         estimate = np.maximum(estimate, inflated_error(np.square(observed)))
         least = relative_rms(observed, widths) / len(sizes) ** 0.5
