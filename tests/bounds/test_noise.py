@@ -170,6 +170,6 @@ def test_noise_of_an_output_does_not_spoil_another(d):
 
     simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["smooth", "noisy"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
-    assert bounds.evaluations < 80 and not bounds.doubts
+    assert bounds.evaluations < 150 and not bounds.doubts
     assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)
 >>>>>>> be0d525 (Dead zones in many parameters are screened by corners; noise that is not told is measured for one and for many parameters, by more runs where values are few)

@@ -33,7 +33,7 @@ above the share from which bounds are doubtful."""
 
 # --- Noise -------------------------------------------------------------------------------------------------------
 
-NOISE_RUNS, NOISE_RUNS_OF_FEW, NOISE_SPACING = 5, 9, 1e-7
+NOISE_RUNS, NOISE_RUNS_OF_FEW, NOISE_SPACING = 5, 7, 1e-7
 """Runs on a line from which noise is measured, at many times and at few, where few numbers may be alike by chance,
 and their distance in the unit box: the response is a line there."""
 LEAST_COST = 3
@@ -129,6 +129,8 @@ SURFACE_RESPONSES = 8
 """Most outputs times times of a response surface: each extreme of each is searched by itself."""
 SURFACE_RUNS = 100, 20
 """Runs after which a surface that does not converge is given up: in all, and for each parameter."""
+SUSPICIOUS_RUNS = 100
+"""Runs from which it may be noise that a surface does not converge."""
 SLOPE_STEP = 0.1
 """Distance from the middle at which slopes are taken."""
 RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)

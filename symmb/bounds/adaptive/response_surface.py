@@ -23,6 +23,7 @@ from symmb.bounds.adaptive.constants import (
     SEARCH_STARTS,
     SLOPE_STEP,
     SPREAD,
+    SUSPICIOUS_RUNS,
     UNLIKELY,
 )
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
@@ -34,7 +35,7 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     """Range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
 
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
-    those of the mean and some standard deviations, and at points and corners that are spread over the box. The
+    those of the mean and some standard deviations, and at points that are spread over the box. The
     estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
     showed. Where it remains large the bounds are those that runs attained.
 
@@ -48,6 +49,9 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     latest, deviant, kernels = np.ones(1), np.ones(1), list[Kernel]()
     runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
     while True:
+        if not runs.noise_is_known and len(runs) >= SUSPICIOUS_RUNS:
+            runs.measure_noise()
+            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
         data = _Responses.of(runs, nodes)
         if len(data.points) >= REFIT * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
@@ -62,7 +66,6 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         if is_enough or len(runs) >= most or not runs.left:
             return data.range(runs, surface, (places[:, 0], ends), attained, estimate)
         spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
-        spread[1::2] = np.sign(spread[1::2])
         n_spread += SPREAD
         beside = _beside(places[:, 0].reshape(-1, d), n_spread)
         new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)

@@ -58,12 +58,13 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
     d = len(runs.box)
     grid, expansion, n_checks, n_probes = Grid(d), None, 2 * d, SPARSE_PROBES
     errors: dict[int, float] = {}
+    few = runs.shape[0] * runs.shape[1] <= SURFACE_RESPONSES
     step = grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)])
     while True:
         expansion = _interpolant(runs, grid, step, expansion)
         sizes, estimate = _expected(runs, grid, expansion, n_probes)
         error = relative_rms(estimate, runs.rms_widths())
-        if error > tolerance / TRUST and not runs.noise_is_known and NOISE_RUNS < runs.left - n_checks:
+        if error > tolerance / TRUST and not (few or runs.noise_is_known) and NOISE_RUNS < runs.left - n_checks:
             runs.measure_noise()
             sizes, estimate = _expected(runs, grid, expansion, n_probes)
             error = relative_rms(estimate, runs.rms_widths())
@@ -77,7 +78,7 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
         errors[len(grid.row)] = relative_rms(estimate, widths)
         runs.tell(errors[len(grid.row)])
         is_converging = not step or errors[len(grid.row)] <= tolerance / TRUST
-        if not is_converging and runs.shape[0] * runs.shape[1] <= SURFACE_RESPONSES:
+        if not is_converging and few:
             most = runs.most if patient else SURFACE_RUNS[0] + SURFACE_RUNS[1] * d
             return surface_bounds(runs, grid.nodes, tolerance, most)
         if _is_stalled(errors, d, patient):
