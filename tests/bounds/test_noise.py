@@ -96,7 +96,6 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
     assert (bounds.upper == bounds.inner[1]).all()
 
 
-<<<<<<< HEAD
 def test_a_told_noise_above_the_response_is_doubtful():
     for method in mb.PolynomialChaos(), mb.PolynomialChaos(order=3), mb.MonteCarlo(20, seed=0):
         with pytest.warns(mb.SymmbWarning, match="noise is told to be larger than the width of x.$"):
@@ -146,7 +145,8 @@ def test_estimates_near_failed_points_cover_what_is_predicted_there(d, times):
     assert bounds.inner is not None and (bounds.upper == bounds.inner[1]).all()
     assert (bounds.outer[1][:, 0] > np.exp(1.4) * (1 + times)).all()
     assert bounds.doubtful() == {"x": 0.0} and [name for name, *_ in bounds.doubtful_windows()] == ["x"]
-=======
+
+
 def uniform(*x):
     """A number from -1 to 1 that is random, the same at the same place."""
     return np.random.default_rng(np.array(x, dtype=float).view(np.uint64)).uniform(-1, 1)
@@ -172,4 +172,3 @@ def test_noise_of_an_output_does_not_spoil_another(d):
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
     assert bounds.evaluations < 150 and not bounds.doubts
     assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)
->>>>>>> be0d525 (Dead zones in many parameters are screened by corners; noise that is not told is measured for one and for many parameters, by more runs where values are few)
