@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
+_NAMED_WINDOWS = 3
+"""Doubtful windows of an output that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,8 +98,8 @@ class Bounds(Result):
                 f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
                 "happens near the failed ones is not known."
             )
-        if since := [f"{name} from {t:g} s" for name, t in self.doubtful().items()]:
-            doubts.append(f"The estimated error is above 10 % of the width: {', '.join(since)}.")
+        if parts := [f"{name} {self._doubtful_part(name, t)}" for name, t in self.doubtful().items()]:
+            doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
         if self.caution:
             doubts.append(f"The bounds are {self.caution}.")
         return tuple(doubts)
@@ -113,8 +115,8 @@ class Bounds(Result):
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
         """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
 
-        Both are root mean squares from a time to the end. Errors within the noise of the runs, and rounding, do not
-        count. The result is empty without an estimate.
+        Both are root mean squares from a time to the end, the width at least a tenth of that over all times. Errors
+        within the noise of the runs, and rounding, do not count. The result is empty without an estimate.
         """
         if self.estimate is None:
             return {}
@@ -140,6 +142,14 @@ class Bounds(Result):
             for name, edge in zip(self.names, edges.T, strict=True)
             for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
         )
+
+    def _doubtful_part(self, name: str, since: float) -> str:
+        """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
+        windows = [(begin, end) for other, begin, end in self.doubtful_windows() if other == name]
+        if not windows or windows[-1][1] == self.t[-1]:
+            return f"from {since:g} s"
+        texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]
+        return " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.

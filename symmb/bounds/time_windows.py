@@ -15,14 +15,20 @@ LEAST_WIDTH = 0.1
 """Width in a window of time, over that over all times, which counts at least: bounds may touch for a moment."""
 
 
+LEAST_WIDTH = 0.1
+"""Width at some of the times, over that over all times, which counts at least: bounds may touch for a moment, and
+responses die out. An error below 1 % of the width over all times, the usual tolerance, is never doubtful."""
+
+
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """From which times on (n_t, n_y) an estimated error exceeds a share of the width, and a floor (n_y,).
 
-    All are root mean squares from a time to the end.
+    All are root mean squares from a time to the end. The width is at least LEAST_WIDTH of that over all times.
     """
-    enough = np.square(share * width) + np.square(floor)
-    error, enough = (np.cumsum(a[::-1], axis=0)[::-1] for a in (np.square(estimate), enough))
-    return np.asarray(error > enough)
+    error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (estimate, width))
+    n_left = np.arange(len(width), 0, -1)[:, None]
+    width = np.maximum(width, LEAST_WIDTH**2 * n_left * width[0] / len(width))
+    return np.asarray(error > share**2 * width + n_left * np.square(floor))
 
 
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:

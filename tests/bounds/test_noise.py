@@ -1,5 +1,7 @@
 """Bounds of responses with noise, and of runs that fail: what they cost, and what is told."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -78,6 +80,29 @@ def test_a_pulse_is_doubtful_in_its_window():
     (window,) = bounds.doubtful_windows()
     assert window[0] == "x" and 97 <= window[1] <= 100 and 103 <= window[2] <= 106
     assert not bounds.doubtful()
+
+
+def test_what_has_died_out_is_not_doubtful():
+    t = np.linspace(0, 10, 501)
+
+    def f(a, b):
+        return np.exp(-(3 + 5 * (a - 1)) * t) * np.cos((9 + 20 * (b - 1)) * t)
+
+    bounds = mb.propagate(mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, t, ["x"]), mb.PolynomialChaos(), BOX)
+    width = bounds.upper - bounds.lower
+    assert bounds.estimate is not None and (bounds.estimate > 0.1 * width).any() and width[-1] < 1e-6 * width.max()
+    assert not bounds.doubts
+
+
+@pytest.mark.parametrize(("first", "text"), [(40, "x from 3. to 6. s"), (150, "x from 0 s")])
+def test_a_doubt_names_the_window_in_which_the_error_is_large(first, text):
+    lower, upper = np.zeros((200, 1)), np.ones((200, 1))
+    estimate = np.full((200, 1), 1e-3)
+    estimate[first : first + 20] = 1.0
+    estimate[-10:] = 1e-3 if first == 40 else 1.0
+    bounds = mb.Bounds(np.arange(200.0), ("x",), lower, upper, "estimate", "", 1, estimate)
+    assert bounds.doubtful() == {"x": 0.0}
+    assert re.fullmatch(f"The estimated error is above 10 % of the width: {text}.", bounds.doubts[0])
 
 
 def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_attained():
