@@ -12,10 +12,6 @@ ROUNDING_SCALE = 1e-12
 DOUBTFUL = 0.1
 """Share of the width above which an estimated error is doubtful."""
 LEAST_WIDTH = 0.1
-"""Width in a window of time, over that over all times, which counts at least: bounds may touch for a moment."""
-
-
-LEAST_WIDTH = 0.1
 """Width at some of the times, over that over all times, which counts at least: bounds may touch for a moment, and
 responses die out. An error below 1 % of the width over all times, the usual tolerance, is never doubtful."""
 
