@@ -40,6 +40,12 @@ def require_instance(owner: str, value: object, kind: type, example: str) -> Non
         raise DeclarationError(f"{owner}: expected {example}, got {' '.join(got.split())[:200]}.")
 
 
+def require_timeout(owner: str, value: object) -> None:
+    """DeclarationError unless a value is None or a number of seconds above 0."""
+    if value is not None and not (is_finite_number(value) and value > 0):  # pyright: ignore[reportOperatorIssue]
+        raise DeclarationError(f"{owner}: timeout must be a number of seconds above 0, got {value!r}.")
+
+
 def require_callable(owner: str, value: object, *arguments: str) -> None:
     """DeclarationError unless a value is None or can be called with these arguments."""
     try:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from symmb._cleanup import process_group, temporary_folder
 from symmb._errors import DeclarationError, SimulationError, text_of
-from symmb._options import is_finite_number, require_whole
+from symmb._options import require_timeout, require_whole
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.program_results import READERS, read_table
@@ -118,6 +118,7 @@ class CommandSimulator(BlackBox):
         if faults:
             raise DeclarationError("\n".join(faults))
         require_whole(_OWNER, "retries", retries, 0)
+        require_timeout(_OWNER, timeout)
 
     def _faults(self) -> Iterator[str]:
         places = {f"template {name!r}": text for name, text in self.templates.items()}
@@ -134,8 +135,6 @@ class CommandSimulator(BlackBox):
             yield f"read: {self.read!r} must end in one of {', '.join(READERS)}, or be a function of the folder."
         if not isinstance(self.read, str) and not callable(self.read):
             yield f"read must be the name of a file or a function of the folder, got {self.read!r}."
-        if self.timeout is not None and not (is_finite_number(self.timeout) and self.timeout > 0):
-            yield f"timeout must be a number of seconds above 0, got {self.timeout!r}."
         if self.keep not in _KEEP:
             yield f"keep must be one of {', '.join(map(repr, _KEEP))}, got {self.keep!r}."
         if self.folder is not None and not self.folder.is_dir():

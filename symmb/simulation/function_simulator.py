@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from symmb._errors import DeclarationError
+from symmb._options import require_timeout
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
+from symmb.simulation.limited_calls import LimitedCalls
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,6 +25,7 @@ class FunctionSimulator(BlackBox):
     outputs : n_y names of the columns
     noise : how far values may be off by name of the output, as ``{"x": 1e-6}``; others have none. None: not known, it
         is measured if it matters
+    timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended when the time is over
 
     Raises
     ------
@@ -41,6 +44,8 @@ class FunctionSimulator(BlackBox):
     """
 
     f: Callable[..., Any]
+    timeout: float | None
+    _limited: LimitedCalls | None
 
     def __init__(
         self,
@@ -49,15 +54,19 @@ class FunctionSimulator(BlackBox):
         times: Array,
         outputs: Sequence[str],
         noise: Mapping[str, float] | None = None,
+        timeout: float | None = None,
     ):
         if not callable(f):
             raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {f!r}.")
+        require_timeout("FunctionSimulator", timeout)
         object.__setattr__(self, "f", f)
+        object.__setattr__(self, "timeout", timeout)
+        object.__setattr__(self, "_limited", None if timeout is None else LimitedCalls(f, timeout))
         self._declare(parameters, times, outputs, noise)
 
     def response(self, values: dict[str, float]) -> Any:
         """What f returns."""
-        return self.f(**values)
+        return self.f(**values) if self._limited is None else self._limited(values)
 
     def __repr__(self) -> str:
         return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"

@@ -1,9 +1,17 @@
 """FunctionSimulator: shapes, failures and what is told of them."""
 
+import os
+import signal
+import sys
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 from symmb import DeclarationError, FunctionSimulator
+from symmb.simulation import run_blocks
 
 TIMES = np.array([0.0, 1.0, 2.0])
 
@@ -90,3 +98,64 @@ def test_times_must_increase(times):
 def test_outputs_must_differ(outputs):
     with pytest.raises(DeclarationError, match="one or more different names"):
         _simulator(lambda a: TIMES, outputs)
+
+
+# -- Timeouts ----------------------------------------------------------------------------------------------
+
+
+def _hangs(a):
+    """A function that hangs, ends its process or raises for some of its arguments."""
+    if 1.5 < a < 2.5:
+        time.sleep(1000)
+    if 2.5 < a < 3.5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if 3.5 < a < 4.5:
+        sys.exit(3)
+    if 4.5 < a < 5.5:
+        raise RuntimeError("stuck")
+    if 5.5 < a < 6.5:
+        return lambda: None
+    return a * TIMES
+
+
+LIMITED = FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=0.3)
+FAULTS = (
+    "the function had not returned after 0.3 s (a=2)",
+    "the function ended its process by SIGKILL (a=3)",
+    "SystemExit: 3 (a=4)",
+    "RuntimeError: stuck (a=5)",
+)
+
+
+@pytest.mark.parametrize("copies", [1, 3])
+def test_calls_that_take_too_long_are_failed_samples(copies):
+    P = np.tile(np.arange(1.0, 8.0), copies)[:, None]
+    begin = time.monotonic()
+    ensemble = LIMITED.run(P)
+    assert time.monotonic() - begin < 10 * copies
+    assert ensemble.ok.tolist() == [True, False, False, False, False, False, True] * copies
+    assert ensemble.messages[:4] == FAULTS and "cannot be sent" in ensemble.messages[4]
+    assert (ensemble.Y[ensemble.ok][:, :, 0] == P[ensemble.ok] * TIMES).all()
+
+
+def test_timeouts_hold_in_threads_and_in_processes():
+    P = np.arange(1.0, 8.0)[:, None]
+    alone = run_blocks(LIMITED, P)
+    for pool in ThreadPoolExecutor(3), ProcessPoolExecutor(2):
+        with pool:
+            assert run_blocks(LIMITED, P, pool).ok.tolist() == alone.ok.tolist()
+
+
+def test_an_interrupt_ends_a_call():
+    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    slow = FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=100)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        slow.run(np.array([[2.0]]))
+    assert slow.run(np.array([[1.0]])).Y[0, :, 0].tolist() == TIMES.tolist()
+
+
+@pytest.mark.parametrize("timeout", [0, -1.0, np.nan, "10", True])
+def test_malformed_timeouts_are_refused(timeout):
+    with pytest.raises(DeclarationError, match="timeout must be a number of seconds above 0"):
+        FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=timeout)
