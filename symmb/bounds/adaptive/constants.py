@@ -129,7 +129,7 @@ SURFACE_RESPONSES = 8
 """Most outputs times times of a response surface: each extreme of each is searched by itself."""
 SURFACE_RUNS = 100, 20
 """Runs after which a surface that does not converge is given up: in all, and for each parameter."""
-SUSPICIOUS_RUNS = 100
+SUSPICIOUS_RUNS = 150
 """Runs from which it may be noise that a surface does not converge."""
 SLOPE_STEP = 0.1
 """Distance from the middle at which slopes are taken."""

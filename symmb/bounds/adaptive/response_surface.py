@@ -103,7 +103,12 @@ class _Responses:
         mean, deviation, noise = Y.mean(axis=0), Y.std(axis=0), np.tile(runs.noise, runs.shape[0])
         varies = np.ptp(Y, axis=0) > np.maximum(runs.rounding * abs(Y).max(axis=0), 2 * noise)
         return cls(
-            points, (Y - mean)[:, varies] / deviation[varies], mean, deviation, varies, (noise / deviation)[varies]
+            points,
+            (Y - mean)[:, varies] / deviation[varies],
+            mean,
+            deviation,
+            varies,
+            noise[varies] / deviation[varies],
         )
 
     def relative(self, responses: Array) -> Array:
