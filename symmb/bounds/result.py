@@ -56,6 +56,7 @@ class Bounds(Result):
     expansion : polynomial chaos of a given order, or None
     caution : from when on the method is not valid, and why; empty if it is valid
     run_doubts : what cannot be trusted about the runs, in sentences; `doubts` are all
+    remarks : what else is known about the bounds, in sentences: a tolerance that was not reached
     units : n_y units of the outputs, '' where they are not known; empty if none is known
     box : intervals of the parameters, or None where they are not known
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
@@ -82,6 +83,7 @@ class Bounds(Result):
     expansion: Expansion | None = None
     caution: str = ""
     run_doubts: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     box: Box | None = None
     study: "Study | None" = None
@@ -232,6 +234,7 @@ class Bounds(Result):
             "seconds": self.seconds,
             "caution": self.caution,
             "run_doubts": self.run_doubts,
+            "remarks": self.remarks,
             "units": self.units,
             "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
             "doubts": self.doubts,
@@ -291,7 +294,8 @@ class Bounds(Result):
         ]
         if self.failed:
             lines.append(failure_text(self.failed, 3, indent="    "))
-        return [*lines, *(f"  doubtful     {doubt}" for doubt in self.doubts)]
+        lines += [f"  doubtful     {doubt}" for doubt in self.doubts]
+        return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
         return widest_bounds(self.t, names, self.lower, self.upper, self.estimate)

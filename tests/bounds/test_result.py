@@ -184,3 +184,24 @@ def test_same_seed_same_bounds():
     first, second = (propagate(Wave(), MonteCarlo(50, seed=3), BOX) for _ in range(2))
     np.testing.assert_array_equal(first.lower, second.lower)
     assert (propagate(Wave(), MonteCarlo(50, seed=4), BOX).lower != first.lower).any()
+
+
+@pytest.mark.parametrize(
+    ("f", "noise", "method"),
+    [
+        (lambda a, b: np.exp(a * b), None, PolynomialChaos(tolerance=1e-300, budget=300)),
+        (lambda a, b: np.exp(a * b), None, PolynomialChaos(tolerance=1e-9)),
+        (lambda a, b: abs(a - 0.3 * b + 0.1) + a, None, PolynomialChaos(tolerance=1e-4, budget=100)),
+        (lambda a, b: np.sin(a + b), {"x": 1e-3}, PolynomialChaos(tolerance=1e-5)),
+    ],
+)
+def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
+    simulator = FunctionSimulator(lambda a, b: [f(a, b)], {"a": 0.0, "b": 0.0}, [0.0], ["x"], noise=noise)
+    box = Box(a=(-1.0, 1.0), b=(-1.0, 1.0))
+    bounds = propagate(simulator, method, box)
+    (remark,) = bounds.remarks
+    assert remark.startswith(f"The tolerance {method.tolerance:g} was not reached: the estimated error is ")
+    assert float(remark.split()[-4]) > method.tolerance and remark in str(bounds)
+    bounds.save(tmp_path / "b.json")
+    assert Bounds.load(tmp_path / "b.json").remarks == bounds.remarks
+    assert propagate(simulator, PolynomialChaos(tolerance=0.1), box).remarks == ()

@@ -7,7 +7,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARAMETERS, UNKNOWN_SHARE
-from symmb.bounds.adaptive.runs import EstimatedRange, Runs
+from symmb.bounds.adaptive.runs import EstimatedRange, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import sparse_bounds
 from symmb.bounds.adaptive.tensor_grids import tensor_bounds
 from symmb.bounds.result import Bounds
@@ -39,7 +39,9 @@ def adaptive_bounds(
     runs = Runs(simulator, box, most, executor, progress)
     estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
-    lower, upper, estimate = (_scaled(each, power) for each in _attained_or_estimated(runs, estimated, is_noise))
+    lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
+    remarks = _remarks(runs, estimate, tolerance, estimated.is_enough)
+    lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
         t=simulator.times,
         names=simulator.outputs,
@@ -52,6 +54,7 @@ def adaptive_bounds(
         noise=_scaled(runs.floor, power),
         inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
         failed=runs.failed,
+        remarks=remarks,
     )
     del runs  # the expansion is as large
     expansion = estimated.expansion and estimated.expansion()
@@ -77,6 +80,15 @@ def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
     return lower, upper, estimate
+
+
+def _remarks(runs: Runs, estimate: Array, tolerance: float, is_enough: bool) -> tuple[str, ...]:
+    """Whether the tolerance was reached, in a sentence if not: runs are too few, or noise and rounding too large."""
+    widths = runs.rms_widths()
+    if is_enough and (runs.noise <= tolerance * widths).all():
+        return ()
+    error = float(np.max(rms(estimate) / widths, initial=0.0))
+    return (f"The tolerance {tolerance:g} was not reached: the estimated error is {error:.0e} of the width.",)
 
 
 def _scaled(values: Array, power: Indices) -> Array:

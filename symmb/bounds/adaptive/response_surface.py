@@ -64,7 +64,7 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
         is_enough = n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
         if is_enough or len(runs) >= most or not runs.left:
-            return data.range(runs, surface, (places[:, 0], ends), attained, estimate)
+            return data.range(runs, surface, (places[:, 0], ends), attained, estimate)._replace(is_enough=is_enough)
         spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
         n_spread += SPREAD
         beside = _beside(places[:, 0].reshape(-1, d), n_spread)

@@ -34,7 +34,7 @@ class EstimatedRange(NamedTuple):
     """Range of an interpolant, its estimated error, each (n_t, n_y), and its expansion over the box if it is whole.
 
     The expansion is made on call: it is as large as the runs, which are not needed any more then. `places` are those of
-    the minima and the maxima, (2, n_t, n_y, d), if they are known.
+    the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is reached.
     """
 
     lower: Array
@@ -42,6 +42,7 @@ class EstimatedRange(NamedTuple):
     estimate: Array
     expansion: Callable[[], Expansion | None] | None
     places: Array | None = None
+    is_enough: bool = False
 
 
 @dataclass

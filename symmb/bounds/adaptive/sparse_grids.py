@@ -92,7 +92,7 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
         error = relative_rms(estimate, runs.rms_widths())
         if is_last or error <= tolerance:
             estimate = estimate + SPARSE_RANGE * tolerance * (upper - lower)
-            return EstimatedRange(lower, upper, estimate, corrected.expansion, places)
+            return EstimatedRange(lower, upper, estimate, corrected.expansion, places, error <= tolerance)
         step = largest({a: sizes[a] for a in step}, int(len(step) * (error / tolerance - 1)))
 
 

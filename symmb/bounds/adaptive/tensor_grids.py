@@ -112,9 +112,9 @@ def _range_or_refinement(
         return worst, parts
     whole = pieces[0].expansion
     estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
-    return EstimatedRange(
-        union.lower, union.upper, estimate, (lambda: whole) if len(pieces) == 1 else None, union.places
-    )
+    expansion = (lambda: whole) if len(pieces) == 1 else None
+    is_enough = max(error, TENSOR_RANGE) <= tolerance
+    return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
 
 
 def _affordable(parts: list[Part], runs: Runs) -> bool:
