@@ -26,9 +26,7 @@ fork = mb.Body("fork", 4.0, ((0.05892, 0, 0.00756), (0, 0.06, 0), (0.00756, 0, 0
 places = {"frame": (0.3, 0, 0.9), "fork": (0.9, 0, 0.7), "rear": (0, 0, 0.3), "front": (1.02, 0, 0.35)}
 axis = (-np.sin(TILT), 0, np.cos(TILT))
 head = np.array([1.1, 0, 0]) + 0.9 * np.array(axis)  # the steering axis meets the ground 0.08 m before the wheel
-steering = mb.Revolute(
-    "steering", frame.point(*head - places["frame"]), fork.point(*head - places["fork"]), axis=axis
-)
+steering = mb.Revolute("steering", frame.point(*head - places["frame"]), fork.point(*head - places["fork"]), axis=axis)
 elements = [frame, fork, steering]
 for name, carrier, mass, inertia, radius in (
     ("rear", frame, 2.0, (0.0603, 0.12, 0.0603), 0.3),
