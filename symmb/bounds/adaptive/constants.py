@@ -78,7 +78,7 @@ WINDOW_SHARE = 0.2
 
 # --- Tensor grids ------------------------------------------------------------------------------------------------
 
-TENSOR_PROBES = ((FEW_SHAPES, 6), (6, 3))
+TENSOR_PROBES = ((FEW_SHAPES, 6), (5, 3))
 """Most shapes of time of a response, and quasi-random check points; with more shapes there is 1. Nodes lie at middles,
 ends and halves, where symmetric responses may be alike. What one shape hides, others show."""
 REFINED_SHARE = 0.25

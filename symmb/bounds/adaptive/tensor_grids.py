@@ -47,7 +47,7 @@ def tensor_bounds(runs: Runs, tolerance: float) -> EstimatedRange:
         if isinstance(outcome, EstimatedRange):
             return outcome
         old, parts = outcome
-        if not runs.noise_is_known and max(_cost(parts, runs), len(runs)) >= LEAST_COST * NOISE_RUNS:
+        if not runs.noise_is_known and (_cost(parts, runs) >= LEAST_COST * NOISE_RUNS or len(runs) >= CHEAP_RUNS):
             runs.measure_noise()
             pieces = [replace(piece, widths=runs.rms_widths()) for piece in pieces]  # their errors are estimated anew
             continue
@@ -153,14 +153,17 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
     Piece                   the piece to refine next: that with the largest observed error, or else the worst
     """
     estimate = union.errors.max(axis=0)
-    probes = quasi_random_points(_probes(runs), len(runs.box))
+    n_known, probes = len(runs.points), quasi_random_points(_probes(runs), len(runs.box))
     selected = select_dispersed(union.places, union.checkable_error / widths, number)
     runs.check(np.concatenate([probes, selected])[: runs.left])
-    if not len(runs.points):
+    # Near a jump, errors of former check runs say nothing about the pieces that lie there now.
+    whole = len(union.pieces) == 1
+    rows = [k for k in range(len(runs.points)) if whole or k < len(probes) or k >= n_known]
+    if not rows:
         return estimate, np.zeros_like(estimate), np.ones(runs.shape[1]), worst
     squares, largest = np.zeros_like(estimate), -1.0
     seen, foreseen = np.zeros((2, runs.shape[1]))
-    for row, piece, error in _observed_errors(runs, union, list(range(len(runs.points)))):
+    for row, piece, error in _observed_errors(runs, union, rows):
         expected = piece.expected_error(runs.points[row])
         ratio = np.divide(estimate, expected, out=np.ones_like(error), where=expected > estimate / FARTHEST_SCALING)
         ratio = np.where(np.abs(error) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)
