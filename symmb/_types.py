@@ -1,7 +1,6 @@
 """Type names shared by all floors."""
 
-from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,5 @@ Expr = Any
 """A number, a CasADi SX scalar or, where a law or a mass is asked for, a SymPy expression."""
 
 
-class Executor(Protocol):
-    """Anything with an ordered ``map``: thread and process pools, a Dask client's executor."""
-
-    def map(self, fn: Callable[..., Any], /, *iterables: Iterable[Any]) -> Iterable[Any]: ...
+Executor = Any
+"""An object with `submit` or with an ordered `map`, or a function that makes one."""

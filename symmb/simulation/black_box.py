@@ -11,8 +11,12 @@ from symmb._names import did_you_mean, name_faults
 from symmb._options import is_finite_number
 from symmb._types import Array, Executor
 from symmb.simulation.simulator import Ensemble, Progress, Reduction, stream
+from symmb.simulation.single_runs import stream_of_runs
 
 S = TypeVar("S")
+
+_BLOCKS = 64
+"""About how many blocks a study has."""
 
 
 class BlackBox(ABC):
@@ -39,11 +43,6 @@ class BlackBox(ABC):
         ------
         SimulationError         if the run fails: the text alone is told. Of other exceptions the kind is told as well
         """
-
-    @property
-    def block(self) -> int | None:
-        """Samples that one worker runs together; None: about 64 blocks a study."""
-        return None
 
     def _declare(
         self,
@@ -100,7 +99,10 @@ class BlackBox(ABC):
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run P (N, d) block by block, and reduce each block."""
-        return stream(self, P, reduction, executor, progress, block=self.block or 1 + len(P) // 64)
+        block = 1 + len(P) // _BLOCKS
+        if executor is None:
+            return stream(self, P, reduction, None, progress, block)
+        return stream_of_runs(self, P, reduction, executor, progress, block)
 
     def _shaped(self, result: Any) -> Array:
         shape = (len(self.times), len(self.outputs))

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from symmb._cleanup import process_group, temporary_folder
 from symmb._errors import DeclarationError, SimulationError, text_of
@@ -74,8 +74,6 @@ class CommandSimulator(BlackBox):
     interpolate: bool
     keep: str
     folder: Path | None
-
-    block: ClassVar[int] = 1
 
     def __init__(
         self,

@@ -5,10 +5,10 @@ block into a small state, and the states are merged in block order. So the resul
 bit whether the blocks are run one after another, in threads, in processes or on other machines.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar, cast, runtime_checkable
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.simulation.attained import note_attained
+from symmb.simulation.executors import Lost, finished
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
@@ -187,7 +188,7 @@ def stream(
     simulator : picklable if the executor runs in other processes
     P : (N, d) parameter values
     reduction : of each block
-    executor : anything with an ordered ``map``; None runs here
+    executor : as for `executors.finished`; None runs here
     progress : called after each block with the finished samples and all
     block : samples of a block; must not depend on the executor
 
@@ -195,6 +196,52 @@ def stream(
     ------
     SimulationError
         If P does not have one column for each parameter.
+    """
+    P = checked_samples(simulator, P, progress)
+    tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
+    work = partial(_reduce_block, simulator, reduction)
+    results = enumerate(map(work, tasks)) if executor is None else finished(work, tasks, executor)
+    merging, arrived = Merging(reduction, progress, len(P)), dict[int, Any]()
+    for k, result in results:
+        if isinstance(result, Lost):
+            raise SimulationError(f"{simulator!r}: {result.reason}")
+        arrived[k] = result
+        while (part := arrived.pop(merging.count, None)) is not None:
+            merging.add(part, len(tasks[merging.count][1]))
+    return merging.state
+
+
+class Merging(Generic[S]):
+    """The state of blocks that are merged in their order.
+
+    Attributes
+    ----------
+    state : that of the blocks so far
+    count : how many blocks these are
+    """
+
+    def __init__(self, reduction: Reduction[S], progress: Progress | None, samples: int) -> None:
+        self.reduction, self.progress, self.samples = reduction, progress, samples
+        self.state, self.count, self._done = reduction.init(), 0, 0
+
+    def add(self, part: S, samples: int) -> None:
+        """Merge the state of the next block."""
+        self.state = self.reduction.merge(self.state, part)
+        self.count += 1
+        self._done += samples
+        if self.reduction.attained is not None:
+            note_attained(*self.reduction.attained(part), samples)
+        if self.progress is not None:
+            self.progress(self._done, self.samples)
+
+
+def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -> Array:
+    """Samples (N, d) of a simulator's parameters.
+
+    Raises
+    ------
+    SimulationError         if they have another shape
+    DeclarationError        if progress is not a function
     """
     if progress is not None and not callable(progress):
         raise DeclarationError(f"progress: expected a function of the finished runs and all, got {progress!r}.")
@@ -204,44 +251,25 @@ def stream(
             f"{simulator!r}: samples must have shape (N, {len(simulator.parameters)}), "
             f"one column for each of {', '.join(simulator.parameters)}; got {P.shape}."
         )
-    parts = blocks(len(P), block)
-    run = map if executor is None else _map_of(executor)
-    state = reduction.init()
-    done = 0
-    for indices, part in zip(
-        parts, run(partial(_reduce_block, simulator, reduction), [P[i] for i in parts], parts), strict=True
-    ):
-        state = reduction.merge(state, part)
-        done += len(indices)
-        if reduction.attained is not None:
-            note_attained(*reduction.attained(part), len(indices))
-        if progress is not None:
-            progress(done, len(P))
-    return state
-
-
-def _map_of(executor: Executor) -> Callable[..., Iterable[Any]]:
-    ordered_map = getattr(executor, "map", None)
-    if not callable(ordered_map) or hasattr(executor, "apply_async"):  # pools of multiprocessing: one iterable only
-        raise DeclarationError(
-            f"executor: {executor!r} is not supported. It needs an ordered map(f, *iterables), as ThreadPoolExecutor "
-            "and ProcessPoolExecutor of concurrent.futures and a Dask client's executor have."
-        )
-    return cast(Callable[..., Iterable[Any]], ordered_map)
+    return P
 
 
 def run_blocks(
     simulator: Simulator, P: Array, executor: Executor | None = None, progress: Progress | None = None
 ) -> Ensemble:
     """All trajectories of samples P (N, d), run block by block."""
-    parts = list(simulator.stream(P, _GATHER, executor, progress))
+    return joined(list(simulator.stream(P, _GATHER, executor, progress)), len(simulator.times), len(simulator.outputs))
+
+
+def joined(parts: list[Ensemble], n_t: int, n_y: int) -> Ensemble:
+    """Ensembles one after the other. The list is empty then."""
     if len(parts) == 1:
-        return parts[0]
+        return parts.pop()
     ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
     t_failed = np.concatenate([np.empty(0), *(part.t_failed for part in parts)])
     messages = tuple(message for part in parts for message in part.messages)
     events = [part.events for part in parts if part.events is not None]
-    Y, filled = np.empty((len(ok), len(simulator.times), len(simulator.outputs))), 0
+    Y, filled = np.empty((len(ok), n_t, n_y)), 0
     while parts:  # each part is freed as soon as it is copied
         values = parts.pop(0).Y
         Y[filled : filled + len(values)] = values
@@ -249,7 +277,8 @@ def run_blocks(
     return Ensemble(Y, ok, t_failed, messages, np.concatenate(events) if events else None)
 
 
-def _reduce_block(simulator: Simulator, reduction: Reduction[S], P: Array, indices: Indices) -> S:
+def _reduce_block(simulator: Simulator, reduction: Reduction[S], task: tuple[Array, Indices]) -> S:
+    P, indices = task
     return reduction.update(reduction.init(), simulator.run(P), indices)
 
 

@@ -1,0 +1,190 @@
+"""Work on other threads, processes and machines: tasks go out one by one, and come back as they end."""
+
+import queue
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from symmb._errors import DeclarationError, SimulationError, text_of
+
+_TRIES = 3
+"""Times that a task is tried whose worker dies: at first among others, then alone."""
+_AHEAD = 2
+"""Tasks at a time for each worker: one that runs and one that waits."""
+_UNKNOWN_WORKERS = 512
+"""Tasks at a time, over _AHEAD, of an executor that does not tell its workers, such as that of a cluster."""
+_KILLED = "KilledWorker"
+"""What Dask raises for a task after it has tried it on several workers."""
+_TICK = 0.02
+"""Time between looks at futures that do not call back [s]."""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A task whose worker died each time that it was tried."""
+
+    reason: str
+
+
+def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[tuple[int, Any]]:
+    """Numbers of items with f(item), as the tasks end; `Lost` in place of a result if workers die.
+
+    Parameters
+    ----------
+    f : picklable if the executor runs in other processes
+    items : taken when there is a worker for them
+    executor : with `submit`, as those of concurrent.futures, loky, mpi4py and Dask; with an ordered `map`; or a
+        function that makes one, and makes another when it breaks
+
+    Raises
+    ------
+    DeclarationError        if it is none of these, or what it has to run cannot be pickled
+    SimulationError         if an executor that was handed in as an object breaks
+    """
+    with _pool(executor) as pool:
+        if pool.submits:
+            yield from _submitted(f, items, pool)
+        else:
+            yield from enumerate(pool.executor.map(f, items))
+
+
+class _Pool:
+    """An executor, and how to make another."""
+
+    def __init__(self, given: Any) -> None:
+        self._make = given if _is_factory(given) else None
+        self._start(given)
+
+    def _start(self, given: Any) -> None:
+        self.executor = given if self._make is None else self._make()
+        if hasattr(self.executor, "get_executor"):  # a client of Dask
+            self.executor = self.executor.get_executor(pure=False)
+        self.submits = callable(getattr(self.executor, "submit", None))
+        maps = callable(getattr(self.executor, "map", None))
+        if not self.submits and (not maps or hasattr(self.executor, "apply_async")):  # of multiprocessing: no futures
+            raise DeclarationError(
+                f"executor: {self.executor!r} is not supported. Give an object with submit(f, x) or with an ordered "
+                "map(f, *iterables), such as a ThreadPoolExecutor, a ProcessPoolExecutor or a client of Dask, or a "
+                "function that makes one."
+            )
+
+    def submit(self, f: Callable[[Any], Any], item: Any) -> Any:
+        return self.executor.submit(f, item)
+
+    @property
+    def workers(self) -> int:
+        """How many tasks run side by side."""
+        told = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
+        return told if isinstance(told, int) and told > 0 else _UNKNOWN_WORKERS
+
+    def renew(self, error: BaseException) -> None:
+        """Make another executor in the place of a broken one."""
+        if self._make is None:
+            raise SimulationError(
+                f"executor: {text_of(error)} The study ends here. Give a function that makes the executor, such as "
+                "lambda: ProcessPoolExecutor(8): then symmb makes another, and finds the run at which workers die."
+            ) from None
+        self.end()
+        self._start(self._make)
+
+    def end(self) -> None:
+        """Shut down an executor that was made here."""
+        if self._make is not None and hasattr(self.executor, "shutdown"):
+            self.executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _is_factory(given: Any) -> bool:
+    return isinstance(given, type) or (callable(given) and not hasattr(given, "submit") and not hasattr(given, "map"))
+
+
+@contextmanager
+def _pool(given: Any) -> Iterator[_Pool]:
+    pool = _Pool(given)
+    try:
+        yield pool
+    finally:
+        pool.end()
+
+
+@dataclass(frozen=True)
+class _Task:
+    item: Any
+    future: Any
+
+
+def _submitted(f: Callable[[Any], Any], items: Iterable[Any], pool: _Pool) -> Iterator[tuple[int, Any]]:
+    waiting, most = iter(enumerate(items)), _AHEAD * pool.workers
+    running: dict[int, _Task] = {}
+    done: queue.SimpleQueue[int] = queue.SimpleQueue()
+    try:
+        while True:
+            try:
+                while len(running) < most and (following := next(waiting, None)) is not None:
+                    k, item = following
+                    running[k] = _Task(item, None)  # if the executor is broken already, it is tried again
+                    running[k] = _begun(f, item, k, pool, done)
+                if not running:
+                    return
+                k = _next(running, done)
+                result = _result(running[k].future)
+                del running[k]
+                yield k, result
+            except BrokenExecutor as error:
+                suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
+                running.clear()
+                pool.renew(error)
+                for k, task in suspects.items():
+                    yield k, _alone(f, task.item, pool)
+    finally:  # where it is interrupted, or an error ends it
+        for task in running.values():
+            if task.future is not None:
+                task.future.cancel()
+
+
+def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: _Pool, done: "queue.SimpleQueue[int]") -> _Task:
+    future = pool.submit(f, item)
+    if hasattr(future, "add_done_callback"):
+        future.add_done_callback(lambda _: done.put(k))
+    return _Task(item, future)
+
+
+def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]") -> int:
+    """The number of a task that has ended."""
+    if all(hasattr(task.future, "add_done_callback") for task in running.values()):
+        return done.get()
+    while True:
+        for k, task in running.items():
+            if task.future.done():
+                return k
+        time.sleep(_TICK)
+
+
+def _alone(f: Callable[[Any], Any], item: Any, pool: _Pool) -> Any:
+    """The result of a task during which a worker died, tried alone."""
+    reason = ""
+    for _ in range(_TRIES - 1):
+        try:
+            return _result(pool.submit(f, item))
+        except BrokenExecutor as error:
+            reason = text_of(error)
+            pool.renew(error)
+    return Lost(f"its worker process died each of {_TRIES} times ({reason})")
+
+
+def _result(future: Any) -> Any:
+    try:
+        return future.result()
+    except BrokenExecutor:
+        raise
+    except Exception as error:
+        if type(error).__name__ == _KILLED:
+            return Lost(text_of(error))
+        if "pickle" in str(error):
+            raise DeclarationError(
+                f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Its functions must be "
+                "those of a module, not lambdas or functions inside of others."
+            ) from None
+        raise

@@ -1,0 +1,169 @@
+"""Executors: the same bits by all of them, workers that die, and executors that break."""
+
+import multiprocessing
+import os
+import signal
+import time
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.simulation import run_blocks
+
+TIMES = np.linspace(0.0, 1.0, 11)
+SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]
+
+
+def decay(k):
+    """A run of 5 ms."""
+    time.sleep(0.005)
+    return np.exp(-k * TIMES)
+
+
+def quick(k):
+    return np.exp(-k * TIMES)
+
+
+def deadly(k):
+    """A run that kills its process for some parameters."""
+    if 0.9 < k < 0.95:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return decay(k)
+
+
+def simulator(f):
+    return mb.FunctionSimulator(f, {"k": 1.0}, TIMES, ["x"])
+
+
+class Later:
+    """A future that does not call back."""
+
+    def __init__(self, f, item):
+        self._result, self._at = f(item), time.monotonic() + 0.01
+
+    def done(self):
+        return time.monotonic() > self._at
+
+    def result(self):
+        return self._result
+
+
+class Polled:
+    """An executor whose futures have to be asked."""
+
+    def submit(self, f, item):
+        return Later(f, item)
+
+
+class Mapping:
+    """An executor that has an ordered map alone."""
+
+    def map(self, f, items):
+        return [f(item) for item in list(items)]
+
+
+EXECUTORS = {
+    "threads": partial(ThreadPoolExecutor, 3),
+    "forked": partial(ProcessPoolExecutor, 2, mp_context=multiprocessing.get_context("fork")),
+    "spawned": partial(ProcessPoolExecutor, 2, mp_context=multiprocessing.get_context("spawn")),
+    "polled": Polled,
+    "map": Mapping,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("f", [decay, quick])
+@pytest.mark.parametrize("name", EXECUTORS)
+@pytest.mark.parametrize("handed_in", [True, False])
+def test_results_do_not_depend_on_the_executor(f, name, handed_in):
+    alone = run_blocks(simulator(f), SAMPLES)
+    make = EXECUTORS[name]
+    given = make() if handed_in else make
+    shared = run_blocks(simulator(f), SAMPLES, given)
+    if handed_in and hasattr(given, "shutdown"):
+        given.shutdown()
+    assert shared.Y.tobytes() == alone.Y.tobytes() and shared.ok.all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.MonteCarlo(60), mb.Scanning(9)], ids=repr)
+def test_bounds_do_not_depend_on_the_executor(method):
+    box = mb.Box(k=(0.5, 1.5))
+    alone = mb.propagate(simulator(decay), method, box)
+    shared = mb.propagate(simulator(decay), method, box, executor=lambda: ProcessPoolExecutor(2))
+    assert shared.lower.tobytes() == alone.lower.tobytes() and shared.upper.tobytes() == alone.upper.tobytes()
+
+
+@pytest.mark.slow
+def test_the_run_that_kills_its_worker_is_found():
+    ensemble = run_blocks(simulator(deadly), SAMPLES, lambda: ProcessPoolExecutor(2))
+    killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.95)
+    assert (ensemble.ok == ~killed).all() and killed.sum() == len(ensemble.messages) == 2
+    for message, k in zip(ensemble.messages, SAMPLES[killed, 0], strict=True):
+        assert "its worker process died each of 3 times" in message and f"(k={k:.6g})" in message
+    good = run_blocks(simulator(decay), SAMPLES)
+    assert ensemble.Y[~killed].tobytes() == good.Y[~killed].tobytes()
+
+
+@pytest.mark.slow
+def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
+    with ProcessPoolExecutor(2) as pool, pytest.raises(mb.SimulationError, match="Give a function that makes") as error:
+        run_blocks(simulator(deadly), SAMPLES, pool)
+    assert "\n" not in str(error.value)
+
+
+def test_what_cannot_be_sent_is_told():
+    with ProcessPoolExecutor(1) as pool, pytest.raises(mb.DeclarationError, match="not lambdas or functions inside"):
+        run_blocks(simulator(lambda k: np.exp(-k * TIMES)), SAMPLES, pool)
+
+
+@pytest.mark.parametrize("executor", [3, "threads", object(), int])
+def test_what_is_no_executor_is_refused(executor):
+    with pytest.raises(mb.DeclarationError, match="is not supported"):
+        run_blocks(simulator(quick), SAMPLES, executor)
+
+
+def test_an_exception_of_symmb_in_a_worker_is_raised():
+    def broken(item):
+        raise ZeroDivisionError("here")
+
+    class Failing(ThreadPoolExecutor):
+        def submit(self, f, item):
+            return super().submit(broken, item)
+
+    with Failing(1) as pool, pytest.raises(ZeroDivisionError, match="here"):
+        run_blocks(simulator(quick), SAMPLES, pool)
+
+
+def test_runs_go_out_one_by_one_where_they_are_slow():
+    class Counting(ThreadPoolExecutor):
+        sizes: list[int] = []
+
+        def submit(self, f, item) -> Future:
+            self.sizes.append(len(item))
+            return super().submit(f, item)
+
+    with Counting(1) as pool:
+        run_blocks(simulator(lambda k: time.sleep(0.03) or quick(k)), SAMPLES[:10], pool)
+        assert pool.sizes == [1] * 10
+        pool.sizes.clear()
+        run_blocks(simulator(quick), np.linspace(0.5, 1.5, 1000)[:, None], pool)
+        assert len(pool.sizes) < 200
+
+
+@pytest.mark.slow
+def test_dask_and_loky():
+    distributed = pytest.importorskip("distributed")
+    alone = run_blocks(simulator(decay), SAMPLES)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        for given in client, client.get_executor():
+            assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
+    loky = pytest.importorskip("loky")
+    with loky.ProcessPoolExecutor(2) as pool:
+        assert run_blocks(simulator(decay), SAMPLES, pool).Y.tobytes() == alone.Y.tobytes()
