@@ -107,6 +107,7 @@ from .simulation.command_simulator import CommandSimulator as CommandSimulator
 from .simulation.dae_simulator import DAESimulator as DAESimulator
 from .simulation.function_simulator import FunctionSimulator as FunctionSimulator
 from .simulation.single_run import simulate as simulate
+from .simulation.stored_simulator import StoredSimulator as StoredSimulator
 from .simulation.trajectory import Trajectory as Trajectory
 from .structures.beams import Beam as Beam
 from .structures.finite_elements import FiniteElements as FiniteElements

@@ -15,6 +15,7 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._options import require_timeout, require_whole
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
+from symmb.simulation.identity import digest, file_digest
 from symmb.simulation.program_results import READERS, read_table
 from symmb.simulation.templates import filled, is_filled, template_faults, template_texts
 
@@ -171,7 +172,7 @@ class CommandSimulator(BlackBox):
                 with process_group(command, cwd=folder, env=environment, stdout=output, stderr=errors) as process:
                     status = process.wait(self.timeout)
             except subprocess.TimeoutExpired:
-                raise SimulationError(f"the program had not ended after {self.timeout:g} s") from None
+                raise SimulationError(f"timed out: the program had not ended after {self.timeout:g} s") from None
             except OSError as error:
                 raise SimulationError(f"the program cannot be started: {error}") from None
         if status:
@@ -179,6 +180,12 @@ class CommandSimulator(BlackBox):
         if not isinstance(self.read, str):
             return self.read(folder)
         return read_table(folder / self.read, self.times, self.outputs, self.interpolate)
+
+    def identity(self) -> str:
+        """A digest of the program, its input and how its results are read, for `StoredSimulator`."""
+        program = Path(self.command[0])
+        files = [(file.name, file_digest(file)) for file in (program, *self.files) if file.exists()]
+        return digest("command", self.command, files, self.templates, self.environment, self.read, self.interpolate)
 
     def __repr__(self) -> str:
         return f"CommandSimulator({Path(self.command[0]).name})"

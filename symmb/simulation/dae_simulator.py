@@ -4,12 +4,13 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
+from importlib.metadata import version as symmb_version
 from typing import Any, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError, SimulationError
+from symmb._errors import SimulationError
 from symmb._options import require_instance
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
@@ -28,10 +29,11 @@ from symmb.integrate import (
 from symmb.model import DAE, Scene, compile_dae, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, output_function
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
-from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies
+from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies, require_able
 from symmb.start import Start, prepare_start
 from symmb.symbolic import batch
 
@@ -86,7 +88,7 @@ class DAESimulator:
         if solver is None and self.dae.impacts is not None:
             solver, self._reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         if solver is None:
-            self._require_able(DormandPrince())
+            require_able(DormandPrince(), self.dae, self._contradiction)
         else:
             self._use(solver)
 
@@ -162,21 +164,8 @@ class DAESimulator:
         copy._use(solver)
         return copy
 
-    def _require_able(self, solver: Solver) -> None:
-        """DeclarationError unless the solver can run this scene."""
-        if self.dae.impacts is not None and not solver.locates_events:
-            raise DeclarationError(
-                f"{solver!r} does not locate the events of {impacts_text(self.dae.impacts)}. "
-                "Use EventDriven(), which is the default there."
-            )
-        if self._contradiction and not solver.keeps_positions:
-            raise DeclarationError(
-                f"{self._contradiction}. {solver!r} integrates accelerations, which do not contain this jump. Give a "
-                "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
-            )
-
     def _use(self, solver: Solver) -> None:
-        self._require_able(solver)
+        require_able(solver, self.dae, self._contradiction)
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
@@ -340,6 +329,10 @@ class DAESimulator:
         x0, _ = self.start.states(P)
         for i, x in self.integration().march(x0, P):
             yield i, batch(self.y, x, P, self.times[i : i + 1])[0]
+
+    def identity(self) -> str:
+        """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
+        return digest(symmb_version("symmb"), self.dae, self.start, self.y, repr(self.solver), self.times)
 
     @property
     def expression(self) -> ca.Function:

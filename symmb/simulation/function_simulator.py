@@ -8,6 +8,7 @@ from symmb._errors import DeclarationError
 from symmb._options import require_timeout
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
+from symmb.simulation.identity import digest
 from symmb.simulation.limited_calls import LimitedCalls
 
 
@@ -67,6 +68,10 @@ class FunctionSimulator(BlackBox):
     def response(self, values: dict[str, float]) -> Any:
         """What f returns."""
         return self.f(**values) if self._limited is None else self._limited(values)
+
+    def identity(self) -> str:
+        """A digest of the function, for `StoredSimulator`."""
+        return digest("function", self.f)
 
     def __repr__(self) -> str:
         return f"FunctionSimulator({getattr(self.f, '__name__', type(self.f).__name__)})"

@@ -64,7 +64,7 @@ class LimitedCalls:
             worker.pipe.send(values)
             if not worker.pipe.poll(self.seconds):
                 worker.end()
-                raise SimulationError(f"the function had not returned after {self.seconds:g} s")
+                raise SimulationError(f"timed out: the function had not returned after {self.seconds:g} s")
             fault, result = worker.pipe.recv()
         except (EOFError, ConnectionError):
             status = _status(worker)

@@ -54,7 +54,7 @@ def stream_of_runs(
     following = 0
     for k, result in finished(partial(_timed, simulator), next_tasks(), executor):
         if isinstance(result, Lost):
-            arrived[k] = _lost(simulator, tasks[k], result.reason)
+            arrived[k] = lost_runs(simulator, tasks[k], result.reason)
         else:
             arrived[k], seconds = result
         while (some := arrived.pop(following, None)) is not None:
@@ -75,7 +75,7 @@ def _timed(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
     return ensemble, (time.perf_counter() - begin) / len(P)
 
 
-def _lost(simulator: Simulator, P: Array, reason: str) -> Ensemble:
+def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
     """Failed runs P (n, d) of a worker that died."""
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
     told = [", ".join(f"{name}={x:.6g}" for name, x in zip(simulator.parameters, p, strict=True)) for p in P.tolist()]

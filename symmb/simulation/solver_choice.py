@@ -4,8 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from symmb._errors import DeclarationError
 from symmb.codegen import REASONS, FailureCode, has_compiler
-from symmb.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver
+from symmb.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver, impacts_text
+from symmb.model import DAE
 
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
@@ -89,3 +91,17 @@ def _fault(solver: Solver, run: Pilot) -> str:
 
 def _count(run: Pilot) -> str:
     return f"{run.steps} steps in a pilot run" if run.steps else "a pilot run finishes"
+
+
+def require_able(solver: Solver, dae: DAE, contradiction: object) -> None:
+    """DeclarationError unless the solver can run a scene, whose start may contradict the rates of its drives."""
+    if dae.impacts is not None and not solver.locates_events:
+        raise DeclarationError(
+            f"{solver!r} does not locate the events of {impacts_text(dae.impacts)}. "
+            "Use EventDriven(), which is the default there."
+        )
+    if contradiction and not solver.keeps_positions:
+        raise DeclarationError(
+            f"{contradiction}. {solver!r} integrates accelerations, which do not contain this jump. Give a "
+            "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
+        )

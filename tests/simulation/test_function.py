@@ -120,7 +120,7 @@ def _hangs(a):
 
 LIMITED = FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=0.3)
 FAULTS = (
-    "the function had not returned after 0.3 s (a=2)",
+    "timed out: the function had not returned after 0.3 s (a=2)",
     "the function ended its process by SIGKILL (a=3)",
     "SystemExit: 3 (a=4)",
     "RuntimeError: stuck (a=5)",

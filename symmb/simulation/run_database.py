@@ -1,0 +1,194 @@
+"""The file of a run store: an SQLite database with each finished run of some studies."""
+
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from symmb._errors import SimulationError
+from symmb._types import Array
+from symmb.simulation.simulator import Ensemble
+
+DONE, FAILED, TIMED_OUT = 0, 1, 2
+STATES = "done", "failed", "timed out"
+_APPLICATION, _VERSION = 0x73796D62, 1
+"""What tells the file from those of other programs: "symb" in ASCII, and the version of its tables."""
+_HEADER = b"SQLite format 3\0"
+_WAIT = 60.0
+"""Time to wait for another study that writes into the file [s]."""
+_NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
+"""File systems on which several machines do not share the memory that a write-ahead log needs."""
+_AT_A_TIME = 500
+"""Samples that a query asks for: SQLite takes at least 999 variables."""
+_TABLES = f"""
+CREATE TABLE IF NOT EXISTS studies (
+    id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
+    outputs TEXT NOT NULL, times BLOB NOT NULL, begun TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS runs (
+    study INTEGER NOT NULL REFERENCES studies(id), sample BLOB NOT NULL, state INTEGER NOT NULL, t_failed REAL,
+    reason TEXT NOT NULL, response BLOB NOT NULL, events BLOB, UNIQUE (study, sample));
+PRAGMA application_id = {_APPLICATION};
+PRAGMA user_version = {_VERSION};
+"""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the runs of a study have in common, by the digest of their simulator."""
+
+    digest: str
+    simulator: str
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+    times: Array
+
+
+class RunDatabase:
+    """Runs of studies in a file. Each one is in the file for good when `add` returns."""
+
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+        self._connection, self._path = connection, path
+
+    def begin(self, study: Study) -> int:
+        """The number of a study, which is entered if it is new."""
+        names = json.dumps(study.parameters), json.dumps(study.outputs)
+        with self._writing():
+            self._connection.execute(
+                "INSERT OR IGNORE INTO studies (digest, simulator, parameters, outputs, times, begun) "
+                "VALUES (?, ?, ?, ?, ?, datetime('now'))",
+                (study.digest, study.simulator, *names, study.times.tobytes()),
+            )
+        return self._connection.execute("SELECT id FROM studies WHERE digest = ?", (study.digest,)).fetchone()[0]
+
+    def known(self, study: int, P: Array) -> set[bytes]:
+        """Which of the samples P (N, d) have run."""
+        keys = sample_keys(P)
+        found: set[bytes] = set()
+        for k in range(0, len(keys), _AT_A_TIME):
+            some = keys[k : k + _AT_A_TIME]
+            marks = ", ".join("?" * len(some))
+            query = f"SELECT sample FROM runs WHERE study = ? AND sample IN ({marks})"
+            found |= {row[0] for row in self._connection.execute(query, (study, *some))}
+        return found
+
+    def add(self, study: int, p: Array, run: Ensemble) -> None:
+        """Write the run of a sample p (d,), unless another study has written it."""
+        reason = "".join(run.messages)
+        state = DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
+        events = None if run.events is None else run.events[0].astype(np.int64).tobytes()
+        with self._writing():
+            self._connection.execute(
+                "INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?)",
+                (study, *sample_keys(p[None]), state, float(run.t_failed[0]), reason, run.Y[0].tobytes(), events),
+            )
+
+    def read(self, study: int, P: Array, shape: tuple[int, int]) -> Ensemble:
+        """The runs of samples P (N, d), all of which have run."""
+        rows = []
+        for key in sample_keys(P):
+            query = "SELECT t_failed, reason, response, events, state FROM runs WHERE study = ? AND sample = ?"
+            rows.append(self._connection.execute(query, (study, key)).fetchone())
+        Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
+        ok = np.array([row[4] == DONE for row in rows], dtype=bool)
+        t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows])
+        events = None
+        if rows and rows[0][3] is not None:
+            events = np.array([np.frombuffer(row[3], dtype=np.int64) for row in rows]).astype(np.intp)
+        return Ensemble(Y, ok, t_failed, tuple(row[1] for row in rows if row[4] != DONE), events)
+
+    def studies(self) -> list[tuple[int, Study, str, tuple[int, ...]]]:
+        """Number, study, time of its begin, and how many runs have each of the STATES."""
+        found = []
+        query = "SELECT id, begun, digest, simulator, parameters, outputs, times FROM studies ORDER BY id"
+        for number, begun, key, simulator, parameters, outputs, times in self._connection.execute(query).fetchall():
+            by_state = "SELECT state, count(*) FROM runs WHERE study = ? GROUP BY state"
+            counts = dict(self._connection.execute(by_state, (number,)))
+            names = tuple(json.loads(parameters)), tuple(json.loads(outputs))
+            study = Study(key, simulator, *names, np.frombuffer(times))
+            found.append((number, study, begun, tuple(counts.get(state, 0) for state in range(len(STATES)))))
+        return found
+
+    def samples(self, study: int, d: int) -> Array:
+        """Samples (N, d) of a study in the order in which they were written."""
+        rows = self._connection.execute("SELECT sample FROM runs WHERE study = ? ORDER BY rowid", (study,)).fetchall()
+        return np.array([np.frombuffer(row[0]) for row in rows]).reshape(-1, d)
+
+    def prune(self, states: Sequence[int], study: int | None = None) -> int:
+        """Remove runs with some of the states, of one study or of all; returns how many."""
+        marks = ", ".join("?" * len(states))
+        where, values = ("", ()) if study is None else (" AND study = ?", (study,))
+        with self._writing():
+            count = self._connection.execute(f"DELETE FROM runs WHERE state IN ({marks}){where}", (*states, *values))
+            empty = "DELETE FROM studies WHERE id NOT IN (SELECT study FROM runs)"
+            self._connection.execute(empty)
+        self._connection.execute("VACUUM")
+        return count.rowcount
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            with self._connection:
+                yield
+        except sqlite3.Error as error:
+            raise SimulationError(
+                f"{self._path} cannot be written: {error}. What was written before is kept."
+            ) from None
+
+
+@contextmanager
+def opened(path: Path, create: bool = True) -> Iterator[RunDatabase]:
+    """The run database in a file, which is made if there is none.
+
+    Raises
+    ------
+    SimulationError     if the file is not a run store, is damaged, or cannot be opened or written
+    """
+    if not path.exists() and not create:
+        raise SimulationError(f"{path} does not exist.")
+    try:
+        if path.exists() and path.stat().st_size and not _begins(path, _HEADER):
+            raise SimulationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
+        with closing(sqlite3.connect(path, timeout=_WAIT)) as connection:
+            is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+            mark = connection.execute("PRAGMA application_id").fetchone()[0]
+            version = connection.execute("PRAGMA user_version").fetchone()[0]
+            if not is_new and mark != _APPLICATION:
+                raise SimulationError(f"{path} is a database of another program. Give another name.")
+            if not is_new and version != _VERSION:
+                raise SimulationError(f"{path} was written by another version of symmb. Give another name.")
+            connection.execute(f"PRAGMA journal_mode = {'DELETE' if _is_on_network(path) else 'WAL'}")
+            connection.execute("PRAGMA synchronous = NORMAL")
+            if is_new:
+                connection.executescript(f"BEGIN IMMEDIATE; {_TABLES} COMMIT;")
+            yield RunDatabase(connection, path)
+    except (sqlite3.Error, OSError) as error:
+        raise SimulationError(f"{path} is no run store that can be read: {error}.") from None
+
+
+def _begins(path: Path, header: bytes) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(header)) == header
+
+
+def sample_keys(P: Array) -> list[bytes]:
+    """Keys of samples P (N, d): the bytes of their numbers."""
+    return [row.tobytes() for row in np.ascontiguousarray(P, dtype=float) + 0.0]  # no -0
+
+
+def _is_on_network(path: Path) -> bool:
+    """Whether a file is on a file system of other machines."""
+    try:
+        mounts = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return False
+    place, best, kind = str(path.resolve().parent) + "/", "", ""
+    for mount in mounts:
+        where, what = mount.split()[1:3]
+        where = where.replace("\\040", " ").rstrip("/") + "/"
+        if place.startswith(where) and len(where) >= len(best):
+            best, kind = where, what
+    return kind in _NETWORK

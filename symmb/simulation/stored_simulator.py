@@ -1,0 +1,159 @@
+"""A simulator that keeps every finished run in a file, and takes from there what it knows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._types import Array, Executor
+from symmb.simulation.executors import Lost, finished
+from symmb.simulation.identity import digest
+from symmb.simulation.run_database import RunDatabase, Study, opened, sample_keys
+from symmb.simulation.simulator import Ensemble, Merging, Noisy, Progress, Reduction, Simulator, blocks, checked_samples
+from symmb.simulation.single_runs import lost_runs
+
+S = TypeVar("S")
+
+
+@runtime_checkable
+class Identified(Protocol):
+    """Capability: a digest of all that its runs depend on, but for the parameters."""
+
+    def identity(self) -> str: ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StoredSimulator:
+    """Runs of another simulator, each kept in a file as soon as it ends.
+
+    A study that is started again makes only the runs that the file lacks, and so do a finer study and another method.
+    Failed runs are kept with their reason, and are not made again. Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and
+    its outputs. Of a Python function the source counts, but not that of what it calls: give another `version` then.
+
+    Every sample is run by itself, also those of a scene, which otherwise run eight side by side.
+
+    Parameters
+    ----------
+    simulator : DAESimulator, FunctionSimulator, CommandSimulator, ...
+    path : str or Path      the file, an SQLite database; it is made if there is none
+    version : str           anything that tells apart what the digest does not see
+
+    Raises
+    ------
+    DeclarationError        if the simulator does not tell its identity
+    SimulationError         if the file is not a run store, or cannot be read or written
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, symmb as mb
+    >>> t, calls = np.linspace(0.0, 1.0, 3), []
+    >>> decay = mb.FunctionSimulator(lambda k: calls.append(k) or np.exp(-k * t), {"k": 1.0}, t, ["x"])
+    >>> path = tempfile.mkdtemp() + "/runs.db"
+    >>> for method in (mb.Vertex(), mb.Scanning(3)):
+    ...     bounds = mb.propagate(StoredSimulator(decay, path), method, mb.Box(k=(0.5, 2.0)))
+    >>> len(calls)
+    3
+    """
+
+    simulator: Simulator
+    path: Path
+    version: str
+    identity: str
+
+    def __init__(self, simulator: Simulator, path: str | Path, version: str = "") -> None:
+        if not isinstance(simulator, Identified):
+            raise DeclarationError(
+                f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text in which "
+                "everything stands that its runs depend on, but for the parameters."
+            )
+        if not isinstance(version, str):
+            raise DeclarationError(f"StoredSimulator: version must be a text, got {version!r}.")
+        object.__setattr__(self, "simulator", simulator)
+        object.__setattr__(self, "path", Path(path))
+        object.__setattr__(self, "version", version)
+        # Told once: a function may change what it has caught, such as a list of its calls.
+        object.__setattr__(self, "identity", simulator.identity())
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Nominal values by name."""
+        return self.simulator.parameters
+
+    @property
+    def times(self) -> Array:
+        """(n_t,) output times [s]."""
+        return self.simulator.times
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """n_y names."""
+        return self.simulator.outputs
+
+    @property
+    def noise(self) -> Array | None:
+        """(n_y,) how far values may be off; None if it is not known."""
+        return self.simulator.noise if isinstance(self.simulator, Noisy) else None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What cannot be trusted about the runs."""
+        return getattr(self.simulator, "doubts", ())
+
+    def run(self, P: Array) -> Ensemble:
+        """Run samples P (N, d) that the file lacks, and read all of them."""
+        with opened(self.path) as database:
+            number = self._make(database, np.asarray(P, dtype=float), None, None)
+            return database.read(number, P, (len(self.times), len(self.outputs)))
+
+    def stream(
+        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
+    ) -> S:
+        """Run samples P (N, d) that the file lacks, and reduce all of them block by block."""
+        P = checked_samples(self, P, progress)
+        merging = Merging(reduction, None, len(P))
+        with opened(self.path) as database:
+            number = self._make(database, P, executor, progress)
+            for indices in blocks(len(P)):
+                block = database.read(number, P[indices], (len(self.times), len(self.outputs)))
+                merging.add(reduction.update(reduction.init(), block, indices), len(indices))
+        return merging.state
+
+    def _make(self, database: RunDatabase, P: Array, executor: Executor | None, progress: Progress | None) -> int:
+        """Make the runs of samples P (N, d) that the database lacks, and return the number of the study."""
+        number = database.begin(self._study())
+        known, missing = database.known(number, P), list[Array]()
+        for key, p in zip(sample_keys(P), P, strict=True):
+            if key not in known:
+                known.add(key)
+                missing.append(p)
+        run = partial(_run, self.simulator)
+        results = enumerate(map(run, missing)) if executor is None else finished(run, missing, executor)
+        done = len(P) - len(missing)
+        if progress is not None and done:
+            progress(done, len(P))
+        for k, result in results:
+            if isinstance(result, Lost):
+                result = lost_runs(self.simulator, missing[k][None], result.reason)
+            database.add(number, missing[k], result)
+            done += 1
+            if progress is not None:
+                progress(done, len(P))
+        return number
+
+    def _study(self) -> Study:
+        names, times = tuple(self.parameters), np.ascontiguousarray(self.times)
+        key = digest(self.identity, self.version, names, self.outputs, times)
+        return Study(key, repr(self.simulator), names, self.outputs, times)
+
+    def __repr__(self) -> str:
+        return f"StoredSimulator({self.simulator!r}, {str(self.path)!r})"
+
+
+def _run(simulator: Simulator, p: Array) -> Any:
+    """The run of a sample p (d,)."""
+    runs = simulator.run(p[None])
+    return Ensemble(runs.Y, runs.ok, runs.t_failed, runs.messages, runs.events)

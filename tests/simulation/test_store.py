@@ -1,0 +1,253 @@
+"""StoredSimulator: what is kept, what is made again, and what may happen to the file."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import double_pendulum
+from symmb.simulation import run_blocks
+
+TIMES = np.linspace(0.0, 1.0, 11)
+BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))
+
+
+def response(a, b):
+    if a > 1.45 and b > 1.15:
+        raise RuntimeError("stuck")
+    return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
+
+
+class Counted:
+    """A function that counts its calls."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, a, b):
+        self.calls += 1
+        return response(a, b)
+
+
+def simulator(f, **options):
+    return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"], **options)
+
+
+def counting():
+    """A simulator, and the list of its calls."""
+    calls = []
+
+    def f(a, b):
+        calls.append((a, b))
+        return response(a, b)
+
+    return simulator(f), calls
+
+
+def bits(bounds):
+    return bounds.lower.tobytes(), bounds.upper.tobytes(), bounds.evaluations, len(bounds.failed)
+
+
+METHODS = [mb.PolynomialChaos(budget=60), mb.MonteCarlo(40), mb.Scanning(5), mb.Vertex()]
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, tmp_path):
+    plain = mb.propagate(simulator(response), method, BOX)
+    for expected in plain.evaluations, 0:
+        counted = Counted()
+        f = mb.FunctionSimulator(counted, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
+        object.__setattr__(f, "identity", lambda: "response")
+        assert bits(mb.propagate(mb.StoredSimulator(f, tmp_path / "runs.db"), method, BOX)) == bits(plain)
+        assert counted.calls <= expected and (counted.calls > 0) == (expected > 0)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_finer_study_and_another_method_use_what_is_there(tmp_path):
+    made, calls = counting()
+    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    mb.propagate(stored, mb.Vertex(), BOX)
+    assert len(calls) == 4
+    mb.propagate(stored, mb.Scanning(3), BOX)
+    assert len(calls) == 9
+    mb.propagate(stored, mb.Scanning(5), BOX)
+    assert len(calls) == 25
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_other_functions_times_outputs_and_versions_are_other_studies(tmp_path):
+    path = tmp_path / "runs.db"
+    many = [
+        simulator(response),
+        simulator(lambda a, b: 2 * response(a, b)),
+        mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES + 1, ["x", "y"]),
+        mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "z"]),
+    ]
+    for factor in (2, 3):
+        many.append(simulator(lambda a, b, factor=factor: factor * response(a, b)))
+    for k, one in enumerate(many):
+        mb.propagate(mb.StoredSimulator(one, path), mb.Vertex(), BOX)
+        assert studies(path) == k + 1
+    mb.propagate(mb.StoredSimulator(many[0], path, version="2"), mb.Vertex(), BOX)
+    assert studies(path) == len(many) + 1
+    mb.propagate(mb.StoredSimulator(many[0], path), mb.Vertex(), BOX)
+    assert studies(path) == len(many) + 1
+
+
+def studies(path):
+    with sqlite3.connect(path) as connection:
+        count = connection.execute("SELECT count(*) FROM studies").fetchone()[0]
+    connection.close()
+    return count
+
+
+def test_programs_are_known_by_their_templates_and_files(tmp_path):
+    (tmp_path / "data.txt").write_text("1")
+
+    def command(code, **options):
+        return mb.CommandSimulator([sys.executable, "in.py"], {"k": 1.0}, [0.0], ["x"], {"in.py": code}, **options)
+
+    first = command("{k}", files=[tmp_path / "data.txt"]).identity()
+    assert first == command("{k}", files=[tmp_path / "data.txt"], timeout=3).identity()
+    assert first != command("{k} ", files=[tmp_path / "data.txt"]).identity()
+    assert first != command("{k}", files=[tmp_path / "data.txt"], environment={"A": "1"}).identity()
+    (tmp_path / "data.txt").write_text("2")
+    assert first != command("{k}", files=[tmp_path / "data.txt"]).identity()
+
+
+SCENE_KEY = """
+import symmb as mb
+from models import double_pendulum
+scene = double_pendulum.scene().with_times([0.0, 0.5])
+for solver in mb.DormandPrince(), mb.DormandPrince(rtol=1e-9):
+    print(mb.DAESimulator(scene, solver).identity())
+"""
+
+
+@pytest.mark.slow
+def test_scenes_are_known_in_other_processes(tmp_path):
+    scene = double_pendulum.scene().with_times([0.0, 0.5])
+    told = subprocess.run([sys.executable, "-c", SCENE_KEY], capture_output=True, text=True, check=True).stdout.split()
+    made = mb.DAESimulator(scene, mb.DormandPrince())
+    assert told[0] == made.identity() != told[1]
+    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    first = mb.propagate(stored, mb.Scanning(3), scene.box)
+    assert bits(mb.propagate(stored, mb.Scanning(3), scene.box)) == bits(first)
+    plain = mb.propagate(made, mb.Scanning(3), scene.box)
+    assert np.abs(plain.upper - first.upper).max() < 1e-8
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_executors_store_the_same(pool, tmp_path):
+    plain = mb.propagate(simulator(response), mb.MonteCarlo(60), BOX)
+    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    assert bits(mb.propagate(stored, mb.MonteCarlo(60), BOX, executor=pool(2))) == bits(plain)
+
+
+STUDY = """
+import sys, time, warnings
+import numpy as np
+import symmb as mb
+
+warnings.simplefilter("ignore")
+TIMES = np.linspace(0.0, 1.0, 11)
+
+def response(a, b):
+    with open(sys.argv[2], "a") as calls:
+        calls.write(f"{a!r} {b!r}\\n")
+    time.sleep(0.002)
+    return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
+
+f = mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
+bounds = mb.propagate(mb.StoredSimulator(f, sys.argv[1]), mb.MonteCarlo(400), mb.Box(a=(0.5, 1.5), b=(0.8, 1.2)))
+bounds.save(sys.argv[3])
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
+    (tmp_path / "study.py").write_text(STUDY)
+
+    def study(name):
+        return [
+            sys.executable,
+            *(str(tmp_path / part) for part in ("study.py", f"{name}.db", f"{name}.txt", f"{name}.npz")),
+        ]
+
+    subprocess.run(study("whole"), check=True)
+    calls = tmp_path / "killed.txt"
+    for share in (0.3, 0.6, 0.9):
+        process = subprocess.Popen(study("killed"))
+        while not calls.exists() or len(calls.read_text().splitlines()) < share * 400:
+            time.sleep(0.005)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        with sqlite3.connect(tmp_path / "killed.db") as connection:
+            assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        connection.close()
+    subprocess.run(study("killed"), check=True)
+    made = calls.read_text().splitlines()
+    assert len(set(made)) == 400 and len(made) <= 403  # the run in flight of each kill
+    assert bits(mb.Bounds.load(tmp_path / "killed.npz")) == bits(mb.Bounds.load(tmp_path / "whole.npz"))
+
+
+def damaged(path):
+    path.write_bytes(b"SQLite format 3\x00" + bytes(range(256)) * 8)
+
+
+def foreign(path):
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE other (x)")
+    connection.close()
+
+
+def truncated(path):
+    mb.propagate(
+        mb.StoredSimulator(simulator(response), path), mb.MonteCarlo(30, seed=1), mb.Box(a=(0.5, 0.6), b=(0.8, 0.9))
+    )
+    path.write_bytes(path.read_bytes()[:6000])
+
+
+def folder(path):
+    path.mkdir()
+
+
+def text(path):
+    path.write_text("x")
+
+
+@pytest.mark.parametrize("make", [damaged, foreign, truncated, folder, text])
+def test_what_is_no_store_is_told_in_a_sentence(make, tmp_path):
+    path = tmp_path / "runs.db"
+    make(path)
+    with pytest.raises(mb.SimulationError) as error:
+        mb.propagate(mb.StoredSimulator(simulator(response), path), mb.MonteCarlo(30), BOX)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+    assert make is not text or path.read_text() == "x"
+
+
+def test_two_studies_at_once_lose_nothing(tmp_path):
+    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    P = np.random.default_rng(0).uniform(0.5, 1.2, (120, 2))
+    with ThreadPoolExecutor(2) as pool:
+        both = list(pool.map(lambda part: run_blocks(stored, part), (P[:80], P[40:])))
+    assert both[0].Y[40:].tobytes() == both[1].Y[:40].tobytes()
+    assert run_blocks(stored, P).Y.tobytes() == run_blocks(simulator(response), P).Y.tobytes()
+
+
+def test_what_has_no_identity_is_refused(tmp_path):
+    class Plain:
+        parameters, times, outputs = {"a": 1.0}, TIMES, ("x",)
+
+    with pytest.raises(mb.DeclarationError, match="has no method identity"):
+        mb.StoredSimulator(Plain(), tmp_path / "runs.db")
