@@ -19,6 +19,7 @@ from symmb._interrupts import partial_of
 from symmb._progress import Progress
 from symmb.cli import specs
 from symmb.cli.equations import equations_text
+from symmb.cli.runs import add_runs
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
 from symmb.codegen import SLOW, cache, has_compiler
@@ -255,6 +256,7 @@ def _parser() -> argparse.ArgumentParser:
         return subcommand
 
     _add_scene_commands(command, methods, solvers)
+    add_runs(commands)
     text = "show the folder of compiled models, how many there are and their size"
     cache_command = commands.add_parser(
         "cache", help=text, description=text + ". They are built again when they are needed."

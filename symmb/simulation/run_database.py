@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symmb._errors import SimulationError
+from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array
 from symmb.simulation.simulator import Ensemble
 
@@ -145,28 +145,28 @@ def opened(path: Path, create: bool = True) -> Iterator[RunDatabase]:
 
     Raises
     ------
-    SimulationError     if the file is not a run store, is damaged, or cannot be opened or written
+    DeclarationError     if the file is not a run store, is damaged, or cannot be opened or written
     """
     if not path.exists() and not create:
-        raise SimulationError(f"{path} does not exist.")
+        raise DeclarationError(f"{path} does not exist.")
     try:
         if path.exists() and path.stat().st_size and not _begins(path, _HEADER):
-            raise SimulationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
+            raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
         with closing(sqlite3.connect(path, timeout=_WAIT)) as connection:
             is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
             mark = connection.execute("PRAGMA application_id").fetchone()[0]
             version = connection.execute("PRAGMA user_version").fetchone()[0]
             if not is_new and mark != _APPLICATION:
-                raise SimulationError(f"{path} is a database of another program. Give another name.")
+                raise DeclarationError(f"{path} is a database of another program. Give another name.")
             if not is_new and version != _VERSION:
-                raise SimulationError(f"{path} was written by another version of symmb. Give another name.")
+                raise DeclarationError(f"{path} was written by another version of symmb. Give another name.")
             connection.execute(f"PRAGMA journal_mode = {'DELETE' if _is_on_network(path) else 'WAL'}")
             connection.execute("PRAGMA synchronous = NORMAL")
             if is_new:
                 connection.executescript(f"BEGIN IMMEDIATE; {_TABLES} COMMIT;")
             yield RunDatabase(connection, path)
     except (sqlite3.Error, OSError) as error:
-        raise SimulationError(f"{path} is no run store that can be read: {error}.") from None
+        raise DeclarationError(f"{path} is no run store that can be read: {error}.") from None
 
 
 def _begins(path: Path, header: bytes) -> bool:

@@ -31,8 +31,9 @@ class StoredSimulator:
     """Runs of another simulator, each kept in a file as soon as it ends.
 
     A study that is started again makes only the runs that the file lacks, and so do a finer study and another method.
-    Failed runs are kept with their reason, and are not made again. Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and
-    its outputs. Of a Python function the source counts, but not that of what it calls: give another `version` then.
+    Failed runs are kept with their reason, and are not made again until `symmb runs FILE --prune failed` removes them.
+    Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and its
+    outputs. Of a Python function the source counts, but not that of what it calls: give another `version` then.
 
     Every sample is run by itself, also those of a scene, which otherwise run eight side by side.
 
@@ -44,8 +45,8 @@ class StoredSimulator:
 
     Raises
     ------
-    DeclarationError        if the simulator does not tell its identity
-    SimulationError         if the file is not a run store, or cannot be read or written
+    DeclarationError        if the simulator does not tell its identity; from a run, if the file is not a run store
+    SimulationError         from a run, if the file cannot be written
 
     Examples
     --------

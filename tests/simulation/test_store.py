@@ -13,6 +13,7 @@ import pytest
 
 import symmb as mb
 from models import double_pendulum
+from symmb.cli.main import main
 from symmb.simulation import run_blocks
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -230,7 +231,7 @@ def text(path):
 def test_what_is_no_store_is_told_in_a_sentence(make, tmp_path):
     path = tmp_path / "runs.db"
     make(path)
-    with pytest.raises(mb.SimulationError) as error:
+    with pytest.raises(mb.DeclarationError) as error:
         mb.propagate(mb.StoredSimulator(simulator(response), path), mb.MonteCarlo(30), BOX)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
     assert make is not text or path.read_text() == "x"
@@ -251,3 +252,45 @@ def test_what_has_no_identity_is_refused(tmp_path):
 
     with pytest.raises(mb.DeclarationError, match="has no method identity"):
         mb.StoredSimulator(Plain(), tmp_path / "runs.db")
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_symmb_runs(tmp_path, capsys):
+    path = tmp_path / "runs.db"
+    mb.propagate(mb.StoredSimulator(simulator(response), path), mb.Scanning(3), BOX)
+    assert main(["runs", str(path)]) == 0
+    titles, row = capsys.readouterr().out.splitlines()
+    assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "parameters"]
+    assert row.split()[-5:] == ["8", "1", "0", "a,", "b"]
+    xarray = pytest.importorskip("xarray")
+    assert main(["runs", str(path), "--export", str(tmp_path / "runs.nc")]) == 0
+    with xarray.open_dataset(tmp_path / "runs.nc") as data:
+        assert data.response.shape == (9, 11, 2) and int(data.ok.sum()) == 8
+        k = int(np.flatnonzero((data.a == 0.5) & (data.b == 0.8))[0])
+        np.testing.assert_array_equal(data.response[k].values, response(0.5, 0.8))
+    capsys.readouterr()
+    assert main(["runs", str(path), "--prune", "failed"]) == 0
+    assert "1 runs removed" in capsys.readouterr().out
+    made, calls = counting()
+    object.__setattr__(made, "identity", simulator(response).identity)
+    mb.propagate(mb.StoredSimulator(made, path), mb.Scanning(3), BOX)
+    assert calls == [(1.5, 1.2)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["no_such_file.db"], "does not exist"),
+        (["runs.db", "--study", "7"], "no study 7"),
+        (["runs.db", "--export", "runs.xls"], ".nc"),
+        (["text.db"], "is no run store"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mb.propagate(mb.StoredSimulator(simulator(response), "runs.db"), mb.Vertex(), BOX)
+    (tmp_path / "text.db").write_text("time,x")
+    assert main(["runs", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert text in error and error.count("\n") == 1
