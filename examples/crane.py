@@ -15,11 +15,11 @@ import numpy as np
 
 import symmb as mb
 
-LENGTH, AREA, I, G = 10.0, 6e-3, 3e-5, 9.81
+LENGTH, AREA, MOMENT, G = 10.0, 6e-3, 3e-5, 9.81
 STEEL = mb.Material(E=210e9, density=7850.0, nu=0.3)
 BEGIN, TURN, TIME = np.radians(30.0), np.radians(20.0), 4.0
 
-tube = mb.Section(area=AREA, Iy=I, Iz=I, J=2 * I)
+tube = mb.Section(area=AREA, Iy=MOMENT, Iz=MOMENT, J=2 * MOMENT)
 mesh = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (LENGTH, 0, 0)], tube, STEEL, elements=10))
 modes = mesh.modes(interfaces=[10], count=4, clamped=0, planar=True, damping=0.01)
 
@@ -54,7 +54,7 @@ def bend(load: float) -> float:
     """Of the tip at rest, downwards [mm]: load and own weight across the boom."""
     across = G * np.cos(BEGIN)
     deflection = load * across * LENGTH**3 / 3 + STEEL.density * AREA * across * LENGTH**4 / 8
-    return 1e3 * deflection / (STEEL.E * I) * np.cos(BEGIN)
+    return 1e3 * deflection / (STEEL.E * MOMENT) * np.cos(BEGIN)
 
 
 assert abs(run["bend"][0] / bend(500.0) - 1) < 1e-3

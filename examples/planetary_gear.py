@@ -1,4 +1,4 @@
-"""A motor starts a hoist through a planetary gear. How long until it runs at speed, if its torque curve is not known well?
+"""A motor starts a hoist through a planetary gear. How long until it runs at speed, if its torque is not known well?
 
 The motor turns the sun. Three planets roll between the sun and a ring that is held. The carrier turns the drum. An
 induction motor pulls by Kloss' formula: little at standstill, most before its synchronous speed, nothing at it.

@@ -1,7 +1,7 @@
 """Six legs carry a platform. How far is it from where it should be, if no leg is exactly as long as it should be?
 
-The legs of a Stewart platform are driven to the lengths that a wanted motion needs: a circle, once in 4 s. Each leg may be
-0.1 mm too long or too short. The errors of single legs add up at worst, through the inverse of the legs' Jacobian.
+The legs of a Stewart platform are driven to the lengths that a wanted motion needs: a circle, once in 4 s. Each leg may
+be 0.1 mm too long or too short. The errors of single legs add up at worst, through the inverse of the legs' Jacobian.
 `python examples/stewart_platform.py FOLDER` draws the platform there.
 
 Source: Stewart (1965), A platform with six degrees of freedom; own values.

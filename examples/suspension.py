@@ -1,7 +1,7 @@
 """A wheel on a trailing arm rolls over a bump. Does it leave the road, if spring, damper and tyre are not known well?
 
-A quarter of a car stands on an arm, which swings about a pin in front of the wheel. The tyre is a spring that cannot pull. The
-wheel's pressure on the road must stay above zero, or else the car can neither brake nor steer.
+A quarter of a car stands on an arm, which swings about a pin in front of the wheel. The tyre is a spring that cannot
+pull. The wheel's pressure on the road must stay above zero, or else the car can neither brake nor steer.
 `python examples/suspension.py FOLDER` draws the suspension there.
 
 Source: textbook model, e.g. Genta and Morello, The Automotive Chassis, volume 2, chapter 26; own values.
@@ -58,9 +58,8 @@ low, high = bounds["pressure"]
 assert (low <= run["pressure"] + 1).all() and (run["pressure"] <= high + 1).all() and not bounds.doubts
 
 if __name__ == "__main__":
-    print(
-        f"Nominally the least pressure is {run['pressure'].min() / weight:.0%} of the car's weight, and at worst {low.min() / weight:.0%}."
-    )
+    nominal, worst = run["pressure"].min() / weight, low.min() / weight
+    print(f"The least pressure on the road is {nominal:.0%} of the car's weight, and {worst:.0%} at worst.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "suspension.html")
         mb.view(bounds, Path(sys.argv[1]) / "suspension.png", output="pressure", time=0.2)

@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ _PRUNED = {"failed": (1, 2), "all": (0, 1, 2)}
 """States of the runs that each word removes."""
 
 
-def add_runs(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:
     """Add the command."""
     text = "list the studies in a file of stored runs"
     runs = commands.add_parser("runs", help=text, description=f"{text}, remove runs, or write them for xarray.")
