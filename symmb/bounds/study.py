@@ -54,7 +54,7 @@ class Study:
         self.method.bounds(watched, self.box)
         if not watched.seen:
             raise DeclarationError(
-                f"{self.method!r} runs no samples, so that no run attains its bounds. "
+                f"{self.method!r} keeps no runs that attain its bounds, which view would draw. "
                 "Use PolynomialChaos() or Vertex()."
             )
         return min(watched.seen, key=lambda s: s.value), max(watched.seen, key=lambda s: s.value)

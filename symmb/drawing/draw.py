@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.drawing.bodies import BodySketch
 from symmb.drawing.elements import sketch
 from symmb.drawing.shapes import Drawing, Shape
@@ -16,7 +16,7 @@ from symmb.plot import labels
 from symmb.simulation import Trajectory
 
 MOST_PICTURES = 1001
-"""Pictures of a page: of longer runs every so many output times are shown."""
+"""Pictures of a page, about: of longer runs every so many output times are shown."""
 _UNIT = 0.011
 """Radius of a bar over the size of the mechanism."""
 _SHORT = 7.0
@@ -29,13 +29,16 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Angles from which a spatial mechanism is seen at first: about the vertical, and above the horizontal."""
 
 
-def draw(run: Trajectory, *, most: int = MOST_PICTURES, point: Point | None = None) -> Drawing:
-    """The drawing of a run at its output times, or at every so many, and the path of a point."""
+def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None) -> Drawing:
+    """The drawing of a run at its output times, or at every so many and at those that `also` numbers.
+
+    The path of a point is drawn as well.
+    """
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run holds no scene: it was read from a file. Give Trajectory.load the scene.")
-    step = -(-len(run.t) // most)
-    run = replace(run, t=run.t[::step], x=run.x[::step], work=run.work[::step], run_examination=None, error=None)
+    rows = _pictures(len(run.t), also)
+    run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
     elements = scene.system.elements
     sketches = [(element, sketch(element, survey)) for element in elements if isinstance(element, Element)]
@@ -71,6 +74,12 @@ def draw(run: Trajectory, *, most: int = MOST_PICTURES, point: Point | None = No
         values=run.values,
         notes=tuple(e.title for e, build in sketches if build is None and not isinstance(e, Gravity)),
     )
+
+
+def _pictures(count: int, also: Sequence[int]) -> Indices:
+    """Numbers of the output times that are shown, the first and the last among them."""
+    rows = np.linspace(0, count - 1, min(count, MOST_PICTURES)).astype(int)
+    return np.union1d(rows, [row for row in also if row < count]).astype(int)
 
 
 def _size(survey: Survey, bodies: Sequence[BodySketch]) -> float:

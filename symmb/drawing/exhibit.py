@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from numbers import Real
 
 import casadi as ca
 import numpy as np
@@ -65,8 +66,9 @@ class Exhibit:
 
 def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
     """A run alone."""
-    drawing = draw(run, point=point)
-    return Exhibit(drawing, picture=0 if time is None else _picture(drawing, time))
+    row = 0 if time is None else _row(run.t, time)
+    drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
+    return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
 
 
 def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:
@@ -86,17 +88,18 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
         raise DeclarationError(f"view: no output {output!r}.{did_you_mean(output, bounds.names)}")
     column = bounds.names.index(output) if output else _widest(bounds)
     width = bounds.upper[:, column] - bounds.lower[:, column]
-    row = int(width.argmax()) if time is None else int(np.abs(bounds.t - time).argmin())
+    row = int(width.argmax()) if time is None else _row(bounds.t, time)
     name, t = bounds.names[column], float(bounds.t[row])
     samples = study.attaining(name, row)
     least, largest = attaining_runs(study, samples)
-    drawing = draw(simulate(study.scene, study.simulator.solver))
+    also = [row, *_extremes(bounds.lower, bounds.upper)]
+    drawing = draw(simulate(study.scene, study.simulator.solver), also=also)
 
     ghosts = [
         Ghost(
             f"{side} {name}({t:g} s) = {run[name][row]:.6g} (bound {bound:.6g}) at {_values(study, run)}",
             tint,
-            draw(run),
+            draw(run, also=also),
         )
         for side, tint, run, bound in (
             ("least", LOWER, least, bounds.lower[row, column]),
@@ -201,6 +204,24 @@ def _widest(bounds: Bounds) -> int:
     width = (bounds.upper - bounds.lower).max(axis=0)
     extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
     return int(np.argmax(width / np.maximum(extent, 1e-300)))
+
+
+def _row(t: Array, time: float) -> int:
+    """Number of the output time that is closest.
+
+    Raises
+    ------
+    DeclarationError       if the time is no number, or outside of the run
+    """
+    slack = 1e-6 * (t[-1] - t[0])
+    if not (isinstance(time, Real) and t[0] - slack <= time <= t[-1] + slack):
+        raise DeclarationError(f"view: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {time!r}.")
+    return int(np.abs(t - float(time)).argmin())
+
+
+def _extremes(lower: Array, upper: Array) -> list[int]:
+    """Numbers of the times at which outputs (n_t, n_y) are least or largest: the page writes these values."""
+    return [*lower.argmin(axis=0).tolist(), *upper.argmax(axis=0).tolist()]
 
 
 def _picture(drawing: Drawing, time: float) -> int:

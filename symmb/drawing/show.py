@@ -41,7 +41,8 @@ def view(
 
     Raises
     ------
-    DeclarationError       if the suffix is another one, or bounds cannot be drawn
+    DeclarationError       if the suffix is another one, bounds cannot be drawn, the time is outside of the run, or the
+                           point is of no body of the scene
 
     Examples
     --------
@@ -54,6 +55,10 @@ def view(
     '<!DOCTYPE html>'
     """
     suffix = require_suffix(path, *FORMATS)
+    if not isinstance(subject, Scene | Trajectory | Bounds):
+        raise DeclarationError(f"view draws a Scene, a Trajectory or Bounds, got {type(subject).__name__}.")
+    if not isinstance(point, Point | None):
+        raise DeclarationError(f"view: point must be a point of a body, such as body.point(0, 0), got {point!r}.")
     if isinstance(subject, Bounds):
         exhibit = of_bounds(subject, output, time, point)
     elif output is not None:

@@ -64,9 +64,17 @@ class Survey:
         return asked
 
     def frame(self, body: AbstractBody) -> int:
-        """Number of the frame of the body that carries a point or a node."""
+        """Number of the frame of the body that carries a point or a node.
+
+        Raises
+        ------
+        DeclarationError       if the body is not in the scene
+        """
         owner = body.owner
-        return 0 if isinstance(owner, Ground) else next(i for i, b in enumerate(self.bodies) if b is owner)
+        number = 0 if isinstance(owner, Ground) else next((i for i, b in enumerate(self.bodies) if b is owner), None)
+        if number is None:
+            raise DeclarationError(f"Body {owner.name!r} is not in this scene.")
+        return number
 
     def place(self, point: Point) -> int:
         """Number of the place of a point."""

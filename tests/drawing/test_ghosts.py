@@ -6,7 +6,7 @@ import pytest
 import symmb as mb
 from models import artillery, double_pendulum
 from symmb.drawing import attaining_runs, of_bounds
-from symmb.drawing.exhibit import convex_hull
+from symmb.drawing.exhibit import convex_hull, of_run
 
 ATTAINED = 1e-9
 
@@ -60,7 +60,27 @@ def test_bounds_that_cannot_be_drawn(tmp_path):
     bounds.save(tmp_path / "b.npz")
     with pytest.raises(mb.DeclarationError, match="hold no scene"):
         mb.view(mb.Bounds.load(tmp_path / "b.npz"), tmp_path / "b.html")
-    with pytest.raises(mb.DeclarationError, match="runs no samples"):
+    with pytest.raises(mb.DeclarationError, match="keeps no runs"):
         mb.view(mb.propagate(scene, mb.Taylor(1)), tmp_path / "b.html")
     with pytest.raises(mb.DeclarationError, match="goes with Bounds"):
         mb.view(scene, tmp_path / "b.html", output="y1")
+    for wrong, words in (({"time": 0.2}, "from 0 to 0.1"), ({"time": "a"}, "a number"), ({"point": (0, 0)}, "a point")):
+        with pytest.raises(mb.DeclarationError, match=words):
+            mb.view(scene, tmp_path / "b.html", **wrong)
+    foreign = mb.Body("other", mass=1.0, pose=mb.Particle()).point(0, 0)
+    with pytest.raises(mb.DeclarationError, match="'other' is not in this scene"):
+        mb.view(scene, tmp_path / "b.html", point=foreign)
+    with pytest.raises(mb.DeclarationError, match="got System"):
+        mb.view(scene.system, tmp_path / "b.html")
+
+
+def test_pictures_of_long_runs_hold_the_time_and_the_extremes():
+    block = mb.Body("block", mass=1.0, pose=mb.Particle())
+    t = np.linspace(0, 1, 5001)
+    peak = 1 / (1e-4 + (mb.t - t[2501]) ** 2 * 1e4)
+    outputs = {"x": block.x, "peak": peak}
+    run = mb.simulate(mb.Scene(mb.System(block), start={"block.vx": 1.0}, times=t, outputs=outputs))
+    exhibit = of_run(run, t[2503], None)
+    assert exhibit.drawing.t[exhibit.picture] == t[2503]
+    assert exhibit.drawing.t[-1] == t[-1]
+    assert exhibit.drawing.values[:, 1].max() == run["peak"].max()
