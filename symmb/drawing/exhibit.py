@@ -22,6 +22,9 @@ LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
 _LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
 """Samples of a point's region: along each of a few parameters, and in all for more; times between which it sweeps."""
+_CLOSE, _THIN = 0.05, 0.5
+"""Extent of a cell of samples over the mechanism's size up to which the region is its hull. The region of other cells
+are paths: half their width over that of a bar."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,7 @@ class Ghost:
 @dataclass(frozen=True, eq=False)
 class Region:
     """Where a point is over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
-    that cover its sweep in the xy plane."""
+    that cover its sweep in the xy plane, or the paths of samples that are far apart."""
 
     name: str
     points: Array
@@ -146,7 +149,8 @@ def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
     points = ensemble.Y.transpose(1, 0, 2)[np.searchsorted(simulator.times, drawing.t)]
     corners = _cells(unit, d) if d <= _FEW else [np.arange(len(unit))]
-    sweep = _swept(points[:, :, :2], corners) if drawing.planar else np.zeros((0, 2))
+    scales = _CLOSE * drawing.size, _THIN * drawing.unit
+    sweep = _swept(points[:, :, :2], corners, *scales) if drawing.planar else np.zeros((0, 2))
     return Region(f"{points.shape[1]} samples of the box", points[:, ensemble.ok], sweep)
 
 
@@ -163,20 +167,33 @@ def _cells(unit: Array, d: int) -> list[Indices]:
     return [np.flatnonzero(((unit >= unit[k] - 1e-9) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
 
 
-def _swept(points: Array, cells: Sequence[Indices]) -> Array:
+def _swept(points: Array, cells: Sequence[Indices], close: float, half: float) -> Array:
     """Corners (3 m, 2) of m triangles that cover what the cells of samples (n_f, n, 2) sweep from time to time.
 
-    A cell is covered by the hull of its corners: the smaller the cells, the closer to what all parameters reach.
+    A cell whose samples are close is covered by their hull. The hull of others may hold what no parameters reach, such
+    as the inside of a circle on which the point moves: the path of each sample is covered, by its half width.
     """
     triangles = []
     rows = np.unique(np.linspace(0, len(points) - 1, _SWEPT).astype(int))
     for before, after in pairwise(rows.tolist()):
         for cell in cells:
-            reached = points[[before, after]][:, cell].reshape(-1, 2)
-            corners = convex_hull(reached[np.isfinite(reached).all(axis=1)])
-            for i in range(1, len(corners) - 1):
-                triangles += [corners[0], corners[i], corners[i + 1]]
+            reached = points[[before, after]][:, cell]
+            reached = reached[:, np.isfinite(reached).all(axis=(0, 2))]
+            near = np.ptp(reached, axis=1).max(initial=0.0) <= close if reached.size else True
+            for part in (
+                [reached.reshape(-1, 2)] if near else [_strip(*ends, half) for ends in zip(*reached, strict=True)]
+            ):
+                corners = convex_hull(part)
+                for i in range(1, len(corners) - 1):
+                    triangles += [corners[0], corners[i], corners[i + 1]]
     return np.array(triangles).reshape(-1, 2)
+
+
+def _strip(begin: Array, end: Array, half: float) -> Array:
+    """Corners (4, 2) of a line with a width."""
+    along = end - begin
+    across = half * np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)
+    return np.array([begin + across, begin - across, end + across, end - across])
 
 
 def convex_hull(points: Array) -> Array:

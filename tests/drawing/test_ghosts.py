@@ -84,3 +84,20 @@ def test_pictures_of_long_runs_hold_the_time_and_the_extremes():
     assert exhibit.drawing.t[exhibit.picture] == t[2503]
     assert exhibit.drawing.t[-1] == t[-1]
     assert exhibit.drawing.values[:, 1].max() == run["peak"].max()
+
+
+def test_the_region_of_a_point_on_a_circle_is_no_disc():
+    p = mb.Parameters(mass=1.0, stiffness=5.0, damping=0.02)
+    ground, rod = mb.Ground(), mb.Body("rod", mass=p.mass, inertia=p.mass / 12, pose=mb.Planar())
+    hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(-0.5, 0))
+    spring = mb.TorsionSpring("spring", ground, rod, p.stiffness, p.damping)
+    scene = mb.Scene(
+        mb.System(rod, hinge, spring, mb.Gravity(0, -9.81), parameters=p),
+        start={"rod.theta": 1.0},
+        times=np.linspace(0, 4, 201),
+        outputs={"theta": rod.theta},
+        box=mb.Box(mass=(0.7, 1.3), stiffness=(3, 7), damping=(0, 0.04)),
+    )
+    exhibit = of_bounds(mb.propagate(scene, mb.Vertex()), None, None, rod.point(0.5, 0))
+    middles = exhibit.region.sweep.reshape(-1, 3, 2).mean(axis=1)
+    assert np.hypot(*middles.T).min() > 0.95
