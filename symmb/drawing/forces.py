@@ -102,12 +102,15 @@ def _(contact: Contact, survey: Survey) -> Build:
     def build(u: float) -> Iterator[Shape]:
         r = float(radius.first[0])
         yield shape_of(contact, "ball", CONTACT, (ball,), (max(r, 0.9 * u),), faint=r > u)
-        side = 2.5 * max(r, 2 * u)
-        # The part of the plane below the ball at the start: the plane itself has no end.
+        # The part of the plane that the ball is next to when it is nearest: the plane itself has no end.
         frame = survey.frame(contact.plane_point.body)
-        pose, n, base = survey.pose(frame)[0], unit_vectors(normal)[0], survey.base(plane)
-        away = pose[:, :3].T @ (survey.track(ball)[0] - pose[:, 3]) - base
-        foot = survey.shifted(plane, away - (away @ n) * n)
+        pose, n, base = survey.pose(frame), unit_vectors(normal)[0], survey.base(plane)
+        away = ((survey.track(ball) - pose[:, :, 3])[:, None] @ pose[:, :, :3])[:, 0] - base
+        gap = away @ n
+        feet = (away - gap[:, None] * n)[gap <= gap.min() + max(r, 2 * u)]
+        low, high = feet.min(axis=0), feet.max(axis=0)
+        side = 2.5 * max(r, 2 * u) + float(np.linalg.norm(high - low))
+        foot = survey.shifted(plane, (low + high) / 2)
         yield shape_of(contact, "plane", GUIDE, (foot,), (side,), direction=unit_vectors(normal))
 
     return build

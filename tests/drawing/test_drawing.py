@@ -109,3 +109,16 @@ def test_what_has_no_place_is_named():
     )
     run = mb.simulate(mb.Scene(system, start={"ball.y": 1.0}, times=[0.0, 0.1]))
     assert draw(run).notes == ("Impact 'floor'", "Motion 'drive'")
+
+
+def test_a_plane_is_drawn_where_the_ball_touches_it():
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    law = mb.HuntCrossley(1e5, restitution=0.8, speed=3.0)
+    slope = mb.Contact("slope", ball.point(0, 0), mb.Ground().point(0, 0), (0.3, 1), law, radius=0.05)
+    scene = mb.Scene(
+        mb.System(ball, mb.Gravity(0, -9.81), slope), start={"ball.y": 0.5}, times=np.linspace(0, 0.5, 101)
+    )
+    drawing = draw(mb.simulate(scene))
+    (plane,) = (shape for shape in drawing.shapes if shape.form == "plane")
+    assert np.abs(drawing.places[plane.places[0]].base[:2]).max() < 0.05  # below the ball, which falls on the origin
+    assert plane.size[0] > 0.05
