@@ -33,6 +33,8 @@ _WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
 """Width of a still [inch], and its greatest and least height over its width."""
 _MARGIN = 0.06
 """Around the mechanism, over its size."""
+_NAME, _LABEL = 65, 110
+"""Most characters of the name, beside which the time stands, and of the label of a run."""
 _FOOT = 2.2
 """More below, over the margin: arrows of axes and gravity stand there."""
 
@@ -104,14 +106,19 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
     _furnish(axes, drawing, k)
     for i, ghost in enumerate(exhibit.ghosts):
         axes.annotate(
-            ghost.label,
+            _cut(ghost.label, _LABEL),
             (0.02, 0.975),
             (0, -24 - 11 * i),
             "axes fraction",
             "offset points",
             color=ghost.tint,
             fontsize=8,
+            parse_math=False,
         )
+
+
+def _cut(text: str, length: int) -> str:
+    return text if len(text) <= length else text[: length - 2] + " …"
 
 
 def _colour(outline: Outline) -> str:
@@ -143,7 +150,8 @@ def _darker(colour: str) -> tuple[float, ...]:
 
 def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
     """Name, time, axes, gravity and scale."""
-    axes.text(0.02, 0.975, drawing.name, fontsize=10, fontweight="bold", va="top", transform=axes.transAxes)
+    name = {"fontsize": 10, "fontweight": "bold", "parse_math": False}
+    axes.text(0.02, 0.975, _cut(drawing.name, _NAME), va="top", transform=axes.transAxes, **name)
     axes.text(0.98, 0.975, f"t = {drawing.t[k]:.4g} s", fontsize=9, va="top", ha="right", transform=axes.transAxes)
     pixels = 72 * _WIDTH  # offsets are in points
     height = pixels * (axes.get_ylim()[1] - axes.get_ylim()[0]) / (axes.get_xlim()[1] - axes.get_xlim()[0])

@@ -340,7 +340,7 @@ function colourOf({ run, shape, faint }) {
   return tint ? [...rgb(tint), faint ? 0.08 : 0.34] : [...own, faint ? 0.26 : 1];
 }
 
-function drawPart(it, colour) {
+function drawPart(it, colour, mode = gl.TRIANGLES) {
   gl.uniform4fv(uniforms.colour, colour);
   const m = it.matrix, x = m.slice(0, 3), y = m.slice(4, 7), z = m.slice(8, 11);
   gl.uniformMatrix4fv(uniforms.model, false, m);
@@ -348,7 +348,7 @@ function drawPart(it, colour) {
   gl.bindBuffer(gl.ARRAY_BUFFER, it.mesh.buffer);
   gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 24, 0);
   gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 24, 12);
-  gl.drawArrays(gl.TRIANGLES, 0, it.mesh.count);
+  gl.drawArrays(mode, 0, it.mesh.count);
 }
 
 function begin(background) {
@@ -368,6 +368,7 @@ function render() {
     gl.uniform1i(uniforms.flat, 1);
     gl.disable(gl.DEPTH_TEST);
     drawPart(sweep, [...COLOURS.region, 1]);
+    drawPart(outline, [...COLOURS.region, 1], gl.LINES);  // a region may be thinner than a pixel
     gl.enable(gl.DEPTH_TEST);
     gl.uniform1i(uniforms.flat, 0);
   }
@@ -460,7 +461,8 @@ function drawCurves() {
     let low = Infinity, high = -Infinity;
     for (const y of all) { low = Math.min(low, y); high = Math.max(high, y); }
     if (!(high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)))) { low -= 1; high += 1; }
-    const x = k => (t[k] - t[0]) / span() * w, y = v => h - 3 - (v - low) / (high - low) * (h - 6);
+    const room = 14 * devicePixelRatio;  // above and below the curves, for their extremes
+    const x = k => (t[k] - t[0]) / span() * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
     const path = values => values.forEach((v, k) => pen.lineTo(x(k), y(v)));
     pen.clearRect(0, 0, w, h);
     if (bounds) {
@@ -477,8 +479,8 @@ function drawCurves() {
       pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h);
     }
     pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
-    pen.strokeStyle = "#f7f9fb"; pen.fillStyle = "#4b5563"; pen.lineWidth = 3;
-    for (const [v, at] of [[high, 11 * devicePixelRatio], [low, h - 4]]) { pen.strokeText(short(v), 3, at); pen.fillText(short(v), 3, at); }
+    pen.fillStyle = "#4b5563";
+    for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
   }
 }
 
@@ -588,7 +590,11 @@ function listen() {
 
 const uniforms = program(), built = meshes();
 const swept = page.region?.sweep, IDENTITY = columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]);
-const sweep = swept?.[1] ? { mesh: mesh(column(swept, 0, 2).flatMap((x, k) => [x, numbers[swept[0] + 2 * k + 1], 0, 0, 0, 1])), matrix: IDENTITY } : null;
+const corner = k => [...rowAt(swept[0] + 2 * k, 2), 0, 0, 0, 1];
+const flatMesh = corners => ({ mesh: mesh(corners.flatMap(corner)), matrix: IDENTITY });
+const numbered = Array.from({ length: swept?.[1] ?? 0 }, (_, k) => k);
+const sweep = numbered.length ? flatMesh(numbered) : null;
+const outline = sweep && flatMesh(numbered.flatMap(k => [k, k % 3 < 2 ? k + 1 : k - 2]));
 $("scrub").max = first.t[1] - 1; $("speed").value = page.speed;
 $("elastic").hidden = !first.places.some(p => p.elastic);
 $("several").hidden = runs.length < 2 && !page.region;
