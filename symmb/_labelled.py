@@ -46,7 +46,7 @@ class Labelled:
     def to_pandas(self) -> "DataFrame":
         """A table with one row a time and output, and method if there are several; bounds are columns."""
         pandas = _optional("pandas", "to_pandas")
-        dims = [name for name in _ROWS if name in self.coordinates]
+        dims = [name for name in _ROWS if self.coordinates.get(name, ((),))[0] == (name,)]  # not a parameter's name
         sizes = [len(self.coordinates[name][1]) for name in dims]
         columns: dict[str, Any] = {}
         for name, (own, values) in {**self.coordinates, **self.variables}.items():

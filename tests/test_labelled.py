@@ -136,5 +136,13 @@ def test_a_package_that_is_missing_is_named(package, monkeypatch):
         getattr(RUN, f"to_{package}")()
 
 
+def test_a_parameter_may_have_the_name_of_a_dimension():
+    pytest.importorskip("pandas")
+    p = mb.Parameters(method=1.0)
+    block = mb.Body("block", mass=p.method, pose=mb.Particle())
+    run = mb.simulate(mb.Scene(mb.System(block, parameters=p), times=[0.0, 1.0], outputs={"x": block.x}))
+    assert run.to_pandas().method.tolist() == [1.0, 1.0]
+
+
 def test_names_that_are_taken():
     assert parameter_names(["k", "time", "a/b"], ["time"]) == ["k", "parameter_time", "a_b"]
