@@ -168,6 +168,7 @@ def style_axes(axes: "Axes") -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
+    axes.tick_params(which="minor", labelsize=6)  # logarithmic axes of less than two decades have such labels
 
 
 def n_columns(n: int) -> int:
