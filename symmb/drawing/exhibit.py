@@ -23,8 +23,8 @@ LOWER, UPPER = "#b3541e", "#5b3fa0"
 _LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
 """Samples of a point's region: along each of a few parameters, and in all for more; times between which it sweeps."""
 _CLOSE, _THIN = 0.05, 0.5
-"""Extent of a cell of samples over the mechanism's size up to which the region is its hull. The region of other cells
-are paths: half their width over that of a bar."""
+"""Extent of what a cell of samples reaches in a while, over the mechanism's size, up to which the region is its hull.
+The region of other cells is where their samples went: the width of their ways over the radius of a bar."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Ghost:
 @dataclass(frozen=True, eq=False)
 class Region:
     """Where a point is over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
-    that cover its sweep in the xy plane, or the paths of samples that are far apart."""
+    that cover its sweep in the xy plane, or the ways of samples that are far apart."""
 
     name: str
     points: Array
@@ -147,10 +147,11 @@ def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     d = len(study.box)
     unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
-    points = ensemble.Y.transpose(1, 0, 2)[np.searchsorted(simulator.times, drawing.t)]
+    ways = ensemble.Y.transpose(1, 0, 2)
+    points = ways[np.searchsorted(simulator.times, drawing.t)]
     corners = _cells(unit, d) if d <= _FEW else [np.arange(len(unit))]
     scales = _CLOSE * drawing.size, _THIN * drawing.unit
-    sweep = _swept(points[:, :, :2], corners, *scales) if drawing.planar else np.zeros((0, 2))
+    sweep = _swept(ways[:, :, :2], corners, *scales) if drawing.planar else np.zeros((0, 2))
     return Region(f"{points.shape[1]} samples of the box", points[:, ensemble.ok], sweep)
 
 
@@ -167,33 +168,39 @@ def _cells(unit: Array, d: int) -> list[Indices]:
     return [np.flatnonzero(((unit >= unit[k] - 1e-9) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
 
 
-def _swept(points: Array, cells: Sequence[Indices], close: float, half: float) -> Array:
-    """Corners (3 m, 2) of m triangles that cover what the cells of samples (n_f, n, 2) sweep from time to time.
+def _swept(points: Array, cells: Sequence[Indices], close: float, side: float) -> Array:
+    """Corners (3 m, 2) of m triangles that cover what the cells of samples (n_t, n, 2) sweep over time.
 
-    A cell whose samples are close is covered by their hull. The hull of others may hold what no parameters reach, such
-    as the inside of a circle on which the point moves: the path of each sample is covered, by its half width.
+    A cell whose samples stay close for a while is covered by their hull. The hull of others may hold what no parameters
+    reach, such as the inside of a circle on which the point moves: the way of each sample is covered.
     """
-    triangles = []
+    triangles, ways = [np.zeros((0, 2))], []
     rows = np.unique(np.linspace(0, len(points) - 1, _SWEPT).astype(int))
     for before, after in pairwise(rows.tolist()):
         for cell in cells:
-            reached = points[[before, after]][:, cell]
+            reached = points[before : after + 1][:, cell]
             reached = reached[:, np.isfinite(reached).all(axis=(0, 2))]
-            near = np.ptp(reached, axis=1).max(initial=0.0) <= close if reached.size else True
-            for part in (
-                [reached.reshape(-1, 2)] if near else [_strip(*ends, half) for ends in zip(*reached, strict=True)]
-            ):
-                corners = convex_hull(part)
-                for i in range(1, len(corners) - 1):
-                    triangles += [corners[0], corners[i], corners[i + 1]]
-    return np.array(triangles).reshape(-1, 2)
+            places = reached.reshape(-1, 2)
+            if len(places) and np.ptp(places, axis=0).max() > close:
+                ways.append(np.stack([reached[:-1], reached[1:]], axis=2).reshape(-1, 2, 2))
+                continue
+            corners = convex_hull(places)
+            for i in range(1, len(corners) - 1):
+                triangles.append(corners[[0, i, i + 1]])
+    return np.vstack([*triangles, _squares(np.vstack(ways), side)] if ways else triangles)
 
 
-def _strip(begin: Array, end: Array, half: float) -> Array:
-    """Corners (4, 2) of a line with a width."""
-    along = end - begin
-    across = half * np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)
-    return np.array([begin + across, begin - across, end + across, end - across])
+def _squares(ways: Array, side: float) -> Array:
+    """Corners (3 m, 2) of triangles that cover straight ways (n, 2, 2) by squares; squares in a row are one."""
+    begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
+    count = int(np.ceil(np.abs(along).max() / side)) + 1
+    cells = np.zeros((0, 2), dtype=int)
+    for share in np.linspace(0, 1, count + 1):
+        cells = np.unique(np.vstack([cells, np.floor((begin + share * along) / side).astype(int)]), axis=0)
+    cuts = np.flatnonzero((np.diff(cells[:, 0]) != 0) | (np.diff(cells[:, 1]) != 1)) + 1
+    low, high = side * cells[[0, *cuts]], side * (cells[[*(cuts - 1), -1]] + 1)
+    corners = [low, np.stack([high[:, 0], low[:, 1]], axis=1), high, np.stack([low[:, 0], high[:, 1]], axis=1)]
+    return np.stack([corners[k] for k in (0, 1, 2, 0, 2, 3)], axis=1).reshape(-1, 2)
 
 
 def convex_hull(points: Array) -> Array:
