@@ -461,8 +461,7 @@ function drawCurves() {
     let low = Infinity, high = -Infinity;
     for (const y of all) { low = Math.min(low, y); high = Math.max(high, y); }
     if (!(high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)))) { low -= 1; high += 1; }
-    const room = 14 * devicePixelRatio;  // above and below the curves, for their extremes
-    const x = k => (t[k] - t[0]) / span() * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
+    const room = 14 * devicePixelRatio, x = k => (t[k] - t[0]) / span() * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
     const path = values => values.forEach((v, k) => pen.lineTo(x(k), y(v)));
     pen.clearRect(0, 0, w, h);
     if (bounds) {
@@ -478,8 +477,7 @@ function drawCurves() {
     if (bounds && page.mark.output === i) {
       pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h);
     }
-    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
-    pen.fillStyle = "#4b5563";
+    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`; pen.fillStyle = "#4b5563";
     for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
   }
 }
@@ -590,11 +588,8 @@ function listen() {
 
 const uniforms = program(), built = meshes();
 const swept = page.region?.sweep, IDENTITY = columns([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]);
-const corner = k => [...rowAt(swept[0] + 2 * k, 2), 0, 0, 0, 1];
-const flatMesh = corners => ({ mesh: mesh(corners.flatMap(corner)), matrix: IDENTITY });
-const numbered = Array.from({ length: swept?.[1] ?? 0 }, (_, k) => k);
-const sweep = numbered.length ? flatMesh(numbered) : null;
-const outline = sweep && flatMesh(numbered.flatMap(k => [k, k % 3 < 2 ? k + 1 : k - 2]));
+const covering = of => ({ mesh: mesh(Array.from({ length: swept[1] }, (_, k) => of(k)).flat().flatMap(k => [...rowAt(swept[0] + 2 * k, 2), 0, 0, 0, 1])), matrix: IDENTITY });
+const [sweep, outline] = swept?.[1] ? [covering(k => [k]), covering(k => [k, k % 3 < 2 ? k + 1 : k - 2])] : [];
 $("scrub").max = first.t[1] - 1; $("speed").value = page.speed;
 $("elastic").hidden = !first.places.some(p => p.elastic);
 $("several").hidden = runs.length < 2 && !page.region;
