@@ -78,10 +78,12 @@ def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[
     """Columns of the outputs to be drawn, by name; None if none are asked for."""
     if outputs is None:
         return None
+    if not isinstance(outputs, str | list | tuple):
+        raise DeclarationError(f"{owner}: outputs must be a name or a list of names, got {outputs!r}.")
     wanted = [outputs] if isinstance(outputs, str) else list(outputs)
     for name in wanted:
         if name not in names:
-            raise DeclarationError(f"{owner}: no output {name!r}.{did_you_mean(name, names)}")
+            raise DeclarationError(f"{owner}: no output {name!r}.{did_you_mean(str(name), names)}")
     if not wanted:
         raise DeclarationError(f"{owner}: outputs names nothing to draw.")
     return [names.index(name) for name in wanted]

@@ -52,6 +52,8 @@ def simulator_of(
 
 def require_scene(scene: object) -> None:
     """DeclarationError unless it is a Scene."""
+    if hasattr(scene, "stream"):
+        raise DeclarationError(f"{scene!r} is a simulator. It runs samples P (N, d) of its parameters by run(P).")
     if not isinstance(scene, Scene):
         raise DeclarationError(f"Expected a Scene, got {type(scene).__name__}. {_SCENE}")
 

@@ -140,3 +140,10 @@ def test_figures_show_themselves_and_can_be_pickled():
     assert data.startswith(b"\x89PNG") and size["width"] == 800
     again = pickle.loads(pickle.dumps(figure))
     assert again._repr_png_()[0].startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("outputs", [3, {"x": 1}, [3], ["z"]])
+@RESULTS
+def test_malformed_outputs_are_refused(result, outputs):
+    with pytest.raises(mb.DeclarationError, match="outputs must be a name|no output"):
+        result.plot(outputs=outputs)

@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from symmb import DeclarationError, FunctionSimulator
+from symmb import DeclarationError, FunctionSimulator, simulate
 from symmb.simulation import run_blocks
 
 TIMES = np.array([0.0, 1.0, 2.0])
@@ -159,3 +159,8 @@ def test_an_interrupt_ends_a_call():
 def test_malformed_timeouts_are_refused(timeout):
     with pytest.raises(DeclarationError, match="timeout must be a number of seconds above 0"):
         FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=timeout)
+
+
+def test_simulate_takes_no_simulator():
+    with pytest.raises(DeclarationError, match="is a simulator"):
+        simulate(_simulator(_hangs))
