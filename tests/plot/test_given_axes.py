@@ -145,5 +145,5 @@ def test_figures_show_themselves_and_can_be_pickled():
 @pytest.mark.parametrize("outputs", [3, {"x": 1}, [3], ["z"]])
 @RESULTS
 def test_malformed_outputs_are_refused(result, outputs):
-    with pytest.raises(mb.DeclarationError, match="outputs must be a name|no output"):
+    with pytest.raises(mb.DeclarationError, match=r"outputs must be a name|no output"):
         result.plot(outputs=outputs)
