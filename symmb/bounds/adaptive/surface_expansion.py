@@ -16,7 +16,8 @@ from symmb.polynomials import Expansion
 def surface_expansion(surface: Callable[[Array], Array], runs: Runs) -> Expansion | None:
     """Interpolant of a surface (N, d) -> (N, n_t n_y) on a sparse grid; None if it is not close to the surface."""
     d = len(runs.box)
-    grid, step = Grid(d), {tuple(2 * (i == j) for j in range(d)) for i in range(d)}
+    # Degree 2 does not tell x^3 from x.
+    grid, step = Grid(d), {tuple(4 * (i == j) for j in range(d)) for i in range(d)}
     points = quasi_random_points(4 * d, d)
     expected = surface(points)
     while True:
