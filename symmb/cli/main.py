@@ -3,7 +3,6 @@
 import argparse
 import io
 import logging
-import math
 import os
 import shutil
 import sys
@@ -18,16 +17,17 @@ from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._interrupts import partial_of
 from symmb._progress import Progress
 from symmb.cli import specs
+from symmb.cli.compare import add_compare
 from symmb.cli.equations import equations_text
+from symmb.cli.result_path import result_path
 from symmb.cli.runs import add_runs
 from symmb.cli.scene_file import load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
-from symmb.codegen import SLOW, cache, has_compiler
+from symmb.codegen import cache
 from symmb.drawing import FORMATS
-from symmb.files import require_suffix, save_json
+from symmb.files import save_json
 from symmb.plot import PICTURES
 
-_SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
 _DOUBTFUL = 3
 """Exit status of a command whose result cannot be trusted."""
 
@@ -88,30 +88,12 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
             print(f"symmb {options.command}: interrupted. What was found so far is in {path}.", file=sys.stderr)
 
 
-def _compare(options: argparse.Namespace) -> tuple[str, ...]:
-    methods = None if options.methods is None else [specs.method(text) for text in options.methods]
-    solver = None if options.solver is None else specs.solver(options.solver)
-    json_file, picture = _file(options.json, ".json"), _file(options.plot, *PICTURES)
-    scene = load_scene(options.scene)
-    if options.spread is not None:
-        scene = _with_spread(scene, _share(options.spread))
-    if (solver is None or isinstance(solver, mb.DormandPrince)) and not has_compiler():
-        print(_SLOW, file=sys.stderr)
-    comparison = mb.compare(scene, methods, solver=solver)
-    print(comparison)
-    if json_file:
-        save_json(json_file, comparison.to_json())
-    if picture:
-        comparison.plot(picture)
-    return comparison.doubts
-
-
 def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, csv_file, picture = (
-        _file(options.json, ".json"),
-        _file(options.csv, ".csv"),
-        _file(options.plot, *PICTURES),
+        result_path(options.json, ".json"),
+        result_path(options.csv, ".csv"),
+        result_path(options.plot, *PICTURES),
     )
     scene = load_scene(options.scene)
     parameters = _assignments(options.set)
@@ -128,7 +110,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _stability(options: argparse.Namespace) -> None:
-    json_file, picture = _file(options.json, ".json"), _file(options.plot, *PICTURES)
+    json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
     scene = load_scene(options.scene)
     result = mb.stability(scene)
     print(result)
@@ -146,7 +128,7 @@ def _equations(options: argparse.Namespace) -> None:
 def _view(options: argparse.Namespace) -> tuple[str, ...]:
     scene = load_scene(options.scene)
     path = options.output or f"{'_'.join(scene.name.split())}.html"
-    _file(path, *FORMATS)
+    result_path(path, *FORMATS)
     with Progress(f"drawing {scene.name}"):
         run = mb.simulate(scene, parameters=_assignments(options.set))
         mb.view(run, path)
@@ -176,30 +158,6 @@ def _cache(options: argparse.Namespace) -> None:
     print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
 
 
-def _with_spread(scene: mb.Scene, spread: float) -> mb.Scene:
-    if scene.box is None:
-        raise DeclarationError(
-            f"--spread: {scene.name} has no box that says which parameters are uncertain. "
-            "Give its Scene box=mb.Box.around(p, 0.05), or box=mb.Box(name=(lower, upper))."
-        )
-    return scene.with_box(mb.Box.around(scene.system.parameters, spread, scene.box.names))
-
-
-def _share(text: str) -> float:
-    try:
-        share = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
-    except ValueError:
-        share = math.nan
-    if not 0.0 < share < math.inf:
-        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {text!r}.")
-    if share >= 1.0:
-        hint = (
-            "Wider intervals go into the scene's Box by their ends." if text.endswith("%") else f"Did you mean {text}%?"
-        )
-        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
-    return share
-
-
 def _assignments(texts: Sequence[str]) -> dict[str, float]:
     parameters = {}
     for text in texts:
@@ -209,18 +167,6 @@ def _assignments(texts: Sequence[str]) -> dict[str, float]:
         except ValueError:
             raise DeclarationError(f"--set takes name=number, got {text!r}.") from None
     return parameters
-
-
-def _file(name: str | None, *suffixes: str) -> Path | None:
-    """The path of a result, checked before the work."""
-    if name is None:
-        return None
-    path = Path(name)
-    if path.is_dir() or not path.parent.is_dir():
-        raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
-    if path.suffix or ".json" not in suffixes:  # /dev/stdout takes JSON
-        require_suffix(path, *suffixes)
-    return path
 
 
 class _Parser(argparse.ArgumentParser):
@@ -268,21 +214,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
     """The commands that take a scene, with their options."""
-    compare = command(
-        "compare", "bound the scene's outputs by several methods and measure each", _compare, f"{methods}\n\n{solvers}"
-    )
-    compare.add_argument(
-        "--spread",
-        metavar="5%",
-        help="intervals of this share around the nominal values, as 5%% or 0.05, of those parameters that the "
-        "scene's own box names; the others stay nominal",
-    )
-    compare.add_argument(
-        "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
-    )
-    compare.add_argument("--solver", metavar="S", help="solver of all methods")
-    compare.add_argument("--json", metavar="F", help="write everything to this file")
-    compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
+    add_compare(command, methods, solvers)
 
     simulate = command("simulate", "run the scene once and tell what its outputs do", _simulate, solvers)
     simulate.add_argument(

@@ -6,10 +6,12 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
-from symmb.model import Scene
+from symmb.model import Box, Scene
+from symmb.simulation import Simulator
 
 _PACKAGE = Path(__file__).parents[1]
 _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
@@ -27,12 +29,44 @@ def load_scene(given: str) -> Scene:
     DeclarationError    if there is no such file or model, it defines no `scene()`, or running it raises
     """
     path = _find(given)
+    return _scene(_module(path), path)
+
+
+def load_subject(given: str) -> tuple[Scene | Simulator, Box | None]:
+    """What a file bounds, and the box: its `scene()`, or the pair of a simulator and its box of its `simulator()`.
+
+    Raises
+    ------
+    DeclarationError    as `load_scene`
+    """
+    path = _find(given)
+    module = _module(path)
+    make = getattr(module, "simulator", None)
+    if hasattr(module, "scene") or not callable(make):
+        scene = _scene(module, path)
+        return scene, scene.box
+    with _foreign(path):
+        made = make()
+    if not isinstance(made, tuple) or [*map(type, made[1:])] != [Box] or not hasattr(made[0], "stream"):
+        raise DeclarationError(f"{path}: simulator() must return a pair, a simulator and its symmb.Box.")
+    return made
+
+
+def _module(path: Path) -> ModuleType:
+    """The module of a file. Other processes find it by its name, so that its functions can be sent to them."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise DeclarationError(f"{path} is not a Python file; a scene file ends in .py and defines scene().")
     module = importlib.util.module_from_spec(spec)
+    known = sys.modules.setdefault(path.stem, module)
+    if getattr(known, "__file__", None) == str(path):
+        sys.modules[path.stem] = module
     with _foreign(path):
         spec.loader.exec_module(module)
+    return module
+
+
+def _scene(module: ModuleType, path: Path) -> Scene:
     build = getattr(module, "scene", None)
     if not callable(build):
         raise DeclarationError(f"{path} defines no function scene() that returns a symmb.Scene.")

@@ -19,5 +19,6 @@ from symmb.simulation.simulator import (
     run_blocks,
 )
 from symmb.simulation.single_run import simulate
+from symmb.simulation.stored_simulator import StoredSimulator
 from symmb.simulation.subject import require_scene, simulator_of
 from symmb.simulation.trajectory import Trajectory

@@ -99,7 +99,7 @@ class BlackBox(ABC):
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run P (N, d) block by block, and reduce each block."""
-        block = 1 + len(P) // _BLOCKS
+        block = samples_of_block(len(P))
         if executor is None:
             return stream(self, P, reduction, None, progress, block)
         return stream_of_runs(self, P, reduction, executor, progress, block)
@@ -120,6 +120,11 @@ class BlackBox(ABC):
         if values.shape != shape:
             raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
         return values
+
+
+def samples_of_block(n: int) -> int:
+    """How many of n samples are reduced together. Sums depend on it in their last digit."""
+    return 1 + n // _BLOCKS
 
 
 def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:

@@ -93,7 +93,9 @@ class _Pool:
     def end(self) -> None:
         """Shut down an executor that was made here."""
         if self._make is not None and hasattr(self.executor, "shutdown"):
-            self.executor.shutdown(wait=True, cancel_futures=True)
+            # Waiting tasks are cancelled one by one: with cancel_futures ProcessPoolExecutor waits for ever for tasks
+            # that it could not pickle.
+            self.executor.shutdown(wait=True)
 
 
 def _is_factory(given: Any) -> bool:

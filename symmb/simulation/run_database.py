@@ -15,7 +15,7 @@ from symmb.simulation.simulator import Ensemble
 
 DONE, FAILED, TIMED_OUT = 0, 1, 2
 STATES = "done", "failed", "timed out"
-_APPLICATION, _VERSION = 0x73796D62, 1
+_APPLICATION, _VERSION = 0x73796D62, 2
 """What tells the file from those of other programs: "symb" in ASCII, and the version of its tables."""
 _HEADER = b"SQLite format 3\0"
 _WAIT = 60.0
@@ -30,7 +30,7 @@ CREATE TABLE IF NOT EXISTS studies (
     outputs TEXT NOT NULL, times BLOB NOT NULL, begun TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS runs (
     study INTEGER NOT NULL REFERENCES studies(id), sample BLOB NOT NULL, state INTEGER NOT NULL, t_failed REAL,
-    reason TEXT NOT NULL, response BLOB NOT NULL, events BLOB, UNIQUE (study, sample));
+    reason TEXT NOT NULL, response BLOB NOT NULL, events BLOB, seconds REAL NOT NULL, UNIQUE (study, sample));
 PRAGMA application_id = {_APPLICATION};
 PRAGMA user_version = {_VERSION};
 """
@@ -75,16 +75,14 @@ class RunDatabase:
             found |= {row[0] for row in self._connection.execute(query, (study, *some))}
         return found
 
-    def add(self, study: int, p: Array, run: Ensemble) -> None:
-        """Write the run of a sample p (d,), unless another study has written it."""
+    def add(self, study: int, p: Array, run: Ensemble, seconds: float) -> None:
+        """Write the run of a sample p (d,) that took some seconds, unless another study has written it."""
         reason = "".join(run.messages)
         state = DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
         events = None if run.events is None else run.events[0].astype(np.int64).tobytes()
+        row = study, *sample_keys(p[None]), state, float(run.t_failed[0]), reason, run.Y[0].tobytes(), events, seconds
         with self._writing():
-            self._connection.execute(
-                "INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?)",
-                (study, *sample_keys(p[None]), state, float(run.t_failed[0]), reason, run.Y[0].tobytes(), events),
-            )
+            self._connection.execute("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", row)
 
     def read(self, study: int, P: Array, shape: tuple[int, int]) -> Ensemble:
         """The runs of samples P (N, d), all of which have run."""
@@ -99,6 +97,11 @@ class RunDatabase:
         if rows and rows[0][3] is not None:
             events = np.array([np.frombuffer(row[3], dtype=np.int64) for row in rows]).astype(np.intp)
         return Ensemble(Y, ok, t_failed, tuple(row[1] for row in rows if row[4] != DONE), events)
+
+    def seconds(self, study: int, p: Array) -> float:
+        """How long the run of a sample p (d,) took, which has run [s]."""
+        query = "SELECT seconds FROM runs WHERE study = ? AND sample = ?"
+        return self._connection.execute(query, (study, *sample_keys(p[None]))).fetchone()[0]
 
     def studies(self) -> list[tuple[int, Study, str, tuple[int, ...]]]:
         """Number, study, time of its begin, and how many runs have each of the STATES."""

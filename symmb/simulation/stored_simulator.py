@@ -1,19 +1,31 @@
 """A simulator that keeps every finished run in a file, and takes from there what it knows."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Executor
+from symmb.simulation.black_box import BlackBox, samples_of_block
 from symmb.simulation.executors import Lost, finished
 from symmb.simulation.identity import digest
 from symmb.simulation.run_database import RunDatabase, Study, opened, sample_keys
-from symmb.simulation.simulator import Ensemble, Merging, Noisy, Progress, Reduction, Simulator, blocks, checked_samples
+from symmb.simulation.simulator import (
+    BLOCK,
+    Ensemble,
+    Merging,
+    Noisy,
+    Progress,
+    Reduction,
+    Simulator,
+    blocks,
+    checked_samples,
+)
 from symmb.simulation.single_runs import lost_runs
 
 S = TypeVar("S")
@@ -110,6 +122,11 @@ class StoredSimulator:
             number = self._make(database, np.asarray(P, dtype=float), None, None)
             return database.read(number, P, (len(self.times), len(self.outputs)))
 
+    def run_seconds(self, p: Array) -> float:
+        """How long the run of a sample p (d,) took, which is made if the file lacks it [s]."""
+        with opened(self.path) as database:
+            return database.seconds(self._make(database, p[None], None, None), p)
+
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
@@ -118,7 +135,7 @@ class StoredSimulator:
         merging = Merging(reduction, None, len(P))
         with opened(self.path) as database:
             number = self._make(database, P, executor, progress)
-            for indices in blocks(len(P)):
+            for indices in blocks(len(P), samples_of_block(len(P)) if isinstance(self.simulator, BlackBox) else BLOCK):
                 block = database.read(number, P[indices], (len(self.times), len(self.outputs)))
                 merging.add(reduction.update(reduction.init(), block, indices), len(indices))
         return merging.state
@@ -138,8 +155,9 @@ class StoredSimulator:
             progress(done, len(P))
         for k, result in results:
             if isinstance(result, Lost):
-                result = lost_runs(self.simulator, missing[k][None], result.reason)
-            database.add(number, missing[k], result)
+                database.add(number, missing[k], lost_runs(self.simulator, missing[k][None], result.reason), 0.0)
+            else:
+                database.add(number, missing[k], *result)
             done += 1
             if progress is not None:
                 progress(done, len(P))
@@ -154,7 +172,9 @@ class StoredSimulator:
         return f"StoredSimulator({self.simulator!r}, {str(self.path)!r})"
 
 
-def _run(simulator: Simulator, p: Array) -> Any:
-    """The run of a sample p (d,)."""
+def _run(simulator: Simulator, p: Array) -> tuple[Ensemble, float]:
+    """The run of a sample p (d,), and how long it took [s]."""
+    begin = time.perf_counter()
     runs = simulator.run(p[None])
-    return Ensemble(runs.Y, runs.ok, runs.t_failed, runs.messages, runs.events)
+    found = Ensemble(runs.Y, runs.ok, runs.t_failed, runs.messages, runs.events)
+    return found, time.perf_counter() - begin

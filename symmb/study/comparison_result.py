@@ -236,6 +236,8 @@ class Comparison(Result):
     def _timing(self) -> str:
         if self.repeats is None or self.threads is None:
             return "evaluations and bounding, warm, median"
+        if self.repeats == 1:
+            return "bounding, and those evaluations that no method before it has stored"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
         once = f", of 1 above {LONG:g} s" if any(row.run_seconds > LONG for row in self.rows) else ""
         return f"evaluations and bounding, warm, median of at least {self.repeats}{once}, {threads}"

@@ -14,7 +14,7 @@ from symmb._progress import RunProgress
 from symmb._types import Array, Executor
 from symmb.bounds import METHODS, Bounds, Method
 from symmb.model import Box
-from symmb.simulation import Simulator
+from symmb.simulation import Simulator, StoredSimulator
 from symmb.study.comparison_result import Comparison
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
@@ -69,12 +69,13 @@ def compare_simulator(
     PropagationError    if no method can run, or the reference cannot
     KeyboardInterrupt   if it is interrupted: `partial` then holds the Comparison of the methods so far
     """
-    about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": _REPEATS, **about}
+    repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # a second time runs would be read, not made
+    about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
     if methods is None:
         methods = default_methods(simulator, box)
     exact = simulator if tighter is None else tighter
     runs = affordable_runs(_seconds_a_run(exact)) if reference is None else RUNS
-    _LOG.info(_announcement(methods, box, reference, runs))
+    _LOG.info(_announcement(methods, box, reference, runs, repeats))
     reference_bounds = find_reference(
         exact, box, reference, runs=runs, executor=executor, progress=_labelled(progress, "reference")
     )
@@ -83,7 +84,7 @@ def compare_simulator(
     for number, method in enumerate(methods):
         label = _labelled(progress, repr(method))
         try:
-            bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=label))
+            bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=label), repeats)
         except (PropagationError, SimulationError) as error:
             not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
         except KeyboardInterrupt as interrupt:
@@ -144,6 +145,8 @@ def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_
 def _seconds_a_run(simulator: Simulator) -> float:
     """Time of a run at the nominal parameters, as one of many in lanes and on threads [s]."""
     P = np.array([[*simulator.parameters.values()]])
+    if isinstance(simulator, StoredSimulator):
+        return simulator.run_seconds(P[0])
     if hasattr(simulator, "prepare"):
         simulator.prepare()  # pyright: ignore[reportAttributeAccessIssue]
     begin = time.perf_counter()
@@ -152,7 +155,9 @@ def _seconds_a_run(simulator: Simulator) -> float:
     return seconds / (_LANES * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def _announcement(methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int) -> str:
+def _announcement(
+    methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
+) -> str:
     """How many runs a comparison makes, and whether there are fewer because they are slow."""
     d = len(box)
     known = [method.planned_runs(d) for method in methods]
@@ -166,17 +171,17 @@ def _announcement(methods: Sequence[Method], box: Box, reference: Method | Bound
         fewer = f" The reference would take {planned_runs(d)} if they were faster." if runs < RUNS else ""
     elif isinstance(reference, Method):
         parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
-    repeats = f"Each method runs {_REPEATS} times or more for its run time, and once if it takes {LONG:g} s."
-    return f"This comparison makes {', '.join(parts)}.{fewer} {repeats}"
+    often = f"{_REPEATS} times or more for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"
+    return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
 
 
-def _timed(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
+def _timed(run: Callable[[], Bounds], repeats: int) -> tuple[Bounds, float]:
     """The bounds, and the median duration of warm runs [s]; of the only run if it takes long."""
     bounds, seconds = _once(run)
-    if seconds > LONG:
+    if seconds > LONG or repeats == 1:
         return bounds, seconds
     durations = [] if seconds < _WARM_UP else [seconds]
-    while len(durations) < _REPEATS or sum(durations) < _ENOUGH:
+    while len(durations) < repeats or sum(durations) < _ENOUGH:
         durations.append(_once(run)[1])
     return bounds, float(np.median(durations))
 

@@ -167,3 +167,10 @@ def test_dask_and_loky():
     loky = pytest.importorskip("loky")
     with loky.ProcessPoolExecutor(2) as pool:
         assert run_blocks(simulator(decay), SAMPLES, pool).Y.tobytes() == alone.Y.tobytes()
+
+
+def test_what_cannot_be_pickled_ends_a_study_whose_executor_is_made_for_it():
+    box, t = mb.Box(k=(0.9, 1.1)), np.linspace(0, 1, 3)
+    simulator = mb.FunctionSimulator(lambda k: k * t, {"k": 1.0}, t, ["x"])
+    with pytest.raises(mb.DeclarationError, match="cannot be sent to other processes"):
+        mb.propagate(simulator, mb.MonteCarlo(40), box, executor=lambda: ProcessPoolExecutor(2))

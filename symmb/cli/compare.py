@@ -1,0 +1,115 @@
+"""The command `symmb compare`: bounds by several methods, on this machine or on others."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+
+import symmb as mb
+from symmb._errors import DeclarationError
+from symmb._types import Executor
+from symmb.cli import specs
+from symmb.cli.result_path import result_path
+from symmb.cli.scene_file import load_subject
+from symmb.codegen import SLOW, has_compiler
+from symmb.files import save_json
+from symmb.plot import PICTURES
+from symmb.simulation import Simulator
+
+_SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
+
+
+def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
+    """Add the command."""
+    compare = command(
+        "compare", "bound outputs by several methods and measure each", _compare, f"{methods}\n\n{solvers}"
+    )
+    compare.add_argument(
+        "--spread",
+        metavar="5%",
+        help="intervals of this share around the nominal values, as 5%% or 0.05, of those parameters that the "
+        "box of the file names; the others stay nominal",
+    )
+    compare.add_argument(
+        "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
+    )
+    compare.add_argument("--solver", metavar="S", help="solver of all methods")
+    compare.add_argument("--store", metavar="F.db", help="keep each run in this file, and take from it what it holds")
+    elsewhere = compare.add_mutually_exclusive_group()
+    elsewhere.add_argument("--workers", metavar="N", type=int, help="make runs in N processes")
+    elsewhere.add_argument("--dask", metavar="ADDRESS", help="make runs on the Dask cluster of this scheduler")
+    compare.add_argument("--json", metavar="F", help="write everything to this file")
+    compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
+
+
+def _compare(options: argparse.Namespace) -> tuple[str, ...]:
+    methods = None if options.methods is None else [specs.method(text) for text in options.methods]
+    solver = None if options.solver is None else specs.solver(options.solver)
+    json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
+    if options.workers is not None and options.workers < 1:
+        raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
+    subject, box = load_subject(options.scene)
+    if (
+        isinstance(subject, mb.Scene)
+        and (solver is None or isinstance(solver, mb.DormandPrince))
+        and not has_compiler()
+    ):
+        print(_SLOW, file=sys.stderr)
+    if options.spread is not None:
+        box = _with_spread(subject, box, _share(options.spread))
+    if options.store is not None:
+        if isinstance(subject, mb.Scene):
+            subject, solver = mb.DAESimulator(subject, solver), None
+        subject = mb.StoredSimulator(subject, options.store)
+    with _executor(options) as executor:
+        comparison = mb.compare(subject, methods, box, solver=solver, executor=executor)
+    print(comparison)
+    if json_file:
+        save_json(json_file, comparison.to_json())
+    if picture:
+        comparison.plot(picture)
+    return comparison.doubts
+
+
+@contextmanager
+def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
+    if options.dask is None:
+        yield None if options.workers is None else partial(ProcessPoolExecutor, options.workers)
+        return
+    try:
+        from dask.distributed import Client
+    except ImportError:
+        raise DeclarationError("--dask needs Dask: pip install dask[distributed].") from None
+    try:
+        client = Client(options.dask)
+    except (OSError, ValueError) as error:
+        raise DeclarationError(f"--dask {options.dask}: {error}") from None
+    with client:
+        client.upload_file(options.scene)
+        yield client
+
+
+def _with_spread(subject: mb.Scene | Simulator, box: mb.Box | None, spread: float) -> mb.Box:
+    if box is None:
+        raise DeclarationError(
+            f"--spread: {subject!r} has no box that says which parameters are uncertain. "
+            "Give its Scene box=mb.Box.around(p, 0.05), or box=mb.Box(name=(lower, upper))."
+        )
+    parameters: Mapping[str, float] = (subject.system if isinstance(subject, mb.Scene) else subject).parameters
+    return mb.Box.around(parameters, spread, box.names)
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = math.nan
+    if not 0.0 < share < math.inf:
+        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {text!r}.")
+    if share >= 1.0:
+        hint = "Wider intervals go into the Box by their ends." if text.endswith("%") else f"Did you mean {text}%?"
+        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
+    return share

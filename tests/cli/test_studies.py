@@ -1,0 +1,86 @@
+"""Comparisons of simulators from the command line: in processes, on clusters, with a file of runs."""
+
+import json
+
+import pytest
+
+from symmb.cli.main import main
+
+SIMULATOR = """
+import numpy as np
+import symmb as mb
+
+T = np.linspace(0, 1, 5)
+CALLS = __file__ + ".calls"
+
+def decay(k, c):
+    with open(CALLS, "a") as calls:
+        calls.write("x")
+    return c * np.exp(-k * T)
+
+def simulator():
+    return mb.FunctionSimulator(decay, {"k": 1.0, "c": 2.0}, T, ["x"]), mb.Box(k=(0.9, 1.1))
+"""
+
+
+@pytest.fixture
+def study(tmp_path, request):
+    path = tmp_path / f"{request.node.name}.py"
+    path.write_text(SIMULATOR)
+    return path
+
+
+def compared(study, *options):
+    """The rows of a comparison, and how many runs it made."""
+    result, calls = study.with_suffix(".json"), study.with_suffix(".py.calls")
+    calls.unlink(missing_ok=True)
+    assert main(["compare", str(study), "--json", str(result), "--methods", "pce:2:paper", "mc:20", *options]) == 0
+    rows = json.loads(result.read_text())["methods"]
+    return [(row["lower"], row["upper"]) for row in rows], len(calls.read_text()) if calls.exists() else 0
+
+
+def test_processes_a_dask_cluster_and_a_file_change_no_digit(study, tmp_path, capfd, monkeypatch):
+    distributed = pytest.importorskip("dask.distributed")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    expected, _ = compared(study)
+    assert compared(study, "--workers", "2")[0] == expected
+    store = str(tmp_path / "runs.db")
+    found, n_runs = compared(study, "--store", store, "--workers", "2")
+    assert found == expected and n_runs > 20
+    assert compared(study, "--store", store) == (expected, 0)
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        assert compared(study, "--dask", cluster.scheduler_address)[0] == expected
+
+
+def test_spread_is_around_nominal_values_of_the_simulator(study, capsys):
+    compared(study, "--spread", "20%")
+    assert "box: k [0.8, 1.2]" in capsys.readouterr().out
+
+
+def test_a_scene_keeps_its_runs(tmp_path, capsys):
+    for _ in range(2):
+        assert (
+            main(["compare", "cubic", "--methods", "pce:2:paper", "taylor:1", "--store", str(tmp_path / "c.db")]) == 0
+        )
+    assert "that no method before it has stored" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        (SIMULATOR, ["--workers", "0"], "--workers takes a number of processes from 1 on, got 0"),
+        (SIMULATOR, ["--store", "."], ". is no run store"),
+        (SIMULATOR, ["--store", __file__], "is no run store. Give another name"),
+        (SIMULATOR, ["--dask", "odd://here"], "--dask odd://here: unknown address scheme 'odd'"),
+        (SIMULATOR, ["--solver", "cvodes"], "has its own solver"),
+        (SIMULATOR.replace(", mb.Box(k=(0.9, 1.1))", ""), [], "simulator() must return a pair"),
+        (SIMULATOR.replace("mb.Box(k=(0.9, 1.1))", "None"), [], "simulator() must return a pair"),
+        (SIMULATOR.replace("def simulator", "def other"), [], "defines no function scene()"),
+    ],
+)  # fmt: skip
+def test_one_sentence(tmp_path, capsys, text, options, words):
+    study = tmp_path / "wrong_study.py"
+    study.write_text(text)
+    assert main(["compare", str(study), "--methods", "mc:3", *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1 and "Traceback" not in error
