@@ -1,11 +1,11 @@
 """A simulator that keeps every finished run in a file, and takes from there what it knows."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -149,15 +149,16 @@ class StoredSimulator:
                 known.add(key)
                 missing.append(p)
         run = partial(_run, self.simulator)
+        results: Iterator[tuple[int, Any]]
         results = enumerate(map(run, missing)) if executor is None else finished(run, missing, executor)
         done = len(P) - len(missing)
         if progress is not None and done:
             progress(done, len(P))
         for k, result in results:
             if isinstance(result, Lost):
-                database.add(number, missing[k], lost_runs(self.simulator, missing[k][None], result.reason), 0.0)
-            else:
-                database.add(number, missing[k], *result)
+                result = lost_runs(self.simulator, missing[k][None], result.reason), 0.0
+            runs, seconds = result
+            database.add(number, missing[k], runs, seconds)
             done += 1
             if progress is not None:
                 progress(done, len(P))
