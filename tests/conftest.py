@@ -1,5 +1,12 @@
 """What several test files share: one tuple for each family, so that a new member is tested by one line."""
 
+# ruff: noqa: E402
+import os
+
+# Workers of pytest-xdist share the processors: threads of linear algebra would take them from each other. NumPy reads
+# this when it is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from joints import ALL_JOINTS as ALL_JOINTS
 from joints import ALL_POSES as ALL_POSES
 

@@ -42,7 +42,11 @@ def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
     """Pixels (h, w, 3) of pictures."""
     figure, axes = canvas(exhibit, numbers[:: max(len(numbers) // _LOOKED_AT, 1)], _DPI)
     limits = axes.get_xlim(), axes.get_ylim()
+    picture, shown = np.empty(0), None
     for k in numbers:
+        if k == shown:  # output times are fewer than pictures
+            yield picture
+            continue
         axes.clear()
         axes.set_axis_off()
         axes.set_xlim(limits[0])
@@ -50,7 +54,8 @@ def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
         paint(axes, exhibit, k)
         figure.canvas.draw()
         pixels = np.asarray(figure.canvas.buffer_rgba())[:, :, :3]  # pyright: ignore[reportAttributeAccessIssue]
-        yield pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy()  # films have even sides
+        picture, shown = pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy(), k  # films have even sides
+        yield picture
 
 
 def _gif(exhibit: Exhibit, numbers: list[int], file: BinaryIO, rate: int) -> None:
