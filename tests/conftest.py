@@ -1,6 +1,5 @@
 """What several test files share: one tuple for each family, so that a new member is tested by one line."""
 
-# ruff: noqa: E402
 import os
 
 # Workers of pytest-xdist share the processors: threads of linear algebra would take them from each other. NumPy reads
