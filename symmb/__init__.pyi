@@ -105,6 +105,7 @@ from .polynomials.ranges.inclusion import ChebyshevInclusion as ChebyshevInclusi
 from .polynomials.ranges.inclusion import LegendreInclusion as LegendreInclusion
 from .simulation.command_simulator import CommandSimulator as CommandSimulator
 from .simulation.dae_simulator import DAESimulator as DAESimulator
+from .simulation.fmu_simulator import FMUSimulator as FMUSimulator
 from .simulation.function_simulator import FunctionSimulator as FunctionSimulator
 from .simulation.single_run import simulate as simulate
 from .simulation.stored_simulator import StoredSimulator as StoredSimulator

@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,19 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
     finally:
         shutil.rmtree(name, ignore_errors=True)
         _FOLDERS.discard(name)
+
+
+def lasting_folder() -> Path:
+    """A new folder that is removed at the end of this process, also in workers of a pool, which skip `atexit`.
+
+    Raises
+    ------
+    OSError     if it cannot be created
+    """
+    name = tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-")
+    _FOLDERS.add(name)
+    Finalize(None, shutil.rmtree, (name, True), exitpriority=0)
+    return Path(name).resolve()
 
 
 @contextmanager

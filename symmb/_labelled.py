@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from symmb._options import optional_package
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -36,7 +37,7 @@ class Labelled:
 
     def to_xarray(self) -> "Dataset":
         """A Dataset whose attributes are texts and numbers, so that every NetCDF engine can write it."""
-        xarray = _optional("xarray", "to_xarray")
+        xarray = optional_package("xarray", "to_xarray", "data")
 
         def entries(named: Mapping[str, Named]) -> dict[str, Any]:
             return {name: (*pair, self._attributes_of(name)) for name, pair in named.items()}
@@ -45,7 +46,7 @@ class Labelled:
 
     def to_pandas(self) -> "DataFrame":
         """A table with one row a time and output, and method if there are several; bounds are columns."""
-        pandas = _optional("pandas", "to_pandas")
+        pandas = optional_package("pandas", "to_pandas", "data")
         dims = [name for name in _ROWS if self.coordinates.get(name, ((),))[0] == (name,)]  # not a parameter's name
         sizes = [len(self.coordinates[name][1]) for name in dims]
         columns: dict[str, Any] = {}
@@ -142,13 +143,3 @@ def parameter_names(names: Sequence[str], taken: Sequence[str]) -> list[str]:
             name = f"parameter_{name}"
         free.append(name.replace("/", "_"))
     return free
-
-
-def _optional(package: str, what: str) -> Any:
-    try:
-        return import_module(package)
-    except ModuleNotFoundError as error:
-        raise ImportError(
-            f"{what} needs {error.name}, which is not installed. Install it: pip install {error.name}, "
-            "or pip install 'symmb[data]'."
-        ) from error

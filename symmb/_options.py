@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import MISSING, fields
+from importlib import import_module
 from inspect import signature
 from typing import Any
 
@@ -67,3 +68,19 @@ def require_whole(owner: str, name: str, value: object, least: int) -> None:
     """DeclarationError unless value is an integer of at least ``least``."""
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
         raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}, got {value!r}.")
+
+
+def optional_package(name: str, what: str, extra: str) -> Any:
+    """A package, or a module of one, that is loaded when `what` needs it; symmb[extra] installs it.
+
+    Raises
+    ------
+    ImportError     if it is not installed
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise ImportError(
+            f"{what} needs {error.name}, which is not installed. Install it: pip install {error.name}, "
+            f"or pip install 'symmb[{extra}]'."
+        ) from error

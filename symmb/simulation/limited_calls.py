@@ -1,28 +1,35 @@
-"""Calls of a function that end in time: in a forked process, which is ended when a call takes too long."""
+"""Calls of a function in a forked process: it may end there, and is ended when a call takes too long."""
 
 import atexit
 import os
 import signal
 import threading
+import uuid
 import warnings
+import weakref
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any
 
-from symmb._cleanup import end_group, lead_group, note_group
+from symmb._cleanup import clean_up, end_group, lead_group, note_group
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
 
-@dataclass(frozen=True)
 class _Worker:
-    """A forked process, and this process' end of the pipe to it."""
+    """A forked process for calls of a thread, and this process' end of the pipe to it."""
 
-    pid: int
-    pipe: Connection
+    def __init__(self, pid: int, pipe: Connection) -> None:
+        self.pid, self.pipe, self.thread = pid, pipe, threading.current_thread()
+        self.caller: Callable[[], LimitedCalls | None] = lambda: None
+
+    @property
+    def is_unused(self) -> bool:
+        """Whether nobody will call again: the thread has ended, or what this thread has called is gone."""
+        own = self.thread is threading.current_thread()
+        return not self.thread.is_alive() or (own and self.caller() is None)
 
     def end(self) -> None:
         _WORKERS.discard(self)
@@ -33,48 +40,67 @@ class _Worker:
 
 
 _WORKERS: set[_Worker] = set()
+_OWN = threading.local()
+"""Workers of this thread, by the keys of what they call, which outlive a copy that was sent to this process."""
 
 
 class LimitedCalls:
-    """A function whose calls end after some seconds. Each thread has a process for its calls, which it keeps.
+    """A function whose calls do no harm here. Each thread has a process for them, which it keeps.
 
     The process is a copy of this one at its first call: what the function changes elsewhere, this one does not see.
+
+    Parameters
+    ----------
+    f : function of named values
+    seconds : longest time of a call; None: no limit
+    subject : what the function is called in messages
+    key : that of the process, by default a new one
     """
 
-    def __init__(self, f: Callable[..., Any], seconds: float) -> None:
+    def __init__(
+        self, f: Callable[..., Any], seconds: float | None, subject: str = "the function", key: str | None = None
+    ) -> None:
         if not hasattr(os, "fork"):
-            raise DeclarationError("A timeout of functions needs a system that can fork processes.")
-        self.f, self.seconds = f, seconds
-        self._own = threading.local()
+            raise DeclarationError(f"Calls of {subject} in their own process need a system that can fork processes.")
+        self.f, self.seconds, self.subject = f, seconds, subject
+        self.key = key or uuid.uuid4().hex
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return LimitedCalls, (self.f, self.seconds)
+        return LimitedCalls, (self.f, self.seconds, self.subject, self.key)
 
-    def __call__(self, values: dict[str, float]) -> Any:
+    def __call__(self, values: dict[str, Any]) -> Any:
         """The result of f(**values).
 
         Raises
         ------
         SimulationError     if it takes too long, raises, or ends its process
         """
-        worker: _Worker | None = getattr(self._own, "worker", None)
-        if worker is None or worker not in _WORKERS:
-            worker = self._own.worker = _fork(self.f)
+        worker = self._worker()
         try:
             worker.pipe.send(values)
             if not worker.pipe.poll(self.seconds):
                 worker.end()
-                raise SimulationError(f"timed out: the function had not returned after {self.seconds:g} s")
+                raise SimulationError(f"timed out: {self.subject} had not returned after {self.seconds:g} s")
             fault, result = worker.pipe.recv()
         except (EOFError, ConnectionError):
             status = _status(worker)
-            raise SimulationError(f"the function ended its process{status}") from None
+            raise SimulationError(f"{self.subject} ended its process{status}") from None
         except BaseException:  # an interrupt: the next call must not get this result
             worker.end()
             raise
         if fault:
             raise SimulationError(fault)
         return result
+
+    def _worker(self) -> _Worker:
+        own: dict[str, _Worker] = vars(_OWN)
+        worker = own.get(self.key)
+        if worker is None or worker not in _WORKERS:
+            for other in [other for other in list(_WORKERS) if other.is_unused]:
+                other.end()
+            worker = own[self.key] = _fork(self.f)
+        worker.caller = weakref.ref(self)
+        return worker
 
 
 def _status(worker: _Worker) -> str:
@@ -94,7 +120,8 @@ def _fork(f: Callable[..., Any]) -> _Worker:
         pid = os.fork()
         if pid == 0:
             try:
-                _serve(f, theirs, mine)
+                mine.close()  # or else its end would never show
+                _serve(f, theirs)
             finally:
                 os._exit(0)
         theirs.close()
@@ -104,20 +131,19 @@ def _fork(f: Callable[..., Any]) -> _Worker:
     return worker
 
 
-def _serve(f: Callable[..., Any], pipe: Connection, parents: Connection) -> None:
+def _serve(f: Callable[..., Any], pipe: Connection) -> None:
     """Call f for what arrives, until the parent is gone."""
-    for connection in (parents, *(worker.pipe for worker in _WORKERS)):  # or else that end would never show
-        connection.close()
     lead_group()
     while True:
         try:
             values = pipe.recv()
         except EOFError:
+            clean_up()
             return
         try:
             reply = "", f(**values)
         except BaseException as error:
-            reply = text_of(error), None
+            reply = str(error) if isinstance(error, SimulationError) else text_of(error), None
         try:
             pipe.send(reply)
         except (TypeError, AttributeError, ValueError) as error:
@@ -128,3 +154,15 @@ def _serve(f: Callable[..., Any], pipe: Connection, parents: Connection) -> None
 def _end_all() -> None:
     for worker in list(_WORKERS):
         worker.end()
+
+
+def _forget() -> None:
+    """Let go of the parent's workers, in a process that was forked."""
+    for worker in _WORKERS:
+        worker.pipe.close()
+    _WORKERS.clear()
+    vars(_OWN).clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)

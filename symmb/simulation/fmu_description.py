@@ -1,0 +1,274 @@
+"""What an FMU says of itself, and whether symmb can run it: its version, interfaces, variables and their units."""
+
+import threading
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symmb._cleanup import lasting_folder
+from symmb._errors import DeclarationError, SimulationError, text_of
+from symmb._names import did_you_mean
+from symmb._options import optional_package
+from symmb.simulation.identity import file_digest
+
+OWNER = "FMUSimulator"
+CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
+FMI_TYPES = CO_SIMULATION, MODEL_EXCHANGE
+_REAL = "Real", "Float64", "Float32"
+_WHOLE = {"Integer": "int32", "Enumeration": "int32"} | {
+    f"{sign}Int{bits}": f"{sign}int{bits}".lower() for sign in ("", "U") for bits in (8, 16, 32, 64)
+}
+"""Types of FMI for whole numbers, and NumPy's names of them."""
+_DIMENSIONLESS = "1", "-"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of an FMU: its name, its number in the FMU, the type by which it is read and written, its unit."""
+
+    name: str
+    reference: int
+    type: str
+    unit: str
+
+    @property
+    def is_whole(self) -> bool:
+        return self.type in _WHOLE
+
+    def fits(self, value: float) -> bool:
+        """Whether the variable can have this value."""
+        if not self.is_whole:
+            return True
+        limits = np.iinfo(_WHOLE[self.type])
+        return value == int(value) and limits.min <= value <= limits.max
+
+
+@dataclass(frozen=True)
+class FMU:
+    """What is needed to run an FMU by one of its interfaces.
+
+    Attributes
+    ----------
+    path, digest : the file
+    version : 2 or 3, of FMI
+    fmi_type : "CoSimulation" or "ModelExchange"
+    identifier, token : the name of its library, and what the library is asked for
+    n_states, n_indicators : numbers of continuous states and of event indicators
+    tells_steps : whether it wants to know when a step of the solver is complete
+    tolerance : relative tolerance that its solver is given; None: its own
+    step : that of its default experiment [s]; None if it tells none
+    grid : the step of its solver, of which communication steps are multiples [s]; None if it tells none
+    is_uniform : whether its communication steps have one length
+    """
+
+    path: Path
+    digest: str
+    version: int
+    fmi_type: str
+    identifier: str
+    token: str
+    n_states: int
+    n_indicators: int
+    tells_steps: bool
+    tolerance: float | None
+    step: float | None
+    grid: float | None
+    is_uniform: bool
+
+
+def fmpy(module: str = "") -> Any:
+    """FMPy, or a module of it.
+
+    Raises
+    ------
+    ImportError     if it is not installed
+    """
+    return optional_package(f"fmpy.{module}" if module else "fmpy", OWNER, "fmu")
+
+
+def described(path: Path, fmi_type: str | None) -> tuple[FMU, list[Any]]:
+    """An FMU, and FMPy's descriptions of its variables.
+
+    Raises
+    ------
+    DeclarationError    if it is no FMU, has another interface, or has no binary for this computer
+    """
+    names = _files(path)
+    description = _description(path)
+    major = str(description.fmiVersion).partition(".")[0]
+    if major not in ("2", "3"):
+        raise DeclarationError(f"{OWNER}: {path.name} is of FMI {description.fmiVersion}, and only 2 and 3 are read.")
+    chosen = _interface(path, description, fmi_type)
+    interface = description.coSimulation if chosen == CO_SIMULATION else description.modelExchange
+    _require_binary(path, names, int(major), interface.modelIdentifier)
+    experiment = description.defaultExperiment
+    fmu = FMU(
+        path,
+        file_digest(path),
+        int(major),
+        chosen,
+        interface.modelIdentifier,
+        description.guid or "",
+        description.numberOfContinuousStates,
+        description.numberOfEventIndicators,
+        bool(getattr(interface, "needsCompletedIntegratorStep", False)),
+        _number(experiment and experiment.tolerance),
+        _number(experiment and experiment.stepSize),
+        _number(getattr(interface, "fixedInternalStepSize", None)),
+        not getattr(interface, "canHandleVariableCommunicationStepSize", True),
+    )
+    return fmu, description.modelVariables
+
+
+def _files(path: Path) -> list[str]:
+    """The names of the files in an FMU."""
+    if not path.is_file():
+        raise DeclarationError(f"{OWNER}: there is no file {path}.")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise DeclarationError(f"{OWNER}: {path.name} is no FMU, or is damaged: {text_of(error)}.") from None
+    if "modelDescription.xml" not in names:
+        raise DeclarationError(f"{OWNER}: {path.name} is no FMU: it contains no modelDescription.xml.")
+    return names
+
+
+def _description(path: Path) -> Any:
+    """FMPy's model description."""
+    read = fmpy("model_description").read_model_description
+    try:
+        # Faults that do no harm, such as a unit that is not defined, are common.
+        return read(str(path), validate=False)
+    except Exception as error:  # FMPy raises whatever comes of a wrong file
+        reason = error
+    try:
+        read(str(path), validate=True)
+    except Exception as error:
+        reason = error
+    first = getattr(reason, "problems", None) or [text_of(reason)]
+    text = " ".join(first[0].split())[:300].rstrip(".")
+    raise DeclarationError(f"{OWNER}: modelDescription.xml of {path.name} cannot be read: {text}.")
+
+
+def _interface(path: Path, description: Any, given: str | None) -> str:
+    has = [CO_SIMULATION] * (description.coSimulation is not None)
+    has += [MODEL_EXCHANGE] * (description.modelExchange is not None)
+    if given is not None and given not in FMI_TYPES:
+        raise DeclarationError(f"{OWNER}: fmi_type must be one of {', '.join(map(repr, FMI_TYPES))}, got {given!r}.")
+    if not has:
+        raise DeclarationError(f"{OWNER}: {path.name} is neither for co-simulation nor for model exchange.")
+    if given is not None and given not in has:
+        raise DeclarationError(f"{OWNER}: {path.name} has no interface {given}, only {has[0]}.")
+    return given or has[0]
+
+
+def _require_binary(path: Path, names: Sequence[str], version: int, identifier: str | None) -> None:
+    module = fmpy()
+    platform = module.platform if version == 2 else module.platform_tuple
+    if f"binaries/{platform}/{identifier}{module.sharedLibraryExtension}" in names:
+        return
+    others = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1})
+    told = f"only for {', '.join(others)}" if others else "nor for any other platform"
+    if platform in others:
+        told = f"for its folder lacks {identifier}{module.sharedLibraryExtension}"
+    sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
+    remedy = f" FMPy may compile its sources: python -m fmpy compile {path.name}" if sources else ""
+    raise DeclarationError(f"{OWNER}: {path.name} has no binary for {platform}, {told}.{remedy}")
+
+
+def _number(text: Any) -> float | None:
+    """A positive number, or None."""
+    try:
+        number = float(text)
+    except (TypeError, ValueError):
+        return None
+    return number if 0.0 < number < np.inf else None
+
+
+def parameters_of(path: Path, variables: Sequence[Any], parameters: Mapping[str, float]) -> tuple[Variable, ...]:
+    """The variables of an FMU that parameters set.
+
+    Raises
+    ------
+    DeclarationError    if there is no such variable, it cannot be set, or it is not a number
+    """
+    known = {variable.name: variable for variable in variables}
+    found = tuple(_found(path, known, name, "parameter") for name in parameters)
+    for variable, value in zip(found, parameters.values(), strict=True):
+        reason = _fixed_by(known[variable.name])
+        if reason:
+            raise DeclarationError(f"{OWNER}: {variable.name!r} cannot be set: {reason}.")
+        if not variable.fits(value):
+            raise DeclarationError(f"{OWNER}: {variable.name!r} is of the type {variable.type}, got {value!r}.")
+    return found
+
+
+def outputs_of(path: Path, variables: Sequence[Any], outputs: Sequence[str]) -> tuple[Variable, ...]:
+    """The variables of an FMU that are outputs of a study.
+
+    Raises
+    ------
+    DeclarationError    if there is no such variable, or it is not a number
+    """
+    known = {variable.name: variable for variable in variables}
+    return tuple(_found(path, known, name, "output") for name in outputs)
+
+
+def _found(path: Path, known: Mapping[str, Any], name: str, role: str) -> Variable:
+    variable = known.get(name)
+    if variable is None:
+        raise DeclarationError(f"{OWNER}: {path.name} has no variable {name!r}.{did_you_mean(name, known)}")
+    if variable.shape:
+        size = " x ".join(map(str, variable.shape))
+        raise DeclarationError(f"{OWNER}: {role} {name!r} is an array ({size}), and only single numbers are taken.")
+    if variable.type not in (*_REAL, *_WHOLE, *(["Boolean"] if role == "output" else [])):
+        raise DeclarationError(f"{OWNER}: {role} {name!r} is of the type {variable.type}, and must be a number.")
+    declared = variable.declaredType and variable.declaredType.unit
+    unit = variable.unit or declared or ""
+    return Variable(name, variable.valueReference, variable.type, "" if unit in _DIMENSIONLESS else unit)
+
+
+def _fixed_by(variable: Any) -> str:
+    """Why a variable cannot be set before a run; empty if it can."""
+    if variable.variability == "constant":
+        return "it is a constant"
+    if variable.causality == "structuralParameter":
+        return "it is a structural parameter, which gives the size of arrays"
+    if variable.causality in ("parameter", "input") or variable.initial == "exact":
+        return ""
+    if variable.initial == "approx":
+        return "its start value is only a first guess"
+    return "it is calculated by the FMU"
+
+
+_EXTRACTED: dict[str, Path] = {}
+_LOCK = threading.Lock()
+
+
+def extracted(fmu: FMU) -> Path:
+    """The folder that an FMU is extracted to, once for this process and those that it forks.
+
+    Raises
+    ------
+    SimulationError     if it cannot be extracted, or is no longer the file that was declared
+    """
+    with _LOCK:
+        folder = _EXTRACTED.get(fmu.digest)
+        if folder is not None and folder.is_dir():
+            return folder
+        try:
+            if file_digest(fmu.path) != fmu.digest:
+                raise SimulationError(f"{fmu.path.name} has changed since it was declared")
+            folder = lasting_folder()
+            fmpy().extract(str(fmu.path), str(folder))
+        except SimulationError:
+            raise
+        except Exception as error:  # a damaged archive raises many kinds
+            raise SimulationError(f"{fmu.path.name} cannot be extracted: {text_of(error)}") from None
+        _EXTRACTED[fmu.digest] = folder
+        return folder

@@ -1,0 +1,152 @@
+"""Runs of an FMU, in a process of their own: from one communication point to the next."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from symmb._errors import SimulationError, text_of
+from symmb._types import Array
+from symmb.simulation.fmu_description import CO_SIMULATION, FMU, Variable
+from symmb.simulation.fmu_instance import ENDED, Instance, is_fatal, listen, told
+from symmb.simulation.fmu_solver import Events, Solver, new_solver
+
+_SAME = 1e-12
+"""Difference of times, over the largest one, up to which they are the same."""
+AGREE = 1e-6
+"""Difference of a number of steps from a whole one that is taken to be rounding."""
+_MOST_EVENTS = 1000
+"""Events at one time, above which they are taken to go on for ever."""
+
+
+@dataclass
+class FMURuns:
+    """Makes runs, and keeps the instance of the last one.
+
+    Attributes
+    ----------
+    fmu : its file and interface
+    parameters, outputs : its variables
+    times : (n_t,) output times [s]
+    step : longest communication step [s]; all have this length if the FMU wants that
+    """
+
+    fmu: FMU
+    parameters: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    times: Array
+    step: float
+    _instance: Instance | None = field(default=None, init=False)
+    _solver: Solver | None = field(default=None, init=False)
+    _t: float = field(default=0.0, init=False)
+
+    def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
+        """Outputs (n_t, n_y) of a run with these parameters.
+
+        Parameters
+        ----------
+        folder : that the FMU was extracted to
+        again : reset the instance of the run before, if that went well; otherwise a new one is made
+
+        Raises
+        ------
+        SimulationError     if the run fails
+        """
+        listen()
+        instance, self._instance, self._t = self._instance, None, self.times[0]
+        try:
+            if instance is not None and not again:
+                instance = instance.free()
+            if instance is None:
+                instance = Instance(self.fmu, folder)
+            else:
+                instance.model.reset()
+            instance.initialize(self.parameters, values, self.times)
+            rows = self._cosimulated(instance) if self.fmu.fmi_type == CO_SIMULATION else self._integrated(instance)
+        except Exception as error:
+            if instance is not None and not is_fatal(error):
+                instance.free()
+            raise SimulationError(self._reason(error)) from None
+        try:
+            instance.model.terminate()
+            self._instance = instance
+        except Exception as error:
+            if not is_fatal(error):
+                instance.free()
+        return rows
+
+    def _reason(self, error: Exception) -> str:
+        """Why a run failed, and when."""
+        name = getattr(error, "function", None)
+        text = f"{name} failed" if name else str(error) if isinstance(error, SimulationError) else text_of(error)
+        said = told()
+        return f"{text} at t = {self._t:g} s{': ' if said else ''}{said}"
+
+    def _cosimulated(self, instance: Instance) -> Array:
+        rows, read = self._table(), instance.reader(self.outputs)
+        read(rows[0])
+        for k, row in enumerate(rows[1:]):
+            for begin, length in self._steps(k):
+                self._t = begin
+                instance.advance(begin, length)
+            self._t = self.times[k + 1]
+            read(row)
+        return rows
+
+    def _integrated(self, instance: Instance) -> Array:
+        rows, read, events = self._table(), instance.reader(self.outputs), Events(instance)
+        if self._solver is None:
+            self._solver = new_solver(self.fmu, instance, self.times[0], self.step)
+        else:
+            self._solver.restart(instance, self.times[0])
+        read(rows[0])
+        for k, row in enumerate(rows[1:]):
+            for begin, length in self._steps(k):
+                self._integrate(instance, self._solver, events, begin + length)
+            read(row)
+        return rows
+
+    def _integrate(self, instance: Instance, solver: Solver, events: "Events", end: float) -> None:
+        """Take the solver and the FMU from the present time to another."""
+        near, count = _SAME * float(np.abs(self.times).max()), 0
+        while end - self._t > near or events.next - self._t <= near:
+            begin = self._t
+            is_event = events.next - self._t <= near
+            if not is_event:
+                is_event, self._t = solver.advance(self._t, min(end, events.next))
+                instance.model.setTime(self._t)
+                if self.fmu.tells_steps:
+                    wanted, ends = instance.model.completedIntegratorStep()
+                    is_event = is_event or wanted
+                    if ends:
+                        raise SimulationError(ENDED)
+            if is_event or events.next - self._t <= near:
+                instance.model.enterEventMode()
+                events.update()
+                instance.model.enterContinuousTimeMode()
+                solver.restart(instance, self._t)
+            count = count + 1 if self._t - begin <= near else 0
+            if count > _MOST_EVENTS:
+                raise SimulationError("there is one event after the other")
+
+    def _steps(self, k: int) -> Iterator[tuple[float, float]]:
+        """Begins and lengths of communication steps between the times k and k + 1."""
+        begin, end = self.times[k : k + 2].tolist()
+        count = steps_between(begin, end, self.step)
+        if self.fmu.is_uniform:
+            first = round((begin - self.times[0]) / self.step)
+            yield from ((float(self.times[0]) + i * self.step, self.step) for i in range(first, first + count))
+        else:
+            points = np.linspace(begin, end, 1 + count).tolist()
+            yield from ((a, b - a) for a, b in pairwise(points))
+
+    def _table(self) -> Array:
+        return np.empty((len(self.times), len(self.outputs)))
+
+
+def steps_between(begin: float, end: float, step: float) -> int:
+    """How many communication steps there are between two times."""
+    return max(1, ceil((end - begin) / step - AGREE))
