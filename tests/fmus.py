@@ -44,7 +44,7 @@ static int status_of(Model *m) {
     if (k > 95) abort();
     if (k > 90) sleep(1000);
     if (k > 80 && m->value[TIME] > 0.2) { m->ended = 1; return 2; }
-    if (k > 60 && m->value[TIME] > 0.1) { say(m, 3, "the spring is torn by %d N/m", (int)k); return 3; }
+    if (k > 60 && k < 80 && m->value[TIME] > 0.1) { say(m, 3, "the spring is torn by %d N/m", (int)k); return 3; }
     return 0;
 }
 static void update(Model *m) {
@@ -242,7 +242,9 @@ def description(version, token="a token", extra="", co_simulation="", experiment
     if version == 2:
         head = f'fmiVersion="2.0" guid="{token}" numberOfEventIndicators="1"'
         types = '<SimpleType name="Damping"><Real unit="N.s/m"/></SimpleType>'
-        derivatives = f'<Derivatives><Unknown index="{index["der(x)"]}"/><Unknown index="{index["der(v)"]}"/></Derivatives>'
+        derivatives = (
+            f'<Derivatives><Unknown index="{index["der(x)"]}"/><Unknown index="{index["der(v)"]}"/></Derivatives>'
+        )
         outputs = "".join(f'<Unknown index="{index[name]}"/>' for name in ("x", "v", "passes"))
         structure = f"<Outputs>{outputs}</Outputs>{derivatives}"
     else:
@@ -253,10 +255,11 @@ def description(version, token="a token", extra="", co_simulation="", experiment
             f'<ContinuousStateDerivative valueReference="{index[name]}"/>' for name in ("der(x)", "der(v)")
         )
         structure += f'<EventIndicator valueReference="{index["x"]}"/>'
+    steps = "" if version == 2 else 'needsCompletedIntegratorStep="true"'
     co_simulation = co_simulation or 'canHandleVariableCommunicationStepSize="true"'
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription modelName="spring" {head}>
-<ModelExchange modelIdentifier="spring"/><CoSimulation modelIdentifier="spring" {co_simulation}/>
+<ModelExchange modelIdentifier="spring" {steps}/><CoSimulation modelIdentifier="spring" {co_simulation}/>
 <UnitDefinitions>{units}</UnitDefinitions><TypeDefinitions>{types}</TypeDefinitions>{experiment}
 <ModelVariables>{"".join(rows)}{extra}</ModelVariables><ModelStructure>{structure}</ModelStructure>
 </fmiModelDescription>"""

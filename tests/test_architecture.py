@@ -47,6 +47,7 @@ FLOORS = {
 }
 HEAVY = (
     "sympy",
+    "fmpy",
     "matplotlib",
     "pandas",
     "xarray",

@@ -3,7 +3,7 @@
 The method that chooses its own runs is in `bounds.adaptive`.
 """
 
-from symmb.bounds.method import Method, parameter_samples, require_method
+from symmb.bounds.method import Method, parameter_samples, require_method, units_of
 from symmb.bounds.propagation import propagate
 from symmb.bounds.registry import METHODS, read_method
 from symmb.bounds.result import Bounds

@@ -1,5 +1,6 @@
 """What an FMU says of itself, and whether symmb can run it: its version, interfaces, variables and their units."""
 
+import shutil
 import threading
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -39,12 +40,13 @@ class Variable:
     def is_whole(self) -> bool:
         return self.type in _WHOLE
 
-    def fits(self, value: float) -> bool:
-        """Whether the variable can have this value."""
+    def fault_of(self, value: float) -> str:
+        """Why the variable cannot have a value; empty if it can."""
         if not self.is_whole:
-            return True
+            return ""
         limits = np.iinfo(_WHOLE[self.type])
-        return value == int(value) and limits.min <= value <= limits.max
+        fits = value == int(value) and limits.min <= value <= limits.max
+        return "" if fits else f"{self.name!r} cannot be {value:g}: it is of the type {self.type}"
 
 
 @dataclass(frozen=True)
@@ -97,8 +99,14 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, list[Any]]:
     ------
     DeclarationError    if it is no FMU, has another interface, or has no binary for this computer
     """
+    fmpy()
     names = _files(path)
-    description = _description(path)
+    code = file_digest(path)
+    try:
+        folder = extracted(path, code)  # now, so that the workers that this process forks find it
+    except SimulationError as error:
+        raise DeclarationError(f"{OWNER}: {error}.") from None
+    description = _description(path, folder)
     major = str(description.fmiVersion).partition(".")[0]
     if major not in ("2", "3"):
         raise DeclarationError(f"{OWNER}: {path.name} is of FMI {description.fmiVersion}, and only 2 and 3 are read.")
@@ -108,7 +116,7 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, list[Any]]:
     experiment = description.defaultExperiment
     fmu = FMU(
         path,
-        file_digest(path),
+        code,
         int(major),
         chosen,
         interface.modelIdentifier,
@@ -138,16 +146,16 @@ def _files(path: Path) -> list[str]:
     return names
 
 
-def _description(path: Path) -> Any:
+def _description(path: Path, folder: Path) -> Any:
     """FMPy's model description."""
     read = fmpy("model_description").read_model_description
     try:
         # Faults that do no harm, such as a unit that is not defined, are common.
-        return read(str(path), validate=False)
+        return read(str(folder), validate=False)
     except Exception as error:  # FMPy raises whatever comes of a wrong file
         reason = error
     try:
-        read(str(path), validate=True)
+        read(str(folder), validate=True)
     except Exception as error:
         reason = error
     first = getattr(reason, "problems", None) or [text_of(reason)]
@@ -203,8 +211,8 @@ def parameters_of(path: Path, variables: Sequence[Any], parameters: Mapping[str,
         reason = _fixed_by(known[variable.name])
         if reason:
             raise DeclarationError(f"{OWNER}: {variable.name!r} cannot be set: {reason}.")
-        if not variable.fits(value):
-            raise DeclarationError(f"{OWNER}: {variable.name!r} is of the type {variable.type}, got {value!r}.")
+        if fault := variable.fault_of(value):
+            raise DeclarationError(f"{OWNER}: {fault}.")
     return found
 
 
@@ -250,25 +258,24 @@ _EXTRACTED: dict[str, Path] = {}
 _LOCK = threading.Lock()
 
 
-def extracted(fmu: FMU) -> Path:
-    """The folder that an FMU is extracted to, once for this process and those that it forks.
+def extracted(path: Path, code: str) -> Path:
+    """The folder that an FMU with this digest is extracted to, once for this process and those that it forks.
 
     Raises
     ------
     SimulationError     if it cannot be extracted, or is no longer the file that was declared
     """
     with _LOCK:
-        folder = _EXTRACTED.get(fmu.digest)
+        folder = _EXTRACTED.get(code)
         if folder is not None and folder.is_dir():
             return folder
+        if not path.is_file() or file_digest(path) != code:
+            raise SimulationError(f"{path.name} has changed since it was declared")
+        folder = lasting_folder()
         try:
-            if file_digest(fmu.path) != fmu.digest:
-                raise SimulationError(f"{fmu.path.name} has changed since it was declared")
-            folder = lasting_folder()
-            fmpy().extract(str(fmu.path), str(folder))
-        except SimulationError:
-            raise
+            fmpy().extract(str(path), str(folder))
         except Exception as error:  # a damaged archive raises many kinds
-            raise SimulationError(f"{fmu.path.name} cannot be extracted: {text_of(error)}") from None
-        _EXTRACTED[fmu.digest] = folder
+            shutil.rmtree(folder, ignore_errors=True)
+            raise SimulationError(f"{path.name} cannot be extracted: {text_of(error).rstrip('.')}") from None
+        _EXTRACTED[code] = folder
         return folder

@@ -29,16 +29,16 @@ _LOG: dict[str, str] = {}
 class Instance:
     """A running model. FMPy's classes for FMI 2 and 3, co-simulation and model exchange, look alike here."""
 
-    def __init__(self, fmu: FMU, folder: Path) -> None:
+    def __init__(self, fmu: FMU, folder: Path, logs: bool) -> None:
         self.has_states = fmu.fmi_type != CO_SIMULATION
         self.version, self._tolerance = fmu.version, fmu.tolerance
         arguments = {"guid": fmu.token, "modelIdentifier": fmu.identifier, "unzipDirectory": str(folder)}
         module = fmpy(f"fmi{fmu.version}")
         self.model = getattr(module, f"FMU{fmu.version}{'Model' if self.has_states else 'Slave'}")(**arguments)
         if fmu.version == 2:
-            self.model.instantiate(callbacks=_callbacks())
+            self.model.instantiate(callbacks=_callbacks(), loggingOn=logs)
         else:
-            self.model.instantiate(logMessage=_note)
+            self.model.instantiate(logMessage=_note, loggingOn=logs)
 
     def initialize(self, variables: Sequence[Variable], values: Mapping[str, float], times: Array) -> None:
         """Set variables, and find the initial state."""
@@ -124,6 +124,11 @@ def _output() -> int:
         os.dup2(file.fileno(), number)
     sys.stdout = sys.stderr = open(1, "w", closefd=False, errors="replace", buffering=1)
     return os.dup(file.fileno())
+
+
+def has_reason() -> bool:
+    """Whether an error was logged."""
+    return "error" in _LOG
 
 
 def told() -> str:

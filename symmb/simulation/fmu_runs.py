@@ -1,6 +1,8 @@
 """Runs of an FMU, in a process of their own: from one communication point to the next."""
 
+import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
@@ -11,7 +13,7 @@ import numpy as np
 from symmb._errors import SimulationError, text_of
 from symmb._types import Array
 from symmb.simulation.fmu_description import CO_SIMULATION, FMU, Variable
-from symmb.simulation.fmu_instance import ENDED, Instance, is_fatal, listen, told
+from symmb.simulation.fmu_instance import ENDED, Instance, has_reason, is_fatal, listen, told
 from symmb.simulation.fmu_solver import Events, Solver, new_solver
 
 _SAME = 1e-12
@@ -32,6 +34,8 @@ class FMURuns:
     parameters, outputs : its variables
     times : (n_t,) output times [s]
     step : longest communication step [s]; all have this length if the FMU wants that
+    patience : a run that fails without a reason is made again if it took less [s]: many FMUs tell reasons only where
+        they are asked to log everything
     """
 
     fmu: FMU
@@ -39,6 +43,7 @@ class FMURuns:
     outputs: tuple[Variable, ...]
     times: Array
     step: float
+    patience: float
     _instance: Instance | None = field(default=None, init=False)
     _solver: Solver | None = field(default=None, init=False)
     _t: float = field(default=0.0, init=False)
@@ -56,12 +61,25 @@ class FMURuns:
         SimulationError     if the run fails
         """
         listen()
-        instance, self._instance, self._t = self._instance, None, self.times[0]
+        begin = time.perf_counter()
+        try:
+            return self._run(values, folder, again)
+        except Exception as error:
+            fault, t = error, self._t
+        if _is_unexplained(fault) and time.perf_counter() - begin < self.patience:
+            with suppress(Exception):
+                self._run(values, folder, again=False, logs=True)
+        name, reason = getattr(fault, "function", None), told()
+        text = f"{name} failed" if name else str(fault) if isinstance(fault, SimulationError) else text_of(fault)
+        raise SimulationError(f"{text} at t = {t:g} s{': ' if reason else ''}{reason}")
+
+    def _run(self, values: Mapping[str, float], folder: Path, again: bool, logs: bool = False) -> Array:
+        instance, self._instance, self._t = self._instance, None, float(self.times[0])
         try:
             if instance is not None and not again:
                 instance = instance.free()
             if instance is None:
-                instance = Instance(self.fmu, folder)
+                instance = Instance(self.fmu, folder, logs)
             else:
                 instance.model.reset()
             instance.initialize(self.parameters, values, self.times)
@@ -69,21 +87,14 @@ class FMURuns:
         except Exception as error:
             if instance is not None and not is_fatal(error):
                 instance.free()
-            raise SimulationError(self._reason(error)) from None
+            raise
         try:
             instance.model.terminate()
             self._instance = instance
-        except Exception as error:
+        except Exception as error:  # the run is complete
             if not is_fatal(error):
                 instance.free()
         return rows
-
-    def _reason(self, error: Exception) -> str:
-        """Why a run failed, and when."""
-        name = getattr(error, "function", None)
-        text = f"{name} failed" if name else str(error) if isinstance(error, SimulationError) else text_of(error)
-        said = told()
-        return f"{text} at t = {self._t:g} s{': ' if said else ''}{said}"
 
     def _cosimulated(self, instance: Instance) -> Array:
         rows, read = self._table(), instance.reader(self.outputs)
@@ -150,3 +161,8 @@ class FMURuns:
 def steps_between(begin: float, end: float, step: float) -> int:
     """How many communication steps there are between two times."""
     return max(1, ceil((end - begin) / step - AGREE))
+
+
+def _is_unexplained(fault: Exception) -> bool:
+    """Whether nothing but the name of a call is known of a failure."""
+    return not isinstance(fault, SimulationError) and not has_reason()

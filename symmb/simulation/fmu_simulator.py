@@ -105,7 +105,8 @@ class FMUSimulator(BlackBox):
         inputs = parameters_of(fmu.path, variables, self.parameters)
         found = outputs_of(fmu.path, variables, self.outputs)
         step = _step(fmu, self.times, step)
-        runs = FMURuns(fmu, inputs, found, self.times, step)
+        patience = min(_LONG, np.inf if timeout is None else timeout / 3)
+        runs = FMURuns(fmu, inputs, found, self.times, step, patience)
         options = {
             "path": fmu.path,
             "fmi_type": fmu.fmi_type,
@@ -117,16 +118,13 @@ class FMUSimulator(BlackBox):
         }
         for name, value in options.items():
             object.__setattr__(self, name, value)
-        try:
-            extracted(fmu)  # workers that are forked from this process find it
-        except SimulationError as error:
-            raise DeclarationError(f"{OWNER}: {error}.") from None
 
     def response(self, values: dict[str, float]) -> Any:
         """Outputs (n_t, n_y) of one run."""
         for variable in self._calls.f.parameters:
-            if not variable.fits(values[variable.name]):
-                raise SimulationError(f"{variable.name!r} is of the type {variable.type}")
+            fault = variable.fault_of(values[variable.name])
+            if fault:
+                raise SimulationError(fault)
         key = self._fmu.digest, self.fmi_type
         begin = time.perf_counter()
         result = self._run(values, _RESETS.get(key, False))
@@ -137,7 +135,7 @@ class FMUSimulator(BlackBox):
     def _run(self, values: dict[str, float], again: bool) -> Any:
         for module in ("", "sundials"):  # before a process is forked, so that each has them
             fmpy(module)
-        return self._calls({"values": values, "folder": extracted(self._fmu), "again": again})
+        return self._calls({"values": values, "folder": extracted(self.path, self._fmu.digest), "again": again})
 
     def _repeats(self, values: dict[str, float], result: Array) -> bool:
         """Whether a run after a reset is the same: some FMUs keep their last state, or crash."""

@@ -2,6 +2,7 @@
 
 import atexit
 import os
+import select
 import signal
 import threading
 import uuid
@@ -134,11 +135,11 @@ def _fork(f: Callable[..., Any]) -> _Worker:
 def _serve(f: Callable[..., Any], pipe: Connection) -> None:
     """Call f for what arrives, until the parent is gone."""
     lead_group()
+    threading.Thread(target=_end_with_parent, args=(pipe,), daemon=True).start()
     while True:
         try:
             values = pipe.recv()
         except EOFError:
-            clean_up()
             return
         try:
             reply = "", f(**values)
@@ -148,6 +149,15 @@ def _serve(f: Callable[..., Any], pipe: Connection) -> None:
             pipe.send(reply)
         except (TypeError, AttributeError, ValueError) as error:
             pipe.send((f"what the function returned cannot be sent: {text_of(error)}", None))
+
+
+def _end_with_parent(pipe: Connection) -> None:
+    """End this process and what it has started when the parent is gone, whatever f is doing."""
+    poll = select.poll()
+    poll.register(pipe, 0)  # of no events but the end of the connection
+    poll.poll()
+    clean_up()
+    os.killpg(0, signal.SIGKILL)
 
 
 @atexit.register

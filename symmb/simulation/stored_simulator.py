@@ -107,6 +107,11 @@ class StoredSimulator:
         return self.simulator.outputs
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the outputs, as far as they are known."""
+        return getattr(self.simulator, "units", ())
+
+    @property
     def noise(self) -> Array | None:
         """(n_y,) how far values may be off; None if it is not known."""
         return self.simulator.noise if isinstance(self.simulator, Noisy) else None

@@ -8,7 +8,7 @@ from symmb._errors import warn_of
 from symmb._options import require_callable
 from symmb._progress import shown
 from symmb._types import Array, Executor, Expr
-from symmb.bounds import Bounds, Method, require_method
+from symmb.bounds import Bounds, Method, require_method, units_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator, Simulator, simulator_of
@@ -70,7 +70,14 @@ def compare(
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
         if not isinstance(simulator, DAESimulator):
             return compare_simulator(
-                simulator, chosen, box, reference, executor=executor, progress=progress, scene=repr(simulator)
+                simulator,
+                chosen,
+                box,
+                reference,
+                scene=repr(simulator),
+                units=units_of(simulator),
+                executor=executor,
+                progress=progress,
             )
         comparison = compare_simulator(
             simulator,
