@@ -147,7 +147,8 @@ F(GetEventIndicators)(Model *m, double *z, size_t n) { z[0] = m->value[POSITION]
 FMI3 = r"""
 #include "fmi3FunctionTypes.h"
 #define CALLBACK void
-#define say(m, status, ...) (snprintf(text, sizeof text, __VA_ARGS__), (m)->log((m)->environment, status, "error", text))
+#define say(m, status, ...) \
+    (snprintf(text, sizeof text, __VA_ARGS__), (m)->log((m)->environment, status, "error", text))
 static char text[200];
 #define callback callback; fmi3LogMessageCallback log
 %(spring)s
@@ -242,11 +243,9 @@ def description(version, token="a token", extra="", co_simulation="", experiment
     if version == 2:
         head = f'fmiVersion="2.0" guid="{token}" numberOfEventIndicators="1"'
         types = '<SimpleType name="Damping"><Real unit="N.s/m"/></SimpleType>'
-        derivatives = (
-            f'<Derivatives><Unknown index="{index["der(x)"]}"/><Unknown index="{index["der(v)"]}"/></Derivatives>'
-        )
+        derivatives = "".join(f'<Unknown index="{index[name]}"/>' for name in ("der(x)", "der(v)"))
         outputs = "".join(f'<Unknown index="{index[name]}"/>' for name in ("x", "v", "passes"))
-        structure = f"<Outputs>{outputs}</Outputs>{derivatives}"
+        structure = f"<Outputs>{outputs}</Outputs><Derivatives>{derivatives}</Derivatives>"
     else:
         head = f'fmiVersion="3.0" instantiationToken="{token}"'
         types = '<Float64Type name="Damping" unit="N.s/m"/>'
@@ -304,3 +303,9 @@ def write_fmu(path, files):
         for name, content in files.items():
             archive.writestr(name, content)
     return path
+
+
+def spring(path, libraries, version=2, **options):
+    """The FMU of the spring."""
+    files = {"modelDescription.xml": description(version, **options), library_name(version): libraries[version]}
+    return write_fmu(path, files)

@@ -24,6 +24,8 @@ _WHOLE = {"Integer": "int32", "Enumeration": "int32"} | {
     f"{sign}Int{bits}": f"{sign}int{bits}".lower() for sign in ("", "U") for bits in (8, 16, 32, 64)
 }
 """Types of FMI for whole numbers, and NumPy's names of them."""
+_AGAINST_SCHEMA = "ERROR (line", "FATAL (line"
+"""How FMPy begins to tell faults in the form of a description; others are those of its content."""
 _DIMENSIONLESS = "1", "-"
 
 
@@ -147,19 +149,16 @@ def _files(path: Path) -> list[str]:
 
 
 def _description(path: Path, folder: Path) -> Any:
-    """FMPy's model description."""
+    """FMPy's model description. It must follow the schema of FMI: otherwise FMPy may overlook states."""
     read = fmpy("model_description").read_model_description
     try:
-        # Faults that do no harm, such as a unit that is not defined, are common.
-        return read(str(folder), validate=False)
+        return read(str(folder))
     except Exception as error:  # FMPy raises whatever comes of a wrong file
         reason = error
-    try:
-        read(str(folder), validate=True)
-    except Exception as error:
-        reason = error
-    first = getattr(reason, "problems", None) or [text_of(reason)]
-    text = " ".join(first[0].split())[:300].rstrip(".")
+    problems = getattr(reason, "problems", [])
+    if problems and not problems[0].startswith(_AGAINST_SCHEMA):  # others do no harm, such as an unknown unit
+        return read(str(folder), validate=False)
+    text = " ".join((problems or [text_of(reason)])[0].split())[:300].rstrip(".")
     raise DeclarationError(f"{OWNER}: modelDescription.xml of {path.name} cannot be read: {text}.")
 
 

@@ -51,7 +51,7 @@ class StoredSimulator:
 
     Parameters
     ----------
-    simulator : DAESimulator, FunctionSimulator, CommandSimulator, ...
+    simulator : DAESimulator, FunctionSimulator, CommandSimulator, FMUSimulator, ...
     path : str or Path      the file, an SQLite database; it is made if there is none
     version : str           anything that tells apart what the digest does not see
 
