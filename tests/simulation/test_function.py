@@ -1,11 +1,15 @@
 """FunctionSimulator: shapes, failures and what is told of them."""
 
+import gc
 import os
+import pickle
 import signal
+import subprocess
 import sys
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -159,6 +163,60 @@ def test_an_interrupt_ends_a_call():
 def test_malformed_timeouts_are_refused(timeout):
     with pytest.raises(DeclarationError, match="timeout must be a number of seconds above 0"):
         FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=timeout)
+
+
+def _process(a):
+    """The number of the process that makes a call."""
+    return np.full(len(TIMES), float(os.getpid()))
+
+
+def _number(simulator):
+    return int(simulator.run(np.array([[1.0]])).Y[0, 0, 0])
+
+
+def _is_gone(number):
+    """Whether a process ends within some seconds."""
+    for _ in range(100):
+        try:
+            os.kill(number, 0)
+            if Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_copies_in_a_process_share_that_of_their_calls():
+    simulator = FunctionSimulator(_process, {"a": 1.0}, TIMES, ["x"], timeout=10)
+    copies = [pickle.loads(pickle.dumps(simulator)) for _ in range(3)]  # a pool sends one with each task
+    assert {_number(simulator)} == {_number(copy) for copy in copies} != {os.getpid()}
+
+
+def test_processes_of_gone_simulators_and_threads_end():
+    simulator = FunctionSimulator(_process, {"a": 1.0}, TIMES, ["x"], timeout=10)
+    with ThreadPoolExecutor(1) as pool:
+        numbers = [pool.submit(_number, simulator).result(), _number(simulator)]
+    del simulator
+    gc.collect()
+    _number(FunctionSimulator(_process, {"a": 1.0}, TIMES, ["x"], timeout=10))
+    assert all(_is_gone(number) for number in numbers)
+
+
+def test_a_study_that_is_killed_leaves_no_process():
+    code = """
+import os, sys, time, numpy as np, symmb as mb
+def hang(a):
+    print(os.getpid(), flush=True)
+    time.sleep(1000)
+mb.FunctionSimulator(hang, {"a": 1.0}, [0.0], ["x"], timeout=900).run(np.ones((1, 1)))
+"""
+    study = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    number = int(study.stdout.readline())
+    study.kill()
+    study.wait()
+    study.stdout.close()
+    assert _is_gone(number)
 
 
 def test_simulate_takes_no_simulator():
