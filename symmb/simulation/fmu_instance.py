@@ -1,6 +1,7 @@
 """An instance of an FMU, in a process of its own: how it is made, started, read, and what it tells."""
 
 import ctypes
+import faulthandler
 import os
 import sys
 import tempfile
@@ -118,7 +119,8 @@ def listen() -> None:
 
 @cache
 def _output() -> int:
-    """A file that takes the output of this process."""
+    """A file that takes the output of this process. A crash of it is a failed run, and is told as that."""
+    faulthandler.disable()
     file = tempfile.TemporaryFile()
     for number in (1, 2):
         os.dup2(file.fileno(), number)
@@ -126,25 +128,29 @@ def _output() -> int:
     return os.dup(file.fileno())
 
 
-def has_reason() -> bool:
+def has_error() -> bool:
     """Whether an error was logged."""
     return "error" in _LOG
 
 
-def told() -> str:
-    """The reason of a failure: the first error that was logged, or the last warning, or the last line printed."""
-    text = _LOG.get("error") or _LOG.get("warning") or _last_line()
-    return " ".join(text.split())[:_TOLD].rstrip(".")
+def logged() -> str:
+    """The first error that was logged, or else the last warning."""
+    return _short(_LOG.get("error") or _LOG.get("warning", ""))
 
 
-def _last_line() -> str:
+def last_line() -> str:
+    """The last line that was printed."""
     sys.stdout.flush()
     ctypes.CDLL(None).fflush(None)
     output = _output()
     end = os.lseek(output, 0, os.SEEK_END)
     text = os.pread(output, 4096, max(0, end - 4096)).decode(errors="replace")
-    lines = [line.strip() for line in text.split("\n") if line.strip()]
-    return lines[-1] if lines else ""
+    lines = [line for line in text.split("\n") if line.strip()]
+    return _short(lines[-1]) if lines else ""
+
+
+def _short(text: str) -> str:
+    return " ".join(text.split())[:_TOLD].rstrip(".")
 
 
 def _note(*arguments: Any) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from symmb._errors import SimulationError, text_of
 from symmb._types import Array
 from symmb.simulation.fmu_description import CO_SIMULATION, FMU, Variable
-from symmb.simulation.fmu_instance import ENDED, Instance, has_reason, is_fatal, listen, told
+from symmb.simulation.fmu_instance import ENDED, Instance, has_error, is_fatal, last_line, listen, logged
 from symmb.simulation.fmu_solver import Events, Solver, new_solver
 
 _SAME = 1e-12
@@ -66,11 +66,15 @@ class FMURuns:
             return self._run(values, folder, again)
         except Exception as error:
             fault, t = error, self._t
-        if _is_unexplained(fault) and time.perf_counter() - begin < self.patience:
+        is_open = not isinstance(fault, SimulationError) and not has_error()
+        if is_open and time.perf_counter() - begin < self.patience:
             with suppress(Exception):
                 self._run(values, folder, again=False, logs=True)
-        name, reason = getattr(fault, "function", None), told()
-        text = f"{name} failed" if name else str(fault) if isinstance(fault, SimulationError) else text_of(fault)
+        if isinstance(fault, SimulationError):  # it is a reason itself
+            text, reason = str(fault).rstrip("."), logged()
+        else:
+            name = getattr(fault, "function", None)
+            text, reason = f"{name} failed" if name else text_of(fault), logged() or last_line()
         raise SimulationError(f"{text} at t = {t:g} s{': ' if reason else ''}{reason}")
 
     def _run(self, values: Mapping[str, float], folder: Path, again: bool, logs: bool = False) -> Array:
@@ -161,8 +165,3 @@ class FMURuns:
 def steps_between(begin: float, end: float, step: float) -> int:
     """How many communication steps there are between two times."""
     return max(1, ceil((end - begin) / step - AGREE))
-
-
-def _is_unexplained(fault: Exception) -> bool:
-    """Whether nothing but the name of a call is known of a failure."""
-    return not isinstance(fault, SimulationError) and not has_reason()
