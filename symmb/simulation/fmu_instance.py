@@ -166,10 +166,11 @@ def _note(*arguments: Any) -> None:
 @cache
 def _callbacks() -> Any:
     """FMI 2's functions of the environment. FMPy's C code keeps a pointer to the logger that it was given last."""
-    module, logging = fmpy("fmi2"), fmpy("logging")
+    module = fmpy("fmi2")
     callbacks = module.fmi2CallbackFunctions()
     callbacks.logger = module.fmi2CallbackLoggerTYPE(_note)
     callbacks.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(fmpy().calloc)
     callbacks.freeMemory = module.fmi2CallbackFreeMemoryTYPE(fmpy().free)
-    logging.addLoggerProxy(ctypes.byref(callbacks))
+    with suppress(OSError):  # FMPy has it for the usual computers; it fills values into messages
+        fmpy("logging").addLoggerProxy(ctypes.byref(callbacks))
     return callbacks

@@ -15,6 +15,7 @@ from symmb.simulation.black_box import BlackBox
 from symmb.simulation.fmu_description import (
     CO_SIMULATION,
     FMU,
+    MODEL_EXCHANGE,
     OWNER,
     described,
     extracted,
@@ -31,6 +32,8 @@ _STEPS = 500
 """Communication steps of a run, as FMPy has them, where neither the user nor the FMU tells the step."""
 _LONG = 10.0
 """Time of a run beside which that of making an instance is small [s]. Runs of this length get a new one each."""
+_SHIFT = 1e-6
+"""Change of parameters by which it is tried whether a reset forgets them."""
 _RESETS: dict[tuple[str, str], bool] = {}
 """Whether an FMU's instance can be used again, by the digest of its file and its interface."""
 
@@ -40,8 +43,8 @@ class FMUSimulator(BlackBox):
     """Trajectories from a Functional Mock-up Unit of FMI 2 or 3, by FMPy, which `pip install 'symmb[fmu]'` installs.
 
     Runs are made in processes of their own: an FMU that crashes costs one run, and threads run side by side. Each
-    process keeps an instance. It is reset between two runs, if a reset run is the same to the last bit; this is tried
-    once. Otherwise, and after a run that failed, a new instance is made.
+    process keeps an instance. It is reset between two runs, if a run after resets is the same to the last bit; this is
+    tried once. Otherwise, and after a run that failed, a new instance is made.
 
     Parameters
     ----------
@@ -133,13 +136,18 @@ class FMUSimulator(BlackBox):
         return result
 
     def _run(self, values: dict[str, float], again: bool) -> Any:
-        for module in ("", "sundials"):  # before a process is forked, so that each has them
-            fmpy(module)
+        fmpy()  # and its solver, before a process is forked, so that each has them
+        if self.fmi_type == MODEL_EXCHANGE:
+            fmpy("sundials")
         return self._calls({"values": values, "folder": extracted(self.path, self._fmu.digest), "again": again})
 
     def _repeats(self, values: dict[str, float], result: Array) -> bool:
-        """Whether a run after a reset is the same: some FMUs keep their last state, or crash."""
+        """Whether a run is the same after a reset, with a run of other parameters between: some FMUs keep their last
+        state or what they have calculated, or crash."""
+        whole = {variable.name for variable in self._calls.f.parameters if variable.is_whole}
+        others = {name: value if name in whole else value * (1 + _SHIFT) + _SHIFT for name, value in values.items()}
         try:
+            self._run(others, True)
             return np.array_equal(self._run(values, True), result, equal_nan=True)
         except SimulationError:
             return False

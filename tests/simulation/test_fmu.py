@@ -133,7 +133,11 @@ def test_failed_runs_tell_why_and_others_go_on(version, stiffness, text, springs
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("reset", ["", "abort();", "return 3;"])
+KEEPS = """static double first; double k = m->value[STIFFNESS]; first = first ? first : k;
+set_start(m); m->value[DAMPING] += k - first;"""
+
+
+@pytest.mark.parametrize("reset", ["", KEEPS, "abort();", "return 3;"], ids=["none", "keeps", "aborts", "fails"])
 def test_an_fmu_that_cannot_be_reset_gets_new_instances(reset, folder, springs):
     path = fmus.spring(folder / "kept.fmu", {2: fmus.library(2, folder, reset)})
     expected = simulator(springs[2]).run(samples()).Y
@@ -144,7 +148,7 @@ def test_an_instance_is_used_again(folder):
     text = 'FILE *f = fopen("%s", "a"); fputc(\'r\', f); fclose(f); set_start(m);' % (folder / "resets.txt")
     path = fmus.spring(folder / "reset.fmu", {2: fmus.library(2, folder, text.replace("%", "%%"))})
     assert simulator(path).run(samples(8)).ok.all()
-    assert len((folder / "resets.txt").read_text()) == 8  # 7, and that by which it is tried whether resets work
+    assert len((folder / "resets.txt").read_text()) == 9  # 7, and two by which it is tried whether resets work
 
 
 @pytest.mark.slow
