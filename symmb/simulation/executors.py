@@ -16,6 +16,9 @@ _AHEAD = 2
 """Tasks at a time for each worker: one that runs and one that waits."""
 _UNKNOWN_WORKERS = 512
 """Tasks at a time, over _AHEAD, of an executor that does not tell its workers, such as that of a cluster."""
+_FEW_WORKERS = 8
+"""The same of a cluster with fewer workers when the first tasks go out. With each task that ends two more may go out
+beside: the cluster may get more workers, and how long tasks take tells how much one should hold."""
 _KILLED = "KilledWorker"
 """What Dask raises for a task after it has tried it on several workers."""
 _TICK = 0.02
@@ -60,7 +63,9 @@ class _Pool:
 
     def _start(self, given: Any) -> None:
         self.executor = given if self._make is None else self._make()
+        self._at_first: int | None = None
         if hasattr(self.executor, "get_executor"):  # a client of Dask
+            self._at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
             self.executor = self.executor.get_executor(pure=False)
         self.submits = callable(getattr(self.executor, "submit", None))
         maps = callable(getattr(self.executor, "map", None))
@@ -79,6 +84,11 @@ class _Pool:
         """How many tasks run side by side."""
         told = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
         return told if isinstance(told, int) and told > 0 else _UNKNOWN_WORKERS
+
+    @property
+    def workers_at_first(self) -> int:
+        """How many there are when the first tasks go out. A cluster may get more."""
+        return self._at_first or self.workers
 
     def renew(self, error: BaseException) -> None:
         """Make another executor in the place of a broken one."""
@@ -118,7 +128,7 @@ class _Task:
 
 
 def _submitted(f: Callable[[Any], Any], items: Iterable[Any], pool: _Pool) -> Iterator[tuple[int, Any]]:
-    waiting, most = iter(enumerate(items)), _AHEAD * pool.workers
+    waiting, most = iter(enumerate(items)), _AHEAD * pool.workers_at_first
     running: dict[int, _Task] = {}
     done: queue.SimpleQueue[int] = queue.SimpleQueue()
     try:
@@ -131,6 +141,7 @@ def _submitted(f: Callable[[Any], Any], items: Iterable[Any], pool: _Pool) -> It
                 if not running:
                     return
                 k = _next(running, done)
+                most = min(most + 2, _AHEAD * pool.workers)
                 result = _result(running[k].future)
                 del running[k]
                 yield k, result
