@@ -9,9 +9,10 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._options import constructor_text, is_finite_number, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.derivatives import unit_jets
+from symmb.bounds.failed_region import failed_region
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.quadratic_models import Quadratics, quadratics
-from symmb.bounds.reductions import extremes, failure_records, failures, together
+from symmb.bounds.reductions import extremes, failure_records, failures, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
@@ -79,7 +80,8 @@ class Optimization(Method):
         shape = len(simulator.times), len(simulator.outputs)
         models, attained, least, before, runs = self._descended(simulator, box, progress)
         predicted = attained - models.gain
-        P = parameter_samples(simulator, box, models.promising(least, self.budget - runs))
+        points = models.promising(least, self.budget - runs)
+        P = parameter_samples(simulator, box, points)
         (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
         attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
         estimate = np.abs(attained - predicted) + np.abs(predicted - before)
@@ -92,6 +94,7 @@ class Optimization(Method):
             estimate=estimate.reshape(2, *shape).max(axis=0),
             inner=(lower, upper),
             failed=failure_records(simulator, box, P, bad),
+            failed_region=failed_region(box, points, which_failed(bad, len(P))),
         )
 
     def _descended(

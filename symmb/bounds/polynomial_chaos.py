@@ -10,9 +10,10 @@ from symmb._limits import require_memory
 from symmb._options import constructor_text, is_finite_number, require_kind, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
+from symmb.bounds.failed_region import failed_region
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together
+from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
@@ -26,8 +27,8 @@ _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), Te
 _ORDINARY = 100
 """Powers of two between which coefficients are multiplied with each other as they are."""
 
-_Responses = tuple[Array, tuple[Array, Array], tuple[Failure, ...]]
-"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), and the failed runs."""
+_Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
+"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), which did not fail (N,), and the failed ones."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +121,9 @@ class PolynomialChaos(Method):
         require_memory(self, "the values at nodes and the coefficients", values * outputs)
         P = parameter_samples(simulator, box, fit.nodes)
         if self.lockstep:
-            coefficients, inner, failed = self._marched(fit, P, simulator, box, progress)
+            coefficients, inner, ok, failed = self._marched(fit, P, simulator, box, progress)
         else:
-            coefficients, inner, failed = self._streamed(fit, P, simulator, box, executor, progress)
+            coefficients, inner, ok, failed = self._streamed(fit, P, simulator, box, executor, progress)
         shape = len(simulator.times), len(simulator.outputs)
         noise = simulator.noise if isinstance(simulator, Noisy) else None
         is_noise = np.zeros(shape[1], dtype=bool) if noise is None else _width(*inner) <= 2 * noise
@@ -131,6 +132,7 @@ class PolynomialChaos(Method):
         lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
         lower, upper = np.where(is_noise, inner[0], lower), np.where(is_noise, inner[1], upper)
         details = {"inner": inner, "failed": failed, "expansion": expansion, "noise": noise}
+        details["failed_region"] = failed_region(box, fit.nodes, ~ok)
         return self._result(simulator, lower, upper, len(P), **details)
 
     def _range(self, expansion: Expansion) -> tuple[Array, Array]:
@@ -150,15 +152,14 @@ class PolynomialChaos(Method):
         reduction = together(runs, extremes(simulator), failures())
         state, inner, failed_runs = simulator.stream(P, reduction, executor, progress)
         failed = failure_records(simulator, box, P, failed_runs)
-        ok = np.ones(len(P), dtype=bool)
-        ok[[index for index, _, _ in failed_runs]] = False
+        ok = ~which_failed(failed_runs, len(P))
         self._require_determined(fit, ok, failed)
         if fit.line is None:
-            return fit.coefficients(state, ok), inner, failed
+            return fit.coefficients(state, ok), inner, ok, failed
         Y = np.empty((len(P), len(simulator.times) * len(simulator.outputs)))
         for rows, values in state:
             Y[rows] = values
-        return fit.transform(Y), inner, failed
+        return fit.transform(Y), inner, ok, failed
 
     def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
         if not isinstance(simulator, March):
@@ -183,7 +184,7 @@ class PolynomialChaos(Method):
             inner_lower[i], inner_upper[i] = Y[ok].min(axis=0), Y[ok].max(axis=0)
             if progress is not None:
                 progress(i + 1, n_t)
-        return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), failed
+        return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), ok, failed
 
     def _require_determined(self, fit: Fit, ok: Mask, failed: tuple[Failure, ...]) -> None:
         if not fit.determined(ok):

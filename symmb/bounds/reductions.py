@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 from symmb.bounds.failure import Failure, failure_text
 from symmb.model import Box
 from symmb.simulation import Reduction, Samples, Simulator
@@ -59,6 +59,11 @@ def failure_records(simulator: Simulator, box: Box, P: Array, runs: FailedRuns) 
         Failure({name: float(P[index, order.index(name)]) for name in box.names}, time, message)
         for index, time, message in runs
     )
+
+
+def which_failed(runs: FailedRuns, number: int) -> Mask:
+    """Which runs (number,) failed."""
+    return np.isin(np.arange(number), [index for index, _, _ in runs])
 
 
 def require_some(method: object, failed: tuple[Failure, ...], runs: int) -> None:

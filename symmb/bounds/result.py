@@ -52,6 +52,7 @@ class Bounds(Result):
     noise : (n_y,) how far runs may be off by noise or rounding, or None where it is not known
     inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
     failed : the runs that failed
+    failed_region : where these lie in the box, in words; empty for less than two, and where it is not known
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
     caution : from when on the method is not valid, and why; empty if it is valid
@@ -79,6 +80,7 @@ class Bounds(Result):
     noise: Array | None = None
     inner: tuple[Array, Array] | None = None
     failed: tuple[Failure, ...] = ()
+    failed_region: str = ""
     seconds: float = field(default=float("nan"))
     expansion: Expansion | None = None
     caution: str = ""
@@ -96,9 +98,10 @@ class Bounds(Result):
         """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
         doubts = list(self.run_doubts)
         if self.failed:
+            where = f" Runs fail {self.failed_region}." if self.failed_region else ""
             doubts.append(
                 f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
-                "happens near the failed ones is not known."
+                f"happens near the failed ones is not known.{where}"
             )
         if parts := [f"{name} {self._doubtful_part(name, t)}" for name, t in self.doubtful().items()]:
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
@@ -231,6 +234,7 @@ class Bounds(Result):
             "inner_lower": inner_lower,
             "inner_upper": inner_upper,
             "failed": [asdict(run) for run in self.failed],
+            "failed_region": self.failed_region,
             "seconds": self.seconds,
             "caution": self.caution,
             "run_doubts": self.run_doubts,

@@ -38,6 +38,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
             Failure(run.numbers("parameters"), run.number("time"), run.text("message"))
             for run in record.records("failed", "parameters", "time", "message")
         ),
+        "failed_region": record.text("failed_region", default=""),
         "seconds": record.number("seconds"),
         "expansion": _expansion(record, *shape) if "alpha" in record else None,
         "caution": record.text("caution", default=""),

@@ -8,8 +8,9 @@ import numpy as np
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_kind, require_whole
 from symmb._types import Array, Executor
+from symmb.bounds.failed_region import failed_region
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
+from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
@@ -131,4 +132,6 @@ def _sampled(
     (lower, upper), bad = simulator.stream(P, reduction, executor, progress)
     failed = failure_records(simulator, box, P, bad)
     require_some(method, failed, len(P))
-    return method._result(simulator, lower, upper, len(P), inner=(lower, upper), failed=failed)
+    region = failed_region(box, unit, which_failed(bad, len(P)))
+    details = {"inner": (lower, upper), "failed": failed, "failed_region": region}
+    return method._result(simulator, lower, upper, len(P), **details)

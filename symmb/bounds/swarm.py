@@ -7,10 +7,11 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._options import constructor_text, require_whole
-from symmb._types import Array, Executor, Indices
+from symmb._types import Array, Executor, Indices, Mask
+from symmb.bounds.failed_region import failed_region
 from symmb.bounds.failure import Failure
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together
+from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
@@ -66,11 +67,14 @@ class Swarm(Method):
         own, least = x.copy(), np.full(shape[:2], np.inf)
         lower, upper = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf)
         failed: tuple[Failure, ...] = ()
+        points, lost = list[Array](), list[Mask]()
         for step in range(self.steps):
             P = parameter_samples(simulator, box, x.reshape(runs, d))
             values, (low, high), bad = simulator.stream(P, reduction, executor)
             lower, upper = np.minimum(lower, low), np.maximum(upper, high)
             failed += failure_records(simulator, box, P, bad)
+            points.append(x.reshape(runs, d))
+            lost.append(which_failed(bad, runs))
             if progress is not None:
                 progress((step + 1) * runs, self.steps * runs)
             value = np.concatenate(values).reshape(shape[:2])
@@ -81,7 +85,9 @@ class Swarm(Method):
             moved = np.clip(x + _CONSTRICTION * (velocity + pull), -1.0, 1.0)
             x, velocity = moved, moved - x
         require_some(self, failed, self.steps * runs)
-        return self._result(simulator, lower, upper, self.steps * runs, inner=(lower, upper), failed=failed)
+        region = failed_region(box, np.concatenate(points), np.concatenate(lost))
+        details = {"inner": (lower, upper), "failed": failed, "failed_region": region}
+        return self._result(simulator, lower, upper, self.steps * runs, **details)
 
     def __repr__(self) -> str:
         return constructor_text(self)

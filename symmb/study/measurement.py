@@ -138,6 +138,7 @@ def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_
         inner=bounds.inner,
         score=yardstick.score(bounds.lower, bounds.upper, bounds.estimate),
         failure=str(bounds.failed[0]) if bounds.failed else "",
+        failed_region=bounds.failed_region,
         caution=bounds.caution,
     )
 

@@ -39,11 +39,12 @@ def not_run(methods: Iterable[NotRun]) -> list[str]:
 
 
 def failed(rows: Iterable[Row]) -> list[str]:
-    """The effect of failed runs on the bounds, and the message of the first one; empty if none failed."""
+    """The effect of failed runs on the bounds, where they lie, and the first message; empty if none failed."""
     failing = [row for row in rows if row.failed]
     if not failing:
         return []
     lines = ["failed: runs that broke down; the bounds are those of the others. print(propagate(...)) tells which."]
+    lines += [f"Runs of {row.name} fail {row.failed_region}." for row in failing if row.failed_region]
     lines += [f"The first of {row.name}: {row.failure}" for row in failing[:1] if row.failure]
     return [wrapped(line) for line in lines]
 

@@ -28,6 +28,7 @@ class Row:
     inner : two (n_t, n_y) or None  lower and upper attained by actual runs
     score : Score                   measured with the comparison's reference
     failure : str                   message of the first failed run
+    failed_region : str             where the failed runs lie in the box, in words
     caution : str                   from when on the method is not valid, and why
     """
 
@@ -43,6 +44,7 @@ class Row:
     inner: tuple[Array, Array] | None
     score: Score
     failure: str = ""
+    failed_region: str = ""
     caution: str = ""
 
     def record(self) -> dict[str, Any]:
@@ -53,6 +55,7 @@ class Row:
             "inner_lower": inner_lower,
             "inner_upper": inner_upper,
             "failure": self.failure or None,
+            "failed_region": self.failed_region or None,
             "caution": self.caution or None,
         }
         return {
@@ -90,6 +93,7 @@ class Row:
             inner=record.pair("inner_lower", "inner_upper", *shape) if "inner_lower" in record else None,
             score=yardstick.score(lower, upper, estimate),
             failure=record.text("failure", default=""),
+            failed_region=record.text("failed_region", default=""),
             caution=record.text("caution", default=""),
         )
 

@@ -10,6 +10,7 @@ from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARA
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import sparse_bounds
 from symmb.bounds.adaptive.tensor_grids import tensor_bounds
+from symmb.bounds.failed_region import failed_region
 from symmb.bounds.result import Bounds
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator
@@ -54,6 +55,7 @@ def adaptive_bounds(
         noise=_scaled(runs.floor, power),
         inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
         failed=runs.failed,
+        failed_region=failed_region(box, runs.tried, ~runs.ok),
         remarks=remarks,
     )
     del runs  # the expansion is as large

@@ -21,6 +21,7 @@ from symmb.bounds.adaptive.constants import (
     ROUNDING_WIDTH,
     WINDOW_SHARE,
 )
+from symmb.bounds.failed_region import find_failed_region
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
@@ -61,7 +62,7 @@ class Runs:
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
-    lost : (F, d) points whose runs failed
+    tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
     noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
     extremes : smallest and largest responses of all runs (n_t, n_y)
     """
@@ -75,7 +76,8 @@ class Runs:
     checks: Array = field(init=False)
     points: Array = field(init=False)
     extremes: tuple[Array, Array] = field(init=False)
-    lost: Array = field(init=False)
+    tried: Array = field(init=False)
+    ok: Mask = field(init=False)
     power: Indices = field(init=False)
     noise: Array = field(init=False)
     events: Indices | None = None
@@ -85,7 +87,8 @@ class Runs:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
         self.nodes = self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
-        self.points = self.lost = np.empty((0, len(self.box)))
+        self.points = self.tried = np.empty((0, len(self.box)))
+        self.ok = np.empty(0, dtype=bool)
         self.power = np.zeros(self.shape[1], dtype=np.intp)
         self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
         self.noise_is_known = self._told is not None
@@ -93,11 +96,10 @@ class Runs:
         self.rounding = ROUNDING_WIDTH if self._told is None else ROUNDING_OF_VALUES
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
-        self._count = 0
 
     def __len__(self) -> int:
         """Number of runs so far, with those that failed."""
-        return self._count
+        return len(self.tried)
 
     @property
     def left(self) -> int:
@@ -173,12 +175,14 @@ class Runs:
         return np.maximum(self.noise, self.rounding * self._scale)
 
     def is_near_lost(self, places: Array) -> Mask:
-        """At which places (..., d) the nearest point that was run is one that failed."""
-        if not len(self.lost):
+        """At which places (..., d) the nearest point that was run is one that failed, or most runs fail all around."""
+        if self.ok.all():
             return np.zeros(places.shape[:-1], dtype=bool)
-        known = np.array([np.frombuffer(key) for key in self._row])[self.is_attained]
         near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)
-        is_lost = _distance(near, self.lost) < _distance(near, np.concatenate([known, self.points]))
+        is_lost = _distance(near, self.tried[~self.ok]) < _distance(near, self.tried[self.ok])
+        region = find_failed_region(self.box, self.tried, ~self.ok)
+        if region is not None and 2 * region.inside[0] > region.inside[1]:
+            is_lost |= region.contains(near)
         return is_lost[which.ravel()].reshape(places.shape[:-1])
 
     def beyond(self, lower: Array, upper: Array) -> Array:
@@ -204,7 +208,7 @@ class Runs:
 
         Points that failed before fail again without a run.
         """
-        lost = set(_keys(self.lost))
+        lost = set(_keys(self.tried[~self.ok]))
         if (again := np.array([key in lost for key in _keys(points)], dtype=bool)).any():
             values, fine, numbers = self._run(points[~again])
             Y, ok = np.full((len(points), *self.shape), np.nan), np.zeros(len(points), dtype=bool)
@@ -215,12 +219,11 @@ class Runs:
                 events[~again] = numbers
             return Y, ok, events
         P = parameter_samples(self.simulator, self.box, points)
-        ensemble = run_blocks(self.simulator, P, self.executor, self._progress(self._count))
-        self._count += len(P)
+        ensemble = run_blocks(self.simulator, P, self.executor, self._progress(len(self)))
+        self.tried, self.ok = np.concatenate([self.tried, points]), np.concatenate([self.ok, ensemble.ok])
         bad = np.flatnonzero(~ensemble.ok)
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
-        self.lost = np.concatenate([self.lost, points[bad]])
         low, high = ensemble.extremes()
         note_attained(low, high, len(P))
         if not ensemble.ok.any():

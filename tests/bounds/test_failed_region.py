@@ -1,0 +1,158 @@
+"""Where runs failed, in words: against failures of which the truth is known."""
+
+import re
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.bounds.failed_region import failed_region, find_failed_region
+from symmb.nodes import grid
+
+NAMES = "abcde"
+
+
+def box(d):
+    return mb.Box(**{name: (0.9, 1.1) for name in NAMES[:d]})
+
+
+def told(fails, d, points=None):
+    """The text for failures of samples (N, d), and counts of failed and all runs there and elsewhere."""
+    points = np.random.default_rng(1).uniform(-1, 1, (400, d)) if points is None else points
+    failed = fails(box(d).from_unit(points))
+    text = failed_region(box(d), points, failed)
+    counts = [int(number) for pair in re.findall(r"(\d+) of (\d+)", text) for number in pair]
+    assert not counts or (counts[0] + counts[2], counts[1] + counts[3]) == (failed.sum(), len(points))
+    return text, counts
+
+
+def close(text, *limits):
+    """Whether the numbers of a description lie near the true limits."""
+    found = [
+        float(number)
+        for number in re.findall(r"[<>] ([\d.]+)|([\d.]+) <", text.split("(")[0])
+        for number in number
+        if number
+    ]
+    return len(found) == len(limits) and np.allclose(sorted(found), sorted(limits), atol=0.015)
+
+
+@pytest.mark.parametrize("d", [1, 2, 5])
+def test_half_space(d):
+    text, (failed, runs, others, _) = told(lambda X: X[:, 0] > 1.07, d)
+    assert text.startswith("for a > 1.07 (") and failed == runs > 0 == others
+
+
+def test_most_of_a_half_space():
+    chance = np.random.default_rng(2).random(400)
+    text, (failed, runs, others, _) = told(lambda X: (X[:, 1] < 0.93) & (chance < 0.85), 3)
+    assert re.match(r"for b < 0\.9\d+ \(", text) and close(text, 0.93) and runs > failed > 0.7 * runs and others == 0
+
+
+def test_strip():
+    text, (failed, runs, others, _) = told(lambda X: np.abs(X[:, 1] - 1) < 0.02, 3)
+    assert " < b < " in text and close(text, 0.98, 1.02) and failed == runs and others == 0
+
+
+def test_corner_of_two_parameters():
+    text, (failed, runs, others, _) = told(lambda X: (X[:, 0] > 1.05) & (X[:, 2] < 0.95), 3)
+    assert text.startswith("for a > ") and " and c < " in text and close(text, 1.05, 0.95)
+    assert failed == runs and others == 0
+
+
+def test_corner_of_three_parameters():
+    text, (failed, runs, others, _) = told(lambda X: (X > 1.03).all(axis=1), 3)
+    assert text.count(" > ") == 3 and close(text, 1.03, 1.03, 1.03) and failed == runs and others == 0
+
+
+def test_corner_among_crashes_at_random():
+    chance = np.random.default_rng(3).random(400) < 0.08
+    text, (failed, runs, others, _) = told(lambda X: chance | (X[:, :2] > 1.05).all(axis=1), 4)
+    assert text.startswith("for a > ") and close(text, 1.05, 1.05) and failed == runs and others > 10
+
+
+def test_crashes_at_random_are_scattered():
+    texts = []
+    for seed in range(40):
+        chance = np.random.default_rng(seed).random(400) < 0.05
+        texts.append(told(lambda X, chance=chance: chance, 4)[0])
+    assert texts.count("scattered over the box") >= 36
+
+
+def test_nodes_of_grids():
+    points = grid(np.linspace(-1, 1, 3), 2)
+    assert told(lambda X: X[:, 0] > 1.07, 2, points)[0] == "for a > 1.05 (3 of 3 runs there, 0 of 6 elsewhere)"
+    assert told(lambda X: X[:, 0] < 0.93, 2, grid(np.array([-1.0, 1.0]), 2))[0].startswith("for a < 1 (2 of 2")
+
+
+def test_one_failed_run_is_told_by_itself():
+    assert told(lambda X: np.arange(400) == 7, 2) == ("", [])
+
+
+def test_a_parameter_that_is_fixed():
+    fixed = mb.Box(a=(1.0, 1.0), b=(0.9, 1.1))
+    points = np.random.default_rng(0).uniform(-1, 1, (50, 2))
+    assert failed_region(fixed, points, points[:, 1] > 0.5).startswith("for b > 1.0")
+
+
+def test_points_in_a_region():
+    points = grid(np.linspace(-1, 1, 9), 2)
+    region = find_failed_region(box(2), points, points[:, 0] > 0.6)
+    assert region is not None
+    assert region.contains(np.array([[[0.9, 0.0], [0.1, 0.9]]])).tolist() == [[True, False]]
+
+
+TIMES = np.linspace(0.0, 1.0, 5)
+
+
+def response(a, b, c, d):
+    if a > 1.07:
+        raise RuntimeError("no convergence")
+    return np.exp(-a * TIMES) * np.cos(3 * (a + b + c + d) * TIMES)
+
+
+def simulator(d):
+    nominal = {name: 1.0 for name in NAMES[:4]}
+    return mb.FunctionSimulator(response, nominal, TIMES, ["x"]), box(d)
+
+
+METHODS = [mb.PolynomialChaos(), mb.MonteCarlo(200), mb.Scanning(4), mb.Swarm(2, steps=5)]
+
+
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_methods_tell_where_runs_fail(method):
+    with pytest.warns(
+        mb.SymmbWarning, match=r"Runs fail for a > 1\.0\d+ \(\d+ of \d+ runs there, 0 of \d+ elsewhere\)"
+    ):
+        bounds = mb.propagate(simulator(2)[0], method, simulator(2)[1])
+    assert bounds.failed_region in str(bounds)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_files_keep_where_runs_fail(tmp_path):
+    bounds = mb.propagate(simulator(2)[0], mb.Scanning(4), simulator(2)[1])
+    bounds.save(tmp_path / "bounds.json")
+    assert mb.Bounds.load(tmp_path / "bounds.json").failed_region == bounds.failed_region != ""
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("d", [2, 4])
+def test_bounds_are_those_of_the_region_that_runs(d):
+    made, where = simulator(d)
+    bounds = mb.propagate(made, mb.PolynomialChaos(budget=200), where)
+    region = mb.Box(**{name: (0.9, 1.07 if name == "a" else 1.1) for name in where.names})
+    true = mb.propagate(made, mb.Scanning(9 if d < 4 else 7), region)
+    width = (true.upper - true.lower).max()
+    assert (bounds.upper < true.upper + 0.06 * width).all() and (bounds.lower > true.lower - 0.06 * width).all()
+    assert (bounds.outer[1] > true.upper - 1e-3 * width).all() and (bounds.outer[0] < true.lower + 1e-3 * width).all()
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_comparisons_tell_where_runs_fail(tmp_path):
+    made, where = simulator(2)
+    comparison = mb.compare(made, [mb.MonteCarlo(100), mb.Vertex()], where, reference=mb.Scanning(9))
+    assert "Runs of MonteCarlo(100) fail for a > 1.0" in " ".join(str(comparison).split())
+    comparison.save(tmp_path / "comparison.json")
+    rows = mb.Comparison.load(tmp_path / "comparison.json").rows
+    assert [row.failed_region for row in rows] == [row.failed_region for row in comparison.rows]
+    assert rows[1].failed_region == "for a > 1 (2 of 2 runs there, 0 of 2 elsewhere)"
