@@ -2,8 +2,6 @@
 
 import json
 import os
-import shutil
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -14,62 +12,25 @@ from numpy.testing import assert_allclose
 
 import symmb as mb
 
-TIMES = np.linspace(0.0, 2.0, 5)
-NOMINAL = {"a": 1.0, "b": 2.0, "c": 0.5, "d": 3.0}
-CODE = """
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <unistd.h>
-/* Reads a, b, c, d; writes x = a exp(-c t) and y = b sin(d t). What fails looks like chance. */
-int main(void) {
-    double a, b, c, d;
-    FILE *in = fopen("in.txt", "r");
-    if (!in || fscanf(in, "a = %lf b = %lf c = %lf d = %lf", &a, &b, &c, &d) != 4) return 7;
-    int kind = (int)floor(fabs(sin(12.3e3 * a + 4.56e3 * b + 789 * c + 1.01e3 * d)) * 1e4) % 100;
-    if (kind < 5) abort();
-    if (kind < 7) { if (fork() == 0) sleep(1000); sleep(1000); }
-    FILE *out = fopen("out.csv", "w");
-    if (kind < 8) { fputs("time,x,y\\n0,what,is this\\n", out); fclose(out); return 0; }
-    fputs("time,x,y\\n", out);
-    for (int i = 0; i < 5; i++) {
-        double t = 0.5 * i;
-        fprintf(out, "%.17g,%.17g,%.17g\\n", t, a * exp(-c * t), a > 1.09 && b > 2.15 ? NAN : b * sin(d * t));
-    }
-    return fclose(out);
-}
-"""
-
-
-def kinds(P):
-    """Which failure the program has, 8 and above: none."""
-    return np.floor(np.abs(np.sin(P @ [12.3e3, 4.56e3, 789, 1.01e3])) * 1e4).astype(int) % 100
-
-
-def fails(P):
-    return (kinds(P) < 8) | ((P[:, 0] > 1.09) & (P[:, 1] > 2.15))
-
-
-def closed_form(P):
-    a, b, c, d = (column[:, None] for column in P.T)
-    return np.stack([a * np.exp(-c * TIMES), b * np.sin(d * TIMES)], axis=2)
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import external_program
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
+    made = external_program.compiled(tmp_path_factory.mktemp("program"))
+    if made is None:
         pytest.skip("needs a C compiler")
-    folder = tmp_path_factory.mktemp("program")
-    (folder / "model.c").write_text(CODE)
-    subprocess.run([compiler, "-O1", "-o", folder / "model", folder / "model.c", "-lm"], check=True)
-    return folder / "model"
+    return made
 
 
 def simulator(program, **options):
-    template = " ".join(f"{name} = {{{name}}}" for name in NOMINAL)
-    options = {"templates": {"in.txt": template}, "timeout": 0.5, "keep": "none"} | options
-    return mb.CommandSimulator([program], NOMINAL, TIMES, ["x", "y"], **options)
+    box = external_program.BOX
+    nominal = dict(zip(box.names, box.center.tolist(), strict=True))
+    templates = {"in.txt": " ".join(f"{name} = {{{name}}}" for name in nominal)}
+    return mb.CommandSimulator(
+        [program], nominal, external_program.TIMES, ["x", "y"], templates, timeout=0.5, **options
+    )
 
 
 def script(code, outputs=("x",), parameters=None, **options):
@@ -85,46 +46,17 @@ WRITE = "open('out.csv', 'w').write(f'time,x\\n0,0\\n1,{k!r}\\n')"
 GOOD = "k = {k}\n" + WRITE
 
 
-def left_processes(program):
-    """Processes of the program that still run."""
-    left = []
-    for entry in Path("/proc").glob("[0-9]*/exe"):
-        try:
-            if entry.resolve() == program.resolve():
-                left.append(entry.parent.name)
-        except OSError:
-            continue
-    return left
-
-
 @pytest.mark.slow
-def test_failures_are_counted_and_located(program):
-    rng = np.random.default_rng(0)
-    P = np.column_stack([rng.uniform(0.9, 1.1, 200), rng.uniform(1.8, 2.2, 200), np.full(200, 0.5), np.full(200, 3.0)])
-    expected = fails(P)
-    assert 10 < expected.sum() < 60
-    ensemble = simulator(program).run(P)
-    assert (ensemble.ok == ~expected).all()
-    assert_allclose(ensemble.Y[~expected], closed_form(P[~expected]), rtol=1e-15)
-    for message, number in zip(ensemble.messages, kinds(P[expected]), strict=True):
-        told = ["SIGABRT"] * 5 + ["had not ended after 0.5 s"] * 2 + ["cannot be read"]
-        assert (told[number] if number < 8 else "not finite at t = ") in message
-    assert not left_processes(program)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-@pytest.mark.parametrize("method", [mb.PolynomialChaos(budget=60), mb.MonteCarlo(60), mb.Scanning(2)])
-def test_methods_finish(program, method):
-    bounds = mb.propagate(simulator(program), method, mb.Box(a=(0.9, 1.1), b=(1.8, 2.2), c=(0.4, 0.6), d=(2.9, 3.1)))
-    assert fails(np.array([[failure.parameters[name] for name in NOMINAL] for failure in bounds.failed])).all()
-    assert bounds.doubts if bounds.failed else not bounds.doubts
-    assert not left_processes(program)
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(tolerance=1e-6, budget=60), mb.MonteCarlo(150), mb.Scanning(2)])
+def test_failures_are_counted_and_located(program, method):
+    finding = external_program.study(program, method, 0.4)
+    assert not finding.faults and sum(finding.failed.values()) > 0
 
 
 def test_folders_of_failed_runs_stay_and_are_told(program, tmp_path):
     P = np.array([1.0, 2.0, 0.5, 3.0]) + np.arange(100)[:, None] * [1e-6, 0, 0, 0]
-    P = np.array([P[kinds(P) < 5][0], P[kinds(P) > 8][0]])
+    kinds = [external_program.truth(p) for p in P]
+    P = P[[kinds.index("crash"), kinds.index("")]]
     ensemble = simulator(program, folder=tmp_path, keep="failed").run(P)
     assert ensemble.ok.tolist() == [False, True]
     (kept,) = tmp_path.iterdir()
