@@ -35,7 +35,7 @@ def _runs(options: argparse.Namespace) -> tuple[str, ...]:
         if options.prune:
             count = database.prune(_PRUNED[options.prune], options.study)
             print(f"{count} runs removed")
-        if options.export:
+        if options.export is not None:
             if options.study is None and len(numbers) != 1:
                 raise DeclarationError(f"--export needs --study N, one of {numbers}.")
             _export(database, options.study or numbers[0], Path(options.export))

@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean, name_faults
 from symmb._options import is_finite_number
 from symmb._types import Array, Executor
-from symmb.simulation.simulator import Ensemble, Progress, Reduction, stream
+from symmb.simulation.simulator import Ensemble, Progress, Reduction, checked_samples, stream
 from symmb.simulation.single_runs import stream_of_runs
 
 S = TypeVar("S")
@@ -75,7 +75,7 @@ class BlackBox(ABC):
 
     def run(self, P: Array) -> Ensemble:
         """Run each row of P (N, d)."""
-        P = np.asarray(P, dtype=float)
+        P = checked_samples(self, P, None)
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
         t_failed = np.full(len(P), np.nan)
         messages = []

@@ -5,9 +5,10 @@ import shutil
 import signal
 import subprocess
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from symmb._cleanup import process_group, temporary_folder
@@ -17,7 +18,7 @@ from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.identity import digest, file_digest
 from symmb.simulation.program_results import READERS, read_table
-from symmb.simulation.templates import filled, is_filled, template_faults, template_texts
+from symmb.simulation.templates import filled, is_filled, is_inside, is_text, template_faults, template_texts
 
 _OWNER = "CommandSimulator"
 _KEEP = ("none", "failed", "all")
@@ -94,8 +95,14 @@ class CommandSimulator(BlackBox):
         noise: Mapping[str, float] | None = None,
     ):
         self._declare(parameters, times, outputs, noise)
-        if isinstance(command, str) or not command or not all(isinstance(part, str | Path) for part in command):
+        if not command or not _are_paths(command):
             raise DeclarationError(f"{_OWNER}: command must be a list of a program and its arguments, got {command!r}.")
+        if not _are_paths(files):
+            raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {files!r}.")
+        if folder is not None and not _are_paths([folder]):
+            raise DeclarationError(f"{_OWNER}: folder must be a path, got {folder!r}.")
+        if not _are_variables(environment or {}):
+            raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
         texts = template_texts(_OWNER, templates or {})
         sources = tuple(Path(file).resolve() for file in files)
         program = _program(str(command[0]), {*texts, *(file.name for file in sources)})
@@ -130,14 +137,29 @@ class CommandSimulator(BlackBox):
         for file in self.files:
             if not file.exists():
                 yield f"files: {file} does not exist."
-        if isinstance(self.read, str) and Path(self.read).suffix not in READERS:
+        names = [
+            _OUTPUT,
+            _ERRORS,
+            *(str(PurePosixPath(name)) for name in self.templates),
+            *(f.name for f in self.files),
+        ]
+        for name, count in Counter(names).items():
+            if count > 1:
+                yield f"{name!r} is the name of two files in the folder of a run."
+            if any(str(parent) in names for parent in PurePosixPath(name).parents):
+                yield f"{name!r}: its folder has the name of a file in the folder of a run."
+        if isinstance(self.read, str) and not is_inside(self.read):
+            yield f"read: {self.read!r} must be the name of a file in the folder of a run."
+        elif isinstance(self.read, str) and Path(self.read).suffix not in READERS:
             yield f"read: {self.read!r} must end in one of {', '.join(READERS)}, or be a function of the folder."
         if not isinstance(self.read, str) and not callable(self.read):
             yield f"read must be the name of a file or a function of the folder, got {self.read!r}."
+        if not isinstance(self.interpolate, bool):
+            yield f"interpolate must be True or False, got {self.interpolate!r}."
         if self.keep not in _KEEP:
             yield f"keep must be one of {', '.join(map(repr, _KEEP))}, got {self.keep!r}."
         if self.folder is not None and not self.folder.is_dir():
-            yield f"folder: {self.folder} does not exist."
+            yield f"folder: {self.folder} does not exist, or is no folder."
 
     def response(self, values: dict[str, float]) -> Any:
         """Outputs (n_t, n_y) of one run, or of the first of its repetitions that does not fail."""
@@ -191,6 +213,20 @@ class CommandSimulator(BlackBox):
         return f"CommandSimulator({Path(self.command[0]).name})"
 
 
+def _are_paths(things: Any) -> bool:
+    """Whether it is a list of texts and paths that can be handed to the system."""
+    return isinstance(things, list | tuple) and all(
+        isinstance(thing, str | Path) and is_text(str(thing)) for thing in things
+    )
+
+
+def _are_variables(environment: Any) -> bool:
+    """Whether it is a mapping of variables that can be handed to the system."""
+    if not isinstance(environment, Mapping) or not _are_paths([*environment, *environment.values()]):
+        return False
+    return all(name and "=" not in name for name in environment)
+
+
 def _program(program: str, made: set[str]) -> str:
     """The program as it is started: one in the folder of the run, one of the current folder, or one that is found."""
     if program.removeprefix("./") in made:
@@ -222,7 +258,8 @@ def _last_line(folder: Path) -> str:
     """The last line that the program wrote as an error, or else as output."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
-        told = [line.strip() for line in lines if line.strip()]
-        if told:
-            return f": {told[-1][:_TOLD]}"
+        for line in reversed(lines):
+            told = "".join(c if c.isprintable() else " " for c in line.strip()[:_TOLD]).strip()
+            if told:
+                return f": {told}"
     return ""

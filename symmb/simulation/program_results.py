@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -31,20 +32,31 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
         columns = READERS[path.suffix](path)
         lost = [name for name in outputs if name not in columns]
         if lost:
-            raise SimulationError(f"{path.name} has no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
-        values = np.column_stack([np.atleast_1d(np.asarray(columns[name], dtype=float)) for name in outputs])
+            raise SimulationError(f"no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
+        values = np.column_stack([_numbers(columns, name) for name in outputs])
         if _TIME not in columns and len(times) == len(values) == 1:
             return values
         if _TIME not in columns:
-            raise SimulationError(f"{path.name} has no column {_TIME!r}")
-        at = np.atleast_1d(np.asarray(columns[_TIME], dtype=float))
-    except SimulationError:
-        raise
+            raise SimulationError(f"no column {_TIME!r}")
+        at = _numbers(columns, _TIME)
+    except SimulationError as error:
+        raise SimulationError(f"{path.name}: {error}") from None
     except Exception as error:  # a file of another program: anything may be wrong with it
         raise SimulationError(f"{path.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
-    if at.ndim != 1 or len(at) != len(values):
+    if len(at) != len(values):
         raise SimulationError(f"{path.name}: {len(at)} times, but {len(values)} values of the outputs")
     return _at_times(path.name, at, values, times, interpolate)
+
+
+def _numbers(columns: Mapping[str, Any], name: str) -> Array:
+    """A column (n,) as numbers; a single one as a column."""
+    column = columns[name]
+    values = np.atleast_1d(column if isinstance(column, np.ndarray) else np.array(column, dtype=float))
+    if values.ndim != 1 or np.iscomplexobj(values):
+        raise SimulationError(
+            f"{name!r} must be a list of real numbers, got the shape {values.shape} of {values.dtype}"
+        )
+    return values.astype(float)
 
 
 def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bool) -> Array:
@@ -71,21 +83,26 @@ def _csv(path: Path) -> Mapping[str, Any]:
         mark = max(",;\t", key=header.count)
         names = [name.strip().strip('"') for name in header.rstrip("\r\n").split(mark)]
         rows = [row for row in csv.reader(file, delimiter=mark) if row]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise SimulationError(f"two columns {twice[0]!r}")
     short = next((k for k, row in enumerate(rows) if len(row) < len(names)), None)
     if short is not None:
-        raise SimulationError(f"{path.name}: line {short + 2} has {len(rows[short])} values for {len(names)} columns")
+        raise SimulationError(f"line {short + 2} has {len(rows[short])} values for {len(names)} columns")
     return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
 def _json(path: Path) -> Mapping[str, Any]:
     columns = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(columns, dict):
-        raise SimulationError(f"{path.name} must hold an object with a list for each output")
+        raise SimulationError("it must hold an object with a list for each output")
     return columns
 
 
 def _npz(path: Path) -> Mapping[str, Any]:
-    with np.load(path, allow_pickle=False) as arrays:
+    arrays = np.load(path, allow_pickle=False)
+    if not isinstance(arrays, np.lib.npyio.NpzFile):
+        raise SimulationError("it must hold arrays with names")
+    with arrays:
         return dict(arrays)
 
 

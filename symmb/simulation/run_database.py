@@ -3,7 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,7 +72,8 @@ class RunDatabase:
             some = keys[k : k + _AT_A_TIME]
             marks = ", ".join("?" * len(some))
             query = f"SELECT sample FROM runs WHERE study = ? AND sample IN ({marks})"
-            found |= {row[0] for row in self._connection.execute(query, (study, *some))}
+            with self._reading():
+                found |= {row[0] for row in self._connection.execute(query, (study, *some))}
         return found
 
     def add(self, study: int, p: Array, run: Ensemble, seconds: float) -> None:
@@ -87,16 +88,17 @@ class RunDatabase:
     def read(self, study: int, P: Array, shape: tuple[int, int]) -> Ensemble:
         """The runs of samples P (N, d), all of which have run."""
         rows = []
-        for key in sample_keys(P):
-            query = "SELECT t_failed, reason, response, events, state FROM runs WHERE study = ? AND sample = ?"
-            rows.append(self._connection.execute(query, (study, key)).fetchone())
-        Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
-        ok = np.array([row[4] == DONE for row in rows], dtype=bool)
-        t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows])
-        events = None
-        if rows and rows[0][3] is not None:
-            events = np.array([np.frombuffer(row[3], dtype=np.int64) for row in rows]).astype(np.intp)
-        return Ensemble(Y, ok, t_failed, tuple(row[1] for row in rows if row[4] != DONE), events)
+        query = "SELECT t_failed, reason, response, events, state FROM runs WHERE study = ? AND sample = ?"
+        with self._reading():
+            for key in sample_keys(P):
+                rows.append(self._connection.execute(query, (study, key)).fetchone())
+            Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
+            ok = np.array([STATES[row[4]] == STATES[DONE] for row in rows], dtype=bool)
+            t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows], dtype=float)
+            events = None
+            if rows and rows[0][3] is not None:
+                events = np.array([np.frombuffer(row[3], dtype=np.int64) for row in rows]).astype(np.intp)
+        return Ensemble(Y, ok, t_failed, tuple(str(row[1]) for row in rows if row[4] != DONE), events)
 
     def seconds(self, study: int, p: Array) -> float:
         """How long the run of a sample p (d,) took, which has run [s]."""
@@ -107,18 +109,21 @@ class RunDatabase:
         """Number, study, time of its begin, and how many runs have each of the STATES."""
         found = []
         query = "SELECT id, begun, digest, simulator, parameters, outputs, times FROM studies ORDER BY id"
-        for number, begun, key, simulator, parameters, outputs, times in self._connection.execute(query).fetchall():
-            by_state = "SELECT state, count(*) FROM runs WHERE study = ? GROUP BY state"
-            counts = dict(self._connection.execute(by_state, (number,)))
-            names = tuple(json.loads(parameters)), tuple(json.loads(outputs))
-            study = Study(key, simulator, *names, np.frombuffer(times))
-            found.append((number, study, begun, tuple(counts.get(state, 0) for state in range(len(STATES)))))
+        by_state = "SELECT state, count(*) FROM runs WHERE study = ? GROUP BY state"
+        with self._reading():
+            for number, begun, key, simulator, parameters, outputs, times in self._connection.execute(query).fetchall():
+                counts = dict(self._connection.execute(by_state, (number,)))
+                names = tuple(map(str, json.loads(parameters))), tuple(map(str, json.loads(outputs)))
+                study = Study(key, simulator, *names, np.frombuffer(times))
+                found.append((number, study, begun, tuple(counts.get(state, 0) for state in range(len(STATES)))))
         return found
 
     def samples(self, study: int, d: int) -> Array:
         """Samples (N, d) of a study in the order in which they were written."""
-        rows = self._connection.execute("SELECT sample FROM runs WHERE study = ? ORDER BY rowid", (study,)).fetchall()
-        return np.array([np.frombuffer(row[0]) for row in rows]).reshape(-1, d)
+        query = "SELECT sample FROM runs WHERE study = ? ORDER BY rowid"
+        with self._reading():
+            rows = self._connection.execute(query, (study,)).fetchall()
+            return np.array([np.frombuffer(row[0]) for row in rows]).reshape(-1, d)
 
     def prune(self, states: Sequence[int], study: int | None = None) -> int:
         """Remove runs with some of the states, of one study or of all; returns how many."""
@@ -128,8 +133,16 @@ class RunDatabase:
             count = self._connection.execute(f"DELETE FROM runs WHERE state IN ({marks}){where}", (*states, *values))
             empty = "DELETE FROM studies WHERE id NOT IN (SELECT study FROM runs)"
             self._connection.execute(empty)
-        self._connection.execute("VACUUM")
+        with self._writing():
+            self._connection.execute("VACUUM")
         return count.rowcount
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, ValueError, TypeError, IndexError) as error:
+            raise DeclarationError(f"{self._path} is damaged ({error}). Give another name.") from None
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -150,26 +163,40 @@ def opened(path: Path, create: bool = True) -> Iterator[RunDatabase]:
     ------
     DeclarationError     if the file is not a run store, is damaged, or cannot be opened or written
     """
-    if not path.exists() and not create:
-        raise DeclarationError(f"{path} does not exist.")
-    try:
-        if path.exists() and path.stat().st_size and not _begins(path, _HEADER):
-            raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
-        with closing(sqlite3.connect(path, timeout=_WAIT)) as connection:
-            is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
-            mark = connection.execute("PRAGMA application_id").fetchone()[0]
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
-            if not is_new and mark != _APPLICATION:
-                raise DeclarationError(f"{path} is a database of another program. Give another name.")
-            if not is_new and version != _VERSION:
-                raise DeclarationError(f"{path} was written by another version of symmb. Give another name.")
-            connection.execute(f"PRAGMA journal_mode = {'DELETE' if _is_on_network(path) else 'WAL'}")
-            connection.execute("PRAGMA synchronous = NORMAL")
-            if is_new:
-                connection.executescript(f"BEGIN IMMEDIATE; {_TABLES} COMMIT;")
-            yield RunDatabase(connection, path)
-    except (sqlite3.Error, OSError) as error:
-        raise DeclarationError(f"{path} is no run store that can be read: {error}.") from None
+    with ExitStack() as stack:
+        try:
+            connection = stack.enter_context(closing(_connected(path, create)))
+            _prepare(connection, path)
+        except DeclarationError:
+            raise
+        except (sqlite3.Error, OSError) as error:
+            raise DeclarationError(f"{path} cannot be used as a run store: {error}.") from None
+        yield RunDatabase(connection, path)
+
+
+def _connected(path: Path, create: bool) -> sqlite3.Connection:
+    """A connection to a file that is an SQLite database, or empty, or new."""
+    size = path.stat().st_size if path.exists() else 0
+    if not size and not create:
+        raise DeclarationError(f"{path} does not exist, or is empty.")
+    if (path.exists() and not path.is_file()) or (size and not _begins(path, _HEADER)):
+        raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
+    return sqlite3.connect(path, timeout=_WAIT)
+
+
+def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    """Check that a database is a run store, or make it one if it is new."""
+    is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+    mark = connection.execute("PRAGMA application_id").fetchone()[0]
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if not is_new and mark != _APPLICATION:
+        raise DeclarationError(f"{path} is a database of another program. Give another name.")
+    if not is_new and version != _VERSION:
+        raise DeclarationError(f"{path} was written by another version of symmb. Give another name.")
+    connection.execute(f"PRAGMA journal_mode = {'DELETE' if _is_on_network(path) else 'WAL'}")
+    connection.execute("PRAGMA synchronous = NORMAL")
+    if is_new:
+        connection.executescript(f"BEGIN IMMEDIATE; {_TABLES} COMMIT;")
 
 
 def _begins(path: Path, header: bytes) -> bool:

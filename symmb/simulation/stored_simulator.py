@@ -27,6 +27,7 @@ from symmb.simulation.simulator import (
     checked_samples,
 )
 from symmb.simulation.single_runs import lost_runs
+from symmb.simulation.templates import is_text
 
 S = TypeVar("S")
 
@@ -83,6 +84,8 @@ class StoredSimulator:
                 f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text in which "
                 "everything stands that its runs depend on, but for the parameters."
             )
+        if not isinstance(path, str | Path) or not is_text(str(path)):
+            raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {path!r}.")
         if not isinstance(version, str):
             raise DeclarationError(f"StoredSimulator: version must be a text, got {version!r}.")
         object.__setattr__(self, "simulator", simulator)

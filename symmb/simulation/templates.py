@@ -6,6 +6,9 @@ from pathlib import Path, PurePosixPath
 
 from symmb._errors import DeclarationError
 
+_LONGEST = 255
+"""Bytes of the name of a file."""
+
 
 def filled(template: str, values: Mapping[str, float]) -> str:
     """The text with `{name}` and `{name:format}` replaced for the names of values. Other braces stay.
@@ -30,7 +33,7 @@ def template_faults(template: str, values: Mapping[str, float]) -> Iterator[str]
     for name, form in re.findall(rf"\{{({_names(values)}):([^{{}}]*)\}}", template):
         try:
             format(float(values[name]), form)
-        except ValueError as error:
+        except (ValueError, MemoryError) as error:
             yield f"{{{name}:{form}}} is no format of a number ({error}). Use one such as {{{name}:.6e}}"
 
 
@@ -50,18 +53,34 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
         raise DeclarationError(f"{owner}: templates must be texts or paths by the name of the file, got {templates!r}.")
     texts = {}
     for name, template in templates.items():
-        place = PurePosixPath(str(name))
-        if not str(name) or place.is_absolute() or ".." in place.parts:
+        if not isinstance(name, str) or not is_inside(name):
             raise DeclarationError(f"{owner}: template {name!r}: the file must be inside the folder of the run.")
         if isinstance(template, Path):
             try:
                 template = template.read_text(encoding="utf-8")
             except (OSError, UnicodeDecodeError) as error:
                 raise DeclarationError(f"{owner}: template {name!r}: {template} cannot be read: {error}.") from None
-        if not isinstance(template, str):
+        if not isinstance(template, str) or not is_text(template):
             raise DeclarationError(f"{owner}: template {name!r}: expected a text or a Path, got {template!r}.")
-        texts[str(name)] = template
+        texts[name] = template
     return texts
+
+
+def is_inside(name: str) -> bool:
+    """Whether the path of a file lies inside the folder to which it is relative."""
+    place = PurePosixPath(name)
+    parts = [part.encode(errors="replace") for part in place.parts]
+    return (
+        0 < max(map(len, parts), default=0) <= _LONGEST
+        and not place.is_absolute()
+        and ".." not in place.parts
+        and is_text(name)
+    )
+
+
+def is_text(text: str) -> bool:
+    """Whether a text can be written into a file and handed to the system."""
+    return "\0" not in text and text.encode(errors="ignore").decode() == text
 
 
 def _names(values: Mapping[str, float]) -> str:
