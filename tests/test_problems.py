@@ -52,7 +52,11 @@ def test_the_crank_meets_the_published_end():
     assert (run.values[-1] * largest)[:6] == pytest.approx(published, rel=1e-6)
 
 
-@pytest.mark.parametrize("solver", [AUGMENTED, mb.NSTIFFSI2(step=1e-3), mb.GeneralizedAlpha(step=1e-3)], ids=repr)
+@pytest.mark.parametrize(
+    "solver",
+    [AUGMENTED, pytest.param(mb.NSTIFFSI2(step=1e-3), marks=pytest.mark.long), mb.GeneralizedAlpha(step=1e-3)],
+    ids=repr,
+)
 def test_singular_positions_are_passed(solver):
     """Two windows over 10 s, ten times through the position where all bars lie on one line."""
     run = mb.simulate(problems.n_four_bar(2).make(), solver)
@@ -60,6 +64,7 @@ def test_singular_positions_are_passed(solver):
     assert abs(np.hypot(run["B0_x"], run["B0_y"]) - 1).max() < 1e-6
 
 
+@pytest.mark.long
 def test_forty_windows_hold_energy_through_their_singular_positions():
     """Forty windows over 20 s; what the penalty leaves of the constraints turns the phase by 1e-4 at most."""
     problem = problems.n_four_bar(40, 20)

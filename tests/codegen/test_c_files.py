@@ -45,7 +45,14 @@ def test_each_file_compiles_by_itself(compiler, path):
 
 
 @pytest.mark.parametrize(
-    "solver", [mb.DormandPrince(), mb.Rosenbrock(), mb.RungeKutta(steps=50), mb.NSTIFFSI2(step=0.05)], ids=repr
+    "solver",
+    [
+        mb.DormandPrince(),
+        mb.Rosenbrock(),
+        mb.RungeKutta(steps=50),
+        pytest.param(mb.NSTIFFSI2(step=0.05), marks=pytest.mark.long),
+    ],
+    ids=repr,
 )
 def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
     simulator = mb.DAESimulator(double_pendulum.scene().with_times(np.linspace(0, 1, 5)), solver)

@@ -25,7 +25,7 @@ def test_ghosts_attain_the_bounds(method, output, time):
         assert abs(run[output][k] - inner[k, bounds.names.index(output)]) <= ATTAINED
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ghosts_of_the_gun_attain_the_bounds():
     bounds = mb.propagate(artillery.scene(), mb.Vertex())
     k, column = 140, bounds.names.index("muzzle_vertical")

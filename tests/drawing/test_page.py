@@ -32,7 +32,14 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 GALLERY = [path.stem for path in sorted(EXAMPLES.glob("*.py")) if "mb.view(run" in path.read_text(encoding="utf-8")]
 
 
-@pytest.fixture(scope="module", params=[*shipped_names(), *GALLERY])
+SHORT = {"excavator", "planetary_gear"}
+SUBJECTS = [
+    *shipped_names(),
+    *(name if name in SHORT else pytest.param(name, marks=pytest.mark.long) for name in GALLERY),
+]
+
+
+@pytest.fixture(scope="module", params=SUBJECTS)
 def shown(request, tmp_path_factory):
     if request.param in GALLERY:
         run = runpy.run_path(str(EXAMPLES / f"{request.param}.py"))["run"]

@@ -60,7 +60,15 @@ def expected():
     return np.stack([coefficients(Y, h) for Y in runs], axis=1)
 
 
-@pytest.mark.parametrize("solver", [s for s in ALL_SOLVERS if not isinstance(s, mb.StabilizedIndex2)], ids=repr)
+LARGE = mb.HHT | mb.Newmark | mb.NSTIFFSI2 | mb.Rosenbrock  # generalized-alpha and BDF show the same kinds
+TRIED = [
+    pytest.param(s, marks=pytest.mark.long) if isinstance(s, LARGE) else s
+    for s in ALL_SOLVERS
+    if not isinstance(s, mb.StabilizedIndex2)
+]
+
+
+@pytest.mark.parametrize("solver", TRIED, ids=repr)
 def test_trajectories_of_every_solver(solver, expected):
     large = mb.Collocation | mb.NSTIFFSI2 | mb.BDFI3  # whose Newton matrices get large
     order = 2 if isinstance(solver, large) else ORDER

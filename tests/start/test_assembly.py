@@ -152,7 +152,7 @@ def test_what_cannot_be_assembled_says_so():
 
 @pytest.mark.parametrize("angle", [0.5, np.pi, 3.5, 7.0, -20.0])
 @pytest.mark.parametrize("listed", [False, True])
-@pytest.mark.parametrize("solver", [None, mb.DormandPrince()], ids=repr)
+@pytest.mark.parametrize("solver", [None, pytest.param(mb.DormandPrince(), marks=pytest.mark.long)], ids=repr)
 def test_drives_of_angles_beyond_half_a_turn_start(angle, listed, solver):
     body = mb.Body("body", 1.0, (0.1, 0.2, 0.3), mb.Spatial())
     hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0.5))

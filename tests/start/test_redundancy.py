@@ -24,9 +24,9 @@ def reference() -> np.ndarray:
     ("solver", "error", "drift"),
     [
         (None, 1e-6, 1e-7),
-        (mb.DormandPrince(), 1e-6, 1e-7),
+        pytest.param(mb.DormandPrince(), 1e-6, 1e-7, marks=pytest.mark.long),
         (mb.DormandPrince(rtol=1e-11), 1e-9, 1e-10),
-        (mb.DormandPrince(rtol=1e-10, stabilization=None), 1e-7, 1e-8),
+        pytest.param(mb.DormandPrince(rtol=1e-10, stabilization=None), 1e-7, 1e-8, marks=pytest.mark.long),
         (mb.DormandPrince(stabilization=mb.AugmentedLagrangian()), 1e-6, 1e-7),
         (mb.StateSpace(), 1e-6, 1e-7),
     ],
@@ -46,6 +46,7 @@ def test_solvers_with_multipliers_pass_where_single_rows_are_dependent(solver, r
     assert_allclose(run.values, reference[:8], rtol=0, atol=1e-5)
 
 
+@pytest.mark.long
 def test_bricard_with_uncertain_masses_in_lanes():
     scene = bricard.scene(TIMES)
     P = np.random.default_rng(1).uniform(0.99, 1.01, (100, 5))

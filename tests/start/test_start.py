@@ -293,7 +293,11 @@ def test_redundant_constraints_are_left_out_and_named(system, guess, kept, named
     assert simulator.dae.n_r == len(simulator.start.rows) == kept
 
 
-@pytest.mark.parametrize("solver", [mb.CVODES(), mb.IDAS(), mb.DormandPrince(), mb.GeneralizedAlpha(1e-4)], ids=repr)
+@pytest.mark.parametrize(
+    "solver",
+    [mb.CVODES(), mb.IDAS(), mb.DormandPrince(), pytest.param(mb.GeneralizedAlpha(1e-4), marks=pytest.mark.long)],
+    ids=repr,
+)
 def test_a_redundant_loop_in_space_moves_as_it_does_in_the_plane(solver):
     times = np.linspace(0, 0.5, 11)
     runs = [

@@ -68,6 +68,7 @@ def test_what_was_found_is_told_saved_and_drawn(found, tmp_path):
     assert (tmp_path / "found.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_stiff_scenes_are_told_and_stiffened(tmp_path, capsys):
     (tmp_path / "sprung.py").write_text(SPRUNG.format(k=1e6, c=1e6))
     assert main(["stability", str(tmp_path / "sprung.py"), "--json", str(tmp_path / "out.json")]) == 0

@@ -180,7 +180,7 @@ def test_fast_decay_is_followed_as_well():
     assert start_rate(sprung(1e3, 2e3)) == pytest.approx(1e3 + np.sqrt(1e6 - 1e3))
 
 
-@pytest.mark.parametrize("k", [1e2, 1e6])
+@pytest.mark.parametrize("k", [1e2, pytest.param(1e6, marks=pytest.mark.long)])
 def test_what_is_advised_under_stress_follows_the_closed_form(k):
     """The motion is cos(w t), with w ten times as large under this stress."""
     step = 2.0 / 800
