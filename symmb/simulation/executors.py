@@ -3,7 +3,7 @@
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -77,7 +77,13 @@ class _Pool:
             )
 
     def submit(self, f: Callable[[Any], Any], item: Any) -> Any:
-        return self.executor.submit(f, item)
+        try:
+            return self.executor.submit(f, item)
+        except BrokenExecutor:
+            raise
+        except Exception as error:  # shut down, or its cluster is gone
+            _require_sent(error)
+            raise BrokenExecutor(text_of(error)) from None
 
     @property
     def workers(self) -> int:
@@ -93,8 +99,9 @@ class _Pool:
     def renew(self, error: BaseException) -> None:
         """Make another executor in the place of a broken one."""
         if self._make is None:
+            reason = str(error).rstrip(".") or text_of(error)
             raise SimulationError(
-                f"executor: {text_of(error)} The study ends here. Give a function that makes the executor, such as "
+                f"executor: {reason}. The study ends here. Give a function that makes the executor, such as "
                 "lambda: ProcessPoolExecutor(8): then symmb makes another, and finds the run at which workers die."
             ) from None
         self.end()
@@ -192,12 +199,19 @@ def _result(future: Any) -> Any:
         return future.result()
     except BrokenExecutor:
         raise
+    except CancelledError:  # by whoever shut the executor down, or because its cluster is gone
+        raise BrokenExecutor("The executor has cancelled runs.") from None
     except Exception as error:
         if type(error).__name__ == _KILLED:
             return Lost(text_of(error))
-        if "pickle" in str(error):
-            raise DeclarationError(
-                f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Its functions must be "
-                "those of a module, not lambdas or functions inside of others."
-            ) from None
+        _require_sent(error)
         raise
+
+
+def _require_sent(error: Exception) -> None:
+    """DeclarationError if what is to run cannot be pickled."""
+    if "pickle" in str(error):
+        raise DeclarationError(
+            f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Its functions must be "
+            "those of a module, not lambdas or functions inside of others."
+        ) from None

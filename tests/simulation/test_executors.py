@@ -115,6 +115,30 @@ def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
     assert "\n" not in str(error.value)
 
 
+class Ending(ThreadPoolExecutor):
+    """An executor that somebody shuts down when some tasks have been sent."""
+
+    def __init__(self, tasks, cancel):
+        super().__init__(2)
+        self.tasks, self.cancel = tasks, cancel
+
+    def submit(self, f, item):
+        self.tasks -= 1
+        if self.tasks == 0:
+            self.shutdown(wait=False, cancel_futures=self.cancel)
+        return super().submit(f, item)
+
+
+@pytest.mark.parametrize("cancel", [True, False])
+@pytest.mark.parametrize("tasks", [1, 12])
+def test_an_executor_that_is_shut_down_ends_the_study_in_a_sentence(tasks, cancel, tmp_path):
+    stored = mb.StoredSimulator(simulator(decay), tmp_path / "runs.db")
+    with pytest.raises(mb.SimulationError, match="The study ends here") as error:
+        run_blocks(stored, SAMPLES, Ending(tasks, cancel))
+    assert "\n" not in str(error.value)
+    assert run_blocks(stored, SAMPLES, lambda: Ending(30, cancel)).ok.all()
+
+
 def test_what_cannot_be_sent_is_told():
     with ProcessPoolExecutor(1) as pool, pytest.raises(mb.DeclarationError, match="not lambdas or functions inside"):
         run_blocks(simulator(lambda k: np.exp(-k * TIMES)), SAMPLES, pool)
