@@ -153,7 +153,7 @@ STORES = {
     "overwritten": overwritten,
     "pipe": special,
     "foreign": sql("PRAGMA application_id = 5"),
-    "newer": sql("PRAGMA user_version = 2"),
+    "newer": sql("PRAGMA user_version = 1000"),
     "no runs": sql("DROP TABLE runs"),
     "no studies": sql("DROP TABLE studies"),
     "no column": sql("ALTER TABLE runs DROP COLUMN state"),
