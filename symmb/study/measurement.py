@@ -176,7 +176,7 @@ def _announcement(
     return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
 
 
-def _timed(run: Callable[[], Bounds], repeats: int) -> tuple[Bounds, float]:
+def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, float]:
     """The bounds, and the median duration of warm runs [s]; of the only run if it takes long."""
     bounds, seconds = _once(run)
     if seconds > LONG or repeats == 1:

@@ -139,7 +139,7 @@ def main(kinds: list[str]) -> None:
         from distributed import Client, LocalCluster
 
         with (
-            LocalCluster(n_workers=WORKERS, threads_per_worker=1, dashboard_address=None) as cluster,
+            LocalCluster(n_workers=WORKERS, threads_per_worker=1, dashboard_address=":0") as cluster,
             Client(cluster) as client,
         ):
             figures("Dask", client, alone, adaptive)

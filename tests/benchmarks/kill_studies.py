@@ -68,7 +68,7 @@ def study(database: str, stored: str, result: str, workers: str) -> None:
         from distributed import Client, LocalCluster
 
         with (
-            LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+            LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
             Client(cluster) as client,
         ):
             bounds = mb.propagate(made, mb.MonteCarlo(RUNS), BOX, executor=client)

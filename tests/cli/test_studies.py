@@ -48,7 +48,7 @@ def test_processes_a_dask_cluster_and_a_file_change_no_digit(study, tmp_path, ca
     found, n_runs = compared(study, "--store", store, "--workers", "2")
     assert found == expected and n_runs > 20
     assert compared(study, "--store", store) == (expected, 0)
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
         assert compared(study, "--dask", cluster.scheduler_address)[0] == expected
 
 

@@ -41,7 +41,7 @@ def test_processes_give_the_same_bits():
 
 def test_dask_gives_the_same_bits():
     distributed = pytest.importorskip("distributed")
-    with distributed.Client(processes=False, dashboard_address=None) as client:
+    with distributed.Client(processes=False, dashboard_address=":0") as client:
         executor = client.get_executor()
         for method in METHODS:
             assert _bits(propagate(SIMULATOR, method, BOX, executor=executor)) == _bits(

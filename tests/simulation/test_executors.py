@@ -183,7 +183,7 @@ def test_dask_and_loky():
     distributed = pytest.importorskip("distributed")
     alone = run_blocks(simulator(decay), SAMPLES)
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
     ):
         for given in client, client.get_executor():
