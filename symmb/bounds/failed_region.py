@@ -10,6 +10,8 @@ from symmb.model import Box
 
 _PARAMETERS = 3
 """Most parameters that a description names."""
+_DIGITS = 12
+"""Decimal digits in which equal points of the unit box agree."""
 _EDGES = 200
 """Most ends of an interval that are tried on each side."""
 
@@ -70,8 +72,9 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
     The best has the largest likelihood of two shares of failed runs, inside and outside, less the logarithm of the
     number of possible limits for each limit (the minimum description length; Rissanen, Automatica 14, 1978).
     """
+    points = np.round(points, _DIGITS)
     X = box.from_unit(points)
-    ranks = np.stack([np.unique(column, return_inverse=True)[1].ravel() for column in X.T])
+    ranks = np.stack([np.unique(column, return_inverse=True)[1].ravel() for column in points.T])
     intervals, best = _Intervals(), _Intervals()
     least = 0.0
     for _ in range(min(_PARAMETERS, len(box))):
@@ -157,13 +160,14 @@ def _limits(x: Array, rank: Indices, ends: tuple[int, int]) -> tuple[float, floa
 
 
 def _between(below: Array, above: Array) -> float:
-    """The number with fewest digits near the middle between two values."""
+    """The number with fewest digits between two values, neither of which would be taken for it."""
     low, high = float(below[0]), float(above[0])
-    middle = low + 0.5 * (high - low)
-    return next((x for x in (float(f"{middle:.{digits}g}") for digits in range(1, 17)) if low < x < high), middle)
+    middle, near = low + 0.5 * (high - low), 0.45 * (high - low)
+    numbers = (float(f"{middle:.{digits}g}") for digits in range(1, 18))
+    return next((x for x in numbers if abs(x - middle) <= near), middle)
 
 
 def _condition(name: str, low: float, high: float) -> str:
     if math.isinf(high):
-        return f"{name} > {low:.16g}"
-    return f"{name} < {high:.16g}" if math.isinf(low) else f"{low:.16g} < {name} < {high:.16g}"
+        return f"{name} > {low:.15g}"
+    return f"{name} < {high:.15g}" if math.isinf(low) else f"{low:.15g} < {name} < {high:.15g}"

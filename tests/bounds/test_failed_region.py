@@ -43,6 +43,21 @@ def test_half_space(d):
     assert text.startswith("for a > 1.07 (") and failed == runs > 0 == others
 
 
+@pytest.mark.parametrize(
+    ("fails", "n", "words"),
+    [
+        (lambda X: X[:, 0] <= 0.1, 101, "for a < 0.105 (11 of 11 runs there, 0 of 90 elsewhere)"),
+        (lambda X: X[:, 0] >= 0.6, 11, "for a > 0.55 (5 of 5 runs there, 0 of 6 elsewhere)"),
+        (lambda X: X[:, 0] > 0.9, 201, "for a > 0.903 (20 of 20 runs there, 0 of 181 elsewhere)"),
+    ],
+)  # fmt: skip
+def test_limits_lie_between_runs(fails, n, words):
+    unit = mb.Box(a=(0, 1))
+    points = np.linspace(-1, 1, n)[:, None]
+    failed = fails(np.round(unit.from_unit(points), 12))
+    assert failed_region(unit, points, failed) == words
+
+
 def test_most_of_a_half_space():
     chance = np.random.default_rng(2).random(400)
     text, (failed, runs, others, _) = told(lambda X: (X[:, 1] < 0.93) & (chance < 0.85), 3)
