@@ -41,10 +41,12 @@ def load_subject(given: str) -> tuple[Scene | Simulator, Box | None]:
     """
     path = _find(given)
     module = _module(path)
-    make = getattr(module, "simulator", None)
-    if hasattr(module, "scene") or not callable(make):
+    if hasattr(module, "scene") or not hasattr(module, "simulator"):
         scene = _scene(module, path)
         return scene, scene.box
+    make = module.simulator
+    if not callable(make):
+        raise DeclarationError(f"{path}: simulator must be a function that returns a simulator and its symmb.Box.")
     with _foreign(path):
         made = make()
     if not isinstance(made, tuple) or [*map(type, made[1:])] != [Box] or not hasattr(made[0], "stream"):

@@ -169,7 +169,7 @@ def _announcement(
     fewer = ""
     if reference is None:
         parts.insert(0, f"{planned_runs(d, runs)} runs for the reference")
-        fewer = f" The reference would take {planned_runs(d)} if they were faster." if runs < RUNS else ""
+        fewer = f" The reference takes {planned_runs(d)} runs where runs are faster." if runs < RUNS else ""
     elif isinstance(reference, Method):
         parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
     often = f"{_REPEATS} times or more for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"

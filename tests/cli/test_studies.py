@@ -75,6 +75,7 @@ def test_a_scene_keeps_its_runs(tmp_path, capsys):
         (SIMULATOR, ["--solver", "cvodes"], "has its own solver"),
         (SIMULATOR.replace(", mb.Box(k=(0.9, 1.1))", ""), [], "simulator() must return a pair"),
         (SIMULATOR.replace("mb.Box(k=(0.9, 1.1))", "None"), [], "simulator() must return a pair"),
+        ("simulator = 3", [], "simulator must be a function that returns a simulator"),
         (SIMULATOR.replace("def simulator", "def other"), [], "defines no function scene()"),
     ],
 )  # fmt: skip
