@@ -1,9 +1,13 @@
 """What a simulator computes, as a digest: equal ones give equal runs, as far as symmb can see."""
 
+import builtins
+import copyreg
+import dis
 import functools
 import hashlib
-import inspect
-from collections.abc import Callable, Mapping
+import sys
+import types
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -11,16 +15,44 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from symmb._errors import DeclarationError
+
+_ATOMS = (type(None), type(...), type(NotImplemented), bool, int, float, complex, str, bytes)
+_INSTALLED = {"site-packages", "dist-packages"}
+_OURS = __name__.partition(".")[0]
+
+
+class UndigestedError(DeclarationError):
+    """Some of the things have no value that can be compared. `key` is the digest of the others."""
+
+    def __init__(self, text: str, key: str) -> None:
+        super().__init__(text)
+        self.key = key
+
 
 def digest(*things: Any) -> str:
     """A digest of numbers, texts, arrays, expressions, functions, and of what is made of them.
 
-    A Python function counts by its source and by the values that it has caught. What it calls is not looked at.
+    A Python function counts by its code, by its defaults, and by the values of all names that the code has from
+    outside. Functions and classes count in the same way, unless they are of Python or of an installed package: these
+    count by their name. Other objects count by what pickle would write of them.
+
+    Raises
+    ------
+    UndigestedError         if there is something that pickle would not write either
     """
-    state = hashlib.sha256()
-    for thing in things:
-        _feed(state.update, thing)
-    return state.hexdigest()
+    values = _Values()
+    try:
+        key = values.of(things).hex()
+    except RecursionError:
+        raise DeclarationError("StoredSimulator: the function depends on objects that are nested too deep.") from None
+    if values.lacking:
+        raise UndigestedError(
+            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}, in which changes "
+            "cannot be seen. Give version=, and another one when what it computes changes.",
+            key,
+        )
+    return key
 
 
 def file_digest(path: Path) -> str:
@@ -34,48 +66,146 @@ def file_digest(path: Path) -> str:
     return state.hexdigest()
 
 
-def _feed(update: Callable[[bytes], None], thing: Any) -> None:
-    update(f"<{type(thing).__name__}>".encode())
-    if thing is None or isinstance(thing, bool | int | float | str | bytes | np.generic):
-        update(repr(thing).encode())
-    elif isinstance(thing, np.ndarray):
-        update(f"{thing.dtype} {thing.shape}".encode() + np.ascontiguousarray(thing).tobytes())
-    elif isinstance(thing, ca.Function):
-        update(thing.serialize().encode())
-    elif is_dataclass(thing) and not isinstance(thing, type):
-        for field in fields(thing):
-            _feed(update, field.name)
-            _feed(update, getattr(thing, field.name))
-    elif isinstance(thing, Mapping):
-        for key in thing:
-            _feed(update, key)
-            _feed(update, thing[key])
-    elif isinstance(thing, list | tuple):
-        for part in thing:
-            _feed(update, part)
-    elif isinstance(thing, functools.partial):
-        _feed(update, (thing.func, thing.args, thing.keywords))
-    elif inspect.isroutine(thing):
-        _feed_function(update, thing)
-    elif callable(thing) and hasattr(thing, "__dict__"):  # an object that can be called
-        _feed(update, type(thing).__qualname__)
-        _feed(update, dict(vars(thing)))
+class _Values:
+    """Digests of things by their values."""
 
+    def __init__(self) -> None:
+        self.lacking: list[str] = []
+        """Types of the things that have no digest."""
+        self._known: dict[int, tuple[Any, bytes]] = {}
+        """Things, which keep their ids so, and their digests."""
+        self._depth = 0
 
-def _feed_function(update: Callable[[bytes], None], f: Any) -> None:
-    f = inspect.unwrap(f)
-    update(f"{getattr(f, '__module__', '')}.{getattr(f, '__qualname__', '')}".encode())
-    if owner := getattr(f, "__self__", None):
-        _feed(update, owner)
-    try:
-        update(inspect.getsource(f).encode())
-    except (OSError, TypeError):
-        code = getattr(f, "__code__", None)
-        update(b"" if code is None else code.co_code + repr(code.co_consts).encode())
-    for value in getattr(f, "__defaults__", None) or ():
-        _feed(update, value)
-    for cell in getattr(f, "__closure__", None) or ():
+    def of(self, thing: Any) -> bytes:
+        """The digest of a thing."""
+        if id(thing) in self._known:
+            return self._known[id(thing)][1]
+        self._known[id(thing)] = thing, f"the one at depth {self._depth}".encode()  # for those that hold themselves
+        self._depth += 1
+        state = hashlib.sha256(f"<{type(thing).__qualname__}>".encode())
+        for part in self._parts(thing):
+            content = part if isinstance(part, bytes) else self.of(part[0])
+            state.update(len(content).to_bytes(8, "big") + content)
+        self._depth -= 1
+        self._known[id(thing)] = thing, state.digest()
+        return state.digest()
+
+    def _parts(self, thing: Any) -> Iterator[bytes | tuple[Any]]:
+        """Parts of a thing: bytes, or things as tuples of one."""
+        kind = type(thing)
+        if kind in _ATOMS or isinstance(thing, np.generic):
+            yield repr(thing).encode(errors="surrogatepass")
+        elif kind in (list, tuple):
+            yield from ((part,) for part in thing)
+        elif kind in (dict, types.MappingProxyType):
+            for key, value in thing.items():
+                yield from ((key,), (value,))
+        elif kind in (set, frozenset):
+            yield from sorted(self.of(part) for part in thing)
+        elif kind is np.ndarray and not thing.dtype.hasobject:
+            yield f"{thing.dtype} {thing.shape}".encode()
+            yield np.ascontiguousarray(thing).tobytes()
+        elif kind is types.CodeType:
+            yield thing.co_code
+            yield (tuple(getattr(thing, name) for name in _CODE),)
+        elif isinstance(thing, types.ModuleType):
+            yield thing.__name__.encode()
+            if not _is_installed(thing.__name__) and (file := getattr(thing, "__file__", None)):
+                yield file_digest(Path(file)).encode()
+        elif isinstance(thing, (type, types.FunctionType)) and _has_name(thing):
+            yield f"{thing.__module__}.{thing.__qualname__}".encode()
+        elif isinstance(thing, types.FunctionType):
+            yield from _function_parts(thing)
+        elif isinstance(thing, type):
+            yield thing.__qualname__.encode()
+            yield (thing.__bases__,)
+            for name, member in vars(thing).items():
+                if _is_member(name, member):
+                    yield from ((name,), (member,))
+        elif kind in (staticmethod, classmethod):
+            yield (thing.__func__,)
+        elif kind is property:
+            yield ((thing.fget, thing.fset, thing.fdel),)
+        elif kind is ca.Function:
+            yield thing.serialize().encode()
+        elif is_dataclass(thing) and kind.__module__.partition(".")[0] == _OURS:
+            for field in fields(thing):
+                yield from ((field.name,), (getattr(thing, field.name),))
+        else:
+            yield from self._pickled_parts(thing)
+
+    def _pickled_parts(self, thing: Any) -> Iterator[bytes | tuple[Any]]:
+        """What pickle would write of an object."""
         try:
-            _feed(update, cell.cell_contents)
+            reduce = copyreg.dispatch_table.get(type(thing))
+            reduced = thing.__reduce_ex__(4) if reduce is None else reduce(thing)
+        except RecursionError:
+            raise
+        except Exception:  # the code is the user's
+            self.lacking.append(type(thing).__qualname__)
+            return
+        if isinstance(reduced, str):  # a name in a module
+            yield f"{getattr(thing, '__module__', '')}.{reduced}".encode()
+            yield (getattr(thing, "__wrapped__", None),)
+            return
+        items: list[Any]
+        make, arguments, state, *items = (*reduced, None, None, None, None)[:5]
+        if isinstance(state, dict):  # without what is computed from the rest when it is asked for
+            state = {name: x for name, x in state.items() if not _is_computed(type(thing), name)}
+        yield ((make, arguments, state, *(None if some is None else [*some] for some in items)),)
+
+
+_CODE = (
+    *("co_name", "co_consts", "co_names", "co_varnames", "co_freevars", "co_cellvars", "co_flags"),
+    *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
+)
+"""What counts of code, beside its instructions. Its lines and its file do not."""
+
+
+def _function_parts(f: types.FunctionType) -> Iterator[tuple[Any]]:
+    yield (f.__code__,)
+    yield (f.__defaults__,)
+    yield (f.__kwdefaults__,)
+    yield (vars(f),)
+    for cell in f.__closure__ or ():
+        try:
+            yield (cell.cell_contents,)
         except ValueError:  # a name that has no value yet
-            continue
+            yield (None,)
+    for name in sorted(_global_names(f.__code__)):
+        yield (name,)
+        yield (f.__globals__.get(name, getattr(builtins, name, None)),)
+
+
+def _global_names(code: types.CodeType) -> set[str]:
+    """Names that the code takes from its module."""
+    names = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    return names.union(*(_global_names(part) for part in code.co_consts if isinstance(part, types.CodeType)))
+
+
+def _has_name(thing: Any) -> bool:
+    """Whether a function or a class is known by its name: a function that another one has made is not."""
+    if isinstance(thing, type):
+        return _is_installed(thing.__module__)
+    module = thing.__globals__.get("__name__")
+    return _is_installed(module) and getattr(sys.modules.get(module), thing.__name__, None) is thing
+
+
+def _is_installed(module: str | None) -> bool:
+    """Whether a module is of Python, of symmb, or of an installed package."""
+    top = (module or "").partition(".")[0]
+    if top in sys.stdlib_module_names or top == _OURS:
+        return True
+    file = getattr(sys.modules.get(module or ""), "__file__", None)
+    return file is not None and not _INSTALLED.isdisjoint(Path(file).parts)
+
+
+def _is_member(name: str, member: Any) -> bool:
+    """Whether a member of a class was written there, and not by Python."""
+    if isinstance(member, types.MemberDescriptorType | types.GetSetDescriptorType) or name == "_abc_impl":
+        return False
+    return not (name[:2] == name[-2:] == "__") or isinstance(member, types.FunctionType | staticmethod | classmethod)
+
+
+def _is_computed(kind: type, name: str) -> bool:
+    return isinstance(getattr(kind, name, None), functools.cached_property)

@@ -13,7 +13,7 @@ from symmb._errors import DeclarationError
 from symmb._types import Array, Executor
 from symmb.simulation.black_box import BlackBox, samples_of_block
 from symmb.simulation.executors import Lost, finished
-from symmb.simulation.identity import digest
+from symmb.simulation.identity import UndigestedError, digest
 from symmb.simulation.run_database import RunDatabase, Study, opened, sample_keys
 from symmb.simulation.simulator import (
     BLOCK,
@@ -46,7 +46,8 @@ class StoredSimulator:
     A study that is started again makes only the runs that the file lacks, and so do a finer study and another method.
     Failed runs are kept with their reason, and are not made again until `symmb runs FILE --prune failed` removes them.
     Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and its
-    outputs. Of a Python function the source counts, but not that of what it calls: give another `version` then.
+    outputs. Of a Python function its code counts, and the values and functions that it takes from outside. Modules of
+    Python and installed packages count by their names: give another `version` if they change.
 
     Every sample is run by itself, also those of a scene, which otherwise run eight side by side.
 
@@ -84,6 +85,8 @@ class StoredSimulator:
                 f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text in which "
                 "everything stands that its runs depend on, but for the parameters."
             )
+        if isinstance(simulator, StoredSimulator):
+            raise DeclarationError("StoredSimulator: the simulator is a StoredSimulator already. Give the one inside.")
         if not isinstance(path, str | Path) or not is_text(str(path)):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {path!r}.")
         if not isinstance(version, str):
@@ -92,7 +95,13 @@ class StoredSimulator:
         object.__setattr__(self, "path", Path(path))
         object.__setattr__(self, "version", version)
         # Told once: a function may change what it has caught, such as a list of its calls.
-        object.__setattr__(self, "identity", simulator.identity())
+        try:
+            identity = simulator.identity()
+        except UndigestedError as error:
+            if not version:
+                raise
+            identity = error.key
+        object.__setattr__(self, "identity", identity)
 
     @property
     def parameters(self) -> Mapping[str, float]:

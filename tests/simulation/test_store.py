@@ -294,3 +294,9 @@ def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
     assert main(["runs", *arguments]) == 2
     error = capsys.readouterr().err
     assert text in error and error.count("\n") == 1
+
+
+def test_a_store_of_a_store_is_refused(tmp_path):
+    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    with pytest.raises(mb.DeclarationError, match="is a StoredSimulator already"):
+        mb.StoredSimulator(stored, tmp_path / "other.db")
