@@ -10,6 +10,7 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean, name_faults
 from symmb._options import is_finite_number
 from symmb._types import Array, Executor
+from symmb.simulation.declared_files import ChangedFileError
 from symmb.simulation.simulator import Ensemble, Progress, Reduction, checked_samples, stream
 from symmb.simulation.single_runs import stream_of_runs
 
@@ -83,6 +84,8 @@ class BlackBox(ABC):
             values = dict(zip(self.parameters, row.tolist(), strict=True))
             try:
                 Y[i] = self._shaped(self.response(values))
+            except ChangedFileError:
+                raise
             except Exception as error:  # the code is the user's: any exception is a failed run
                 t_failed[i] = self.times[0]
                 messages.append(f"{_fault(error)} ({_text(values)})")
@@ -104,7 +107,17 @@ class BlackBox(ABC):
             return stream(self, P, reduction, None, progress, block)
         return stream_of_runs(self, P, reduction, executor, progress, block)
 
+    def _finite(self, result: Any) -> Array:
+        """A result (n_t, n_y) of which all values are finite."""
+        values = self._shaped(result)
+        bad = ~np.isfinite(values).all(axis=1)
+        if bad.any():
+            raise SimulationError(f"not finite at t = {self.times[bad.argmax()]:g}")
+        return values
+
     def _shaped(self, result: Any) -> Array:
+        if hasattr(result, "columns") and hasattr(result, "to_numpy"):
+            result = self._columns(result)
         shape = (len(self.times), len(self.outputs))
         expected = f"expected numbers of the shape {shape} (n_t, n_y)"
         try:
@@ -120,6 +133,13 @@ class BlackBox(ABC):
         if values.shape != shape:
             raise SimulationError(f"the function returned the shape {values.shape}, {expected}")
         return values
+
+    def _columns(self, frame: Any) -> Any:
+        """The outputs of a DataFrame, by their names."""
+        names = list(frame.columns)
+        if sorted(map(str, names)) != sorted(self.outputs):
+            raise SimulationError(f"the function returned the columns {_short(names)}, expected {list(self.outputs)}")
+        return frame[list(self.outputs)].to_numpy()
 
 
 def samples_of_block(n: int) -> int:

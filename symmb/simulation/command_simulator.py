@@ -16,7 +16,8 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._options import require_timeout, require_whole
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
-from symmb.simulation.identity import digest, file_digest
+from symmb.simulation.declared_files import DeclaredFiles
+from symmb.simulation.identity import digest
 from symmb.simulation.program_results import READERS, read_table
 from symmb.simulation.templates import filled, is_filled, is_inside, is_text, template_faults, template_texts
 
@@ -76,6 +77,7 @@ class CommandSimulator(BlackBox):
     interpolate: bool
     keep: str
     folder: Path | None
+    _inputs: DeclaredFiles
 
     def __init__(
         self,
@@ -125,6 +127,8 @@ class CommandSimulator(BlackBox):
             raise DeclarationError("\n".join(faults))
         require_whole(_OWNER, "retries", retries, 0)
         require_timeout(_OWNER, timeout)
+        inputs = [Path(program), *sources, *_named_files(self.command[1:])]
+        object.__setattr__(self, "_inputs", DeclaredFiles(path for path in inputs if path.exists()))
 
     def _faults(self) -> Iterator[str]:
         places = {f"template {name!r}": text for name, text in self.templates.items()}
@@ -165,9 +169,13 @@ class CommandSimulator(BlackBox):
         """Outputs (n_t, n_y) of one run, or of the first of its repetitions that does not fail."""
         for left in range(self.retries, -1, -1):
             with temporary_folder(self.folder) as folder:
+                result, error = None, None
                 try:
-                    result = self._run(folder, values)
-                except Exception as error:
+                    result = self._finite(self._run(folder, values))
+                except Exception as fault:
+                    error = fault
+                self._inputs.require_same()
+                if error is not None:
                     if left:
                         continue
                     kept = "" if self.keep == "none" else f"; see {_kept(folder, self.folder)}"
@@ -185,7 +193,7 @@ class CommandSimulator(BlackBox):
         for name, template in self.templates.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(filled(template, values), encoding="utf-8")
+            path.write_text(filled(template, values), encoding="utf-8", newline="")
         program, *arguments = self.command
         command = [program, *(filled(argument, values) for argument in arguments)]
         environment = {**os.environ, **self.environment}
@@ -205,8 +213,7 @@ class CommandSimulator(BlackBox):
 
     def identity(self) -> str:
         """A digest of the program, its input and how its results are read, for `StoredSimulator`."""
-        program = Path(self.command[0])
-        files = [(file.name, file_digest(file)) for file in (program, *self.files) if file.exists()]
+        files = self._inputs.digests()
         return digest("command", self.command, files, self.templates, self.environment, self.read, self.interpolate)
 
     def __repr__(self) -> str:
@@ -218,6 +225,14 @@ def _are_paths(things: Any) -> bool:
     return isinstance(things, list | tuple) and all(
         isinstance(thing, str | Path) and is_text(str(thing)) for thing in things
     )
+
+
+def _named_files(arguments: Sequence[str]) -> Iterator[Path]:
+    """Files that are named in arguments, as in `model.sh` or `--input=mesh.inp`, by their full paths."""
+    for argument in arguments:
+        for name in {argument, argument.partition("=")[2]}:
+            if os.path.isabs(name) and os.path.isfile(name):
+                yield Path(name)
 
 
 def _are_variables(environment: Any) -> bool:

@@ -28,6 +28,8 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
     """
     if not path.is_file():
         raise SimulationError(f"the program wrote no file {path.name!r}")
+    if not path.stat().st_size:
+        raise SimulationError(f"{path.name} is empty")
     try:
         columns = READERS[path.suffix](path)
         lost = [name for name in outputs if name not in columns]
@@ -51,6 +53,8 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
 def _numbers(columns: Mapping[str, Any], name: str) -> Array:
     """A column (n,) as numbers; a single one as a column."""
     column = columns[name]
+    if isinstance(column, list) and (odd := [x for x in column if isinstance(x, str) and "_" in x]):
+        raise SimulationError(f"{name!r}: {odd[0][:40]!r} is no number")  # Python would take it for one
     values = np.atleast_1d(column if isinstance(column, np.ndarray) else np.array(column, dtype=float))
     if values.ndim != 1 or np.iscomplexobj(values):
         raise SimulationError(
@@ -70,11 +74,29 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
     declared = f"{len(times)} times from {times[0]:g} to {times[-1]:g} s are declared"
     if not interpolate:
         raise SimulationError(f"{has}, but {declared}; declare those of the file, or give interpolate=True")
-    if not np.isfinite(at).all() or (np.diff(at) <= 0).any():
+    if not np.isfinite(at).all() or (np.diff(at) < 0).any():
         raise SimulationError(f"{name}: its times do not increase, so that nothing can be interpolated")
     if at[0] > times[0] + allowed or at[-1] < times[-1] - allowed:
         raise SimulationError(f"{has}, but {declared}: nothing is known beyond those of the file")
-    return np.column_stack([np.interp(times, at, column) for column in values.T])
+    return _interpolated(name, at, values, times, allowed)
+
+
+def _interpolated(name: str, at: Array, values: Array, times: Array, allowed: float) -> Array:
+    """Values between those of a file. Of several rows at one time, as at an event, the last one counts from there."""
+    events = at[1:][np.diff(at) == 0]
+    if len(events):  # declared times at an event have as many digits as those of the file
+        nearest = events[np.abs(events[:, None] - times).argmin(axis=0)]
+        times = np.where(np.abs(nearest - times) <= allowed, nearest, times)
+    times = np.clip(times, at[0], at[-1])
+    before = np.searchsorted(at, times, side="right") - 1
+    after = np.where(times > at[before], before + 1, before)
+    needed = slice(before[0], after[-1] + 1)
+    bad = ~np.isfinite(values[needed]).all(axis=1)
+    if bad.any():
+        raise SimulationError(f"{name}: a value at {at[needed][bad][0]:g} s is not finite")
+    span = np.where(after > before, at[after] - at[before], 1.0)
+    weight = ((times - at[before]) / span)[:, None]
+    return (1 - weight) * values[before] + weight * values[after]
 
 
 def _csv(path: Path) -> Mapping[str, Any]:
@@ -88,6 +110,11 @@ def _csv(path: Path) -> Mapping[str, Any]:
     short = next((k for k, row in enumerate(rows) if len(row) < len(names)), None)
     if short is not None:
         raise SimulationError(f"line {short + 2} has {len(rows[short])} values for {len(names)} columns")
+    long = next((k for k, row in enumerate(rows) if any(cell.strip() for cell in row[len(names) :])), None)
+    if long is not None:
+        raise SimulationError(
+            f"line {long + 2} has {len(rows[long])} values for {len(names)} columns; decimal commas may be the reason"
+        )
     return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 

@@ -57,7 +57,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
             raise DeclarationError(f"{owner}: template {name!r}: the file must be inside the folder of the run.")
         if isinstance(template, Path):
             try:
-                template = template.read_text(encoding="utf-8")
+                template = template.read_bytes().decode()  # with its line ends
             except (OSError, UnicodeDecodeError) as error:
                 raise DeclarationError(f"{owner}: template {name!r}: {template} cannot be read: {error}.") from None
         if not isinstance(template, str) or not is_text(template):

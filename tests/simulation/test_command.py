@@ -181,7 +181,7 @@ def test_faults_of_a_declaration(change, text):
     [
         ("", "wrote no file 'out.csv'"),
         ("raise SystemExit('the mesh is torn')", "ended with exit status 1: the mesh is torn"),
-        ("open('out.csv', 'w').write('')", "no column"),
+        ("open('out.csv', 'w').write('')", "is empty"),
         ("open('out.csv', 'w').write('time,x\\n')", "has no rows"),
         ("open('out.csv', 'w').write('x\\n1\\n2\\n')", "no column 'time'"),
         ("open('out.csv', 'w').write('time,x\\n0,1\\n1\\n')", "line 3 has 1 values for 2 columns"),
@@ -196,3 +196,102 @@ def test_what_a_program_may_do_wrong(code, text):
 def test_nothing_stays_of_good_runs(tmp_path):
     script(GOOD, folder=tmp_path).run(np.array([[1.0]]))
     assert not list(tmp_path.iterdir()) and os.getcwd() != str(tmp_path)
+
+
+@pytest.mark.parametrize("form", ["{}", "--script={}"])
+def test_files_in_arguments_are_known_by_their_contents(form, tmp_path):
+    path = tmp_path / "m.sh"
+
+    def identity(text):
+        path.write_text(text)
+        return mb.CommandSimulator(["/bin/sh", form.format(path), "{k}"], {"k": 1.0}, [0, 1], ["x"]).identity()
+
+    assert identity("echo 1") == identity("echo 1") != identity("echo 2")
+
+
+@pytest.mark.parametrize("how", ["files", "folder", "argument"])
+def test_a_file_that_changes_ends_the_study(how, tmp_path):
+    path = tmp_path / "data" / "k.txt"
+    path.parent.mkdir()
+    path.write_text("1")
+    options = {"files": [path if how == "files" else path.parent]} if how != "argument" else {}
+    command = [sys.executable, "in.py", *([str(path)] if how == "argument" else [])]
+    made = mb.CommandSimulator(command, {"k": 1.0}, [0, 1], ["x"], {"in.py": GOOD}, folder=tmp_path, **options)
+    store = mb.StoredSimulator(made, tmp_path / "runs.db")
+    os.utime(path, ns=(1, 1))
+    assert store.run(np.array([[1.0]])).ok.all()
+    path.write_text("2")
+    with pytest.raises(mb.SimulationError, match="has changed since the simulator was declared"):
+        store.run(np.array([[1.0], [2.0]]))
+    assert not list(tmp_path.glob("symmb_run-*"))
+
+
+@pytest.mark.parametrize("x", ["nan", "inf"])
+def test_what_is_not_finite_is_made_again_and_kept(x, tmp_path):
+    count = tmp_path / "count"
+    code = f"open({str(count)!r}, 'a').write('1')\n" + GOOD.replace("{k!r}", x)
+    (message,) = script(code, retries=2, folder=tmp_path).run(np.array([[1.0]])).messages
+    (kept,) = tmp_path.glob("symmb_run-*")
+    assert "not finite at t = 1" in message and str(kept) in message and count.read_text() == "111"
+
+
+def test_a_result_of_another_shape_is_kept(tmp_path):
+    (message,) = script(GOOD, read=lambda folder: np.ones(7), folder=tmp_path).run(np.array([[1.0]])).messages
+    assert "the shape (7,)" in message and "symmb_run-" in message
+
+
+def interpolated(rows):
+    write = f"open('out.csv', 'w').write('time,x\\n{rows}')\n# {{k}}"
+    return script(write, interpolate=True, keep="none").run(np.array([[1.0]]))
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ("0,0\\n0.5,1\\n0.5,5\\n1,7\\n", [0, 7]),
+        ("0,0\\n0,3\\n1,7\\n1,9\\n", [3, 9]),
+        ("-1,nan\\n0,3\\n2,5\\n3,inf\\n", [3, 4]),
+        ("-1,nan\\n0,3\\n1,5\\n3,inf\\n", [3, 5]),
+        ("0,0\\n0.9999999,2\\n0.9999999,8\\n3,8\\n", [0, 8]),
+    ],
+)
+def test_events_between_the_times(rows, expected):
+    assert_allclose(interpolated(rows).Y[0, :, 0], expected)
+
+
+@pytest.mark.parametrize("row", ["0.5,nan", "0.2,inf", "0.999,-inf"])
+def test_what_is_not_finite_between_the_times_fails(row):
+    (message,) = interpolated(f"0,0\\n{row}\\n1,1\\n").messages
+    assert "is not finite" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("time,x\\n0,0,1,5\\n1,0,2,5\\n", "decimal commas"),
+        ("time,x\\n0,1_0\\n1,2\\n", "'1_0' is no number"),
+        ("", "out.csv is empty"),
+    ],
+)
+def test_csv_files_that_cannot_be_meant(text, told):
+    (message,) = script(f"open('out.csv', 'w').write('{text}')\n# {{k}}", keep="none").run(np.array([[1.0]])).messages
+    assert told in message
+
+
+def test_templates_keep_their_line_ends(tmp_path):
+    (tmp_path / "in.txt").write_bytes(b"a\r\n{k}\r\n")
+    code = "assert open('in.txt', 'rb').read() == b'a\\r\\n3.0\\r\\n'\n" + GOOD
+    assert script(code, templates={"in.txt": tmp_path / "in.txt"}).run(np.array([[3.0]])).ok.all()
+
+
+def test_columns_of_a_frame_are_taken_by_name():
+    pandas = pytest.importorskip("pandas")
+
+    def simulator(*names):
+        return mb.FunctionSimulator(
+            lambda k: pandas.DataFrame({name: [k + ord(name)] for name in names}), {"k": 1.0}, [0.0], ["x", "y"]
+        )
+
+    assert simulator("y", "x").run(np.array([[0.0]])).Y.tolist() == [[[ord("x"), ord("y")]]]
+    (message,) = simulator("x", "z").run(np.array([[0.0]])).messages
+    assert "the columns ['x', 'z'], expected ['x', 'y']" in message
