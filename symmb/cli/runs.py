@@ -12,7 +12,7 @@ from symmb._table import aligned
 from symmb.files import replacement, require_suffix
 from symmb.simulation import STATES, RunDatabase, opened
 
-_PRUNED = {"failed": (1, 2), "all": (0, 1, 2)}
+_PRUNED = {"failed": (1, 2, 3), "timed-out": (2,), "all": (0, 1, 2, 3)}
 """States of the runs that each word removes."""
 
 
@@ -47,7 +47,7 @@ def _table(database: RunDatabase) -> str:
     lines = [["study", "simulator", "begun", *STATES, "parameters"]]
     for number, study, begun, counts in database.studies():
         lines.append([str(number), study.simulator, begun, *map(str, counts), ", ".join(study.parameters)])
-    return "\n".join(aligned(lines, left=(1, 2, 6)))
+    return "\n".join(aligned(lines, left=(1, 2, 3 + len(STATES))))
 
 
 def _export(database: RunDatabase, number: int, path: Path) -> None:

@@ -25,6 +25,10 @@ _TICK = 0.02
 """Time between looks at futures that do not call back [s]."""
 
 
+class _RefusedError(BrokenExecutor):
+    """An executor does not take a task, or cancels it. No worker has died."""
+
+
 @dataclass(frozen=True)
 class Lost:
     """A task whose worker died each time that it was tried."""
@@ -45,7 +49,7 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     Raises
     ------
     DeclarationError        if it is none of these, or what it has to run cannot be pickled
-    SimulationError         if an executor that was handed in as an object breaks
+    SimulationError         if an executor that was handed in as an object breaks, or if a function makes broken ones
     """
     with _pool(executor) as pool:
         if pool.submits:
@@ -83,7 +87,7 @@ class _Pool:
             raise
         except Exception as error:  # shut down, or its cluster is gone
             _require_sent(error)
-            raise BrokenExecutor(text_of(error)) from None
+            raise _RefusedError(text_of(error)) from None
 
     @property
     def workers(self) -> int:
@@ -106,6 +110,10 @@ class _Pool:
             ) from None
         self.end()
         self._start(self._make)
+        try:  # a task that harms no worker
+            _result(self.submit(int, 0))
+        except BrokenExecutor as fault:
+            raise _made_broken(fault) from None
 
     def end(self) -> None:
         """Shut down an executor that was made here."""
@@ -184,14 +192,21 @@ def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]") -> int:
 
 def _alone(f: Callable[[Any], Any], item: Any, pool: _Pool) -> Any:
     """The result of a task during which a worker died, tried alone."""
-    reason = ""
+    last = BrokenExecutor()
     for _ in range(_TRIES - 1):
         try:
             return _result(pool.submit(f, item))
         except BrokenExecutor as error:
-            reason = text_of(error)
+            last = error
             pool.renew(error)
-    return Lost(f"its worker process died each of {_TRIES} times ({reason})")
+    if isinstance(last, _RefusedError):
+        raise _made_broken(last)
+    return Lost(f"its worker process died each of {_TRIES} times ({text_of(last)})")
+
+
+def _made_broken(error: BrokenExecutor) -> SimulationError:
+    reason = str(error).rstrip(".") or text_of(error)
+    return SimulationError(f"executor: the function makes executors that do not run tasks ({reason}).")
 
 
 def _result(future: Any) -> Any:
@@ -200,7 +215,7 @@ def _result(future: Any) -> Any:
     except BrokenExecutor:
         raise
     except CancelledError:  # by whoever shut the executor down, or because its cluster is gone
-        raise BrokenExecutor("The executor has cancelled runs.") from None
+        raise _RefusedError("The executor has cancelled runs.") from None
     except Exception as error:
         if type(error).__name__ == _KILLED:
             return Lost(text_of(error))

@@ -13,8 +13,9 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._types import Array
 from symmb.simulation.simulator import Ensemble
 
-DONE, FAILED, TIMED_OUT = 0, 1, 2
-STATES = "done", "failed", "timed out"
+DONE, FAILED, TIMED_OUT, LOST = 0, 1, 2, 3
+STATES = "done", "failed", "timed out", "lost"
+"""Runs are lost if their workers died."""
 _APPLICATION, _VERSION = 0x73796D62, 2
 """What tells the file from those of other programs: "symb" in ASCII, and the version of its tables."""
 _HEADER = b"SQLite format 3\0"
@@ -64,25 +65,34 @@ class RunDatabase:
             )
         return self._connection.execute("SELECT id FROM studies WHERE digest = ?", (study.digest,)).fetchone()[0]
 
-    def known(self, study: int, P: Array) -> set[bytes]:
-        """Which of the samples P (N, d) have run."""
+    def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
+        """Which of the samples P (N, d) have run and need not run again.
+
+        Those that were lost do, and those that timed out and took less than the timeout that there is now [s].
+        """
+        longest = np.inf if timeout is None else timeout
         keys = sample_keys(P)
         found: set[bytes] = set()
         for k in range(0, len(keys), _AT_A_TIME):
             some = keys[k : k + _AT_A_TIME]
             marks = ", ".join("?" * len(some))
-            query = f"SELECT sample FROM runs WHERE study = ? AND sample IN ({marks})"
+            query = (
+                f"SELECT sample FROM runs WHERE study = ? AND sample IN ({marks}) "
+                f"AND state != {LOST} AND (state != {TIMED_OUT} OR seconds >= ?)"
+            )
             with self._reading():
-                found |= {row[0] for row in self._connection.execute(query, (study, *some))}
+                found |= {row[0] for row in self._connection.execute(query, (study, *some, longest))}
         return found
 
-    def add(self, study: int, p: Array, run: Ensemble, seconds: float) -> None:
+    def add(self, study: int, p: Array, run: Ensemble, seconds: float, is_lost: bool = False) -> None:
         """Write the run of a sample p (d,) that took some seconds, unless another study has written it."""
         reason = "".join(run.messages)
-        state = DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
+        state = LOST if is_lost else DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
         events = None if run.events is None else run.events[0].astype(np.int64).tobytes()
         row = study, *sample_keys(p[None]), state, float(run.t_failed[0]), reason, run.Y[0].tobytes(), events, seconds
+        former = f"DELETE FROM runs WHERE study = ? AND sample = ? AND state IN ({TIMED_OUT}, {LOST})"
         with self._writing():
+            self._connection.execute(former, row[:2])
             self._connection.execute("INSERT OR IGNORE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", row)
 
     def read(self, study: int, P: Array, shape: tuple[int, int]) -> Ensemble:

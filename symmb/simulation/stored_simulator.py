@@ -45,6 +45,7 @@ class StoredSimulator:
 
     A study that is started again makes only the runs that the file lacks, and so do a finer study and another method.
     Failed runs are kept with their reason, and are not made again until `symmb runs FILE --prune failed` removes them.
+    Two kinds of them are made again: those whose workers died, and those that timed out if the timeout is now longer.
     Runs belong together by a digest of the simulator: its model, solver, templates or function, its times and its
     outputs. Of a Python function its code counts, and the values and functions that it takes from outside. Modules of
     Python and installed packages count by their names: give another `version` if they change.
@@ -160,7 +161,7 @@ class StoredSimulator:
     def _make(self, database: RunDatabase, P: Array, executor: Executor | None, progress: Progress | None) -> int:
         """Make the runs of samples P (N, d) that the database lacks, and return the number of the study."""
         number = database.begin(self._study())
-        known, missing = database.known(number, P), list[Array]()
+        known, missing = database.known(number, P, getattr(self.simulator, "timeout", None)), list[Array]()
         for key, p in zip(sample_keys(P), P, strict=True):
             if key not in known:
                 known.add(key)
@@ -172,10 +173,11 @@ class StoredSimulator:
         if progress is not None and done:
             progress(done, len(P))
         for k, result in results:
+            is_lost = isinstance(result, Lost)
             if isinstance(result, Lost):
                 result = lost_runs(self.simulator, missing[k][None], result.reason), 0.0
             runs, seconds = result
-            database.add(number, missing[k], runs, seconds)
+            database.add(number, missing[k], runs, seconds, is_lost)
             done += 1
             if progress is not None:
                 progress(done, len(P))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.simulation import run_blocks
+from symmb.simulation import opened, run_blocks
 
 TIMES = np.linspace(0.0, 1.0, 11)
 SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]
@@ -137,6 +137,35 @@ def test_an_executor_that_is_shut_down_ends_the_study_in_a_sentence(tasks, cance
         run_blocks(stored, SAMPLES, Ending(tasks, cancel))
     assert "\n" not in str(error.value)
     assert run_blocks(stored, SAMPLES, lambda: Ending(30, cancel)).ok.all()
+
+
+def shut_pool():
+    pool = ThreadPoolExecutor(2)
+    pool.shutdown()
+    return pool
+
+
+def fail():
+    raise RuntimeError("no licence")
+
+
+BROKEN = {
+    "shut": shut_pool,
+    "initializer": lambda: ThreadPoolExecutor(2, initializer=fail),
+    "one task each": lambda: Ending(2, True),
+    "none": lambda: Ending(1, True),
+}
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("make", BROKEN.values(), ids=BROKEN)
+def test_a_function_that_makes_broken_executors_ends_the_study(make, tmp_path):
+    stored = mb.StoredSimulator(simulator(decay), tmp_path / "runs.db")
+    with pytest.raises(mb.SimulationError, match="makes executors that do not run tasks") as error:
+        run_blocks(stored, SAMPLES, make)
+    assert "\n" not in str(error.value)
+    with opened(stored.path) as database:
+        assert not any(sum(counts[1:]) for *_, counts in database.studies())
 
 
 def test_what_cannot_be_sent_is_told():

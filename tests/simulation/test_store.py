@@ -260,8 +260,8 @@ def test_symmb_runs(tmp_path, capsys):
     mb.propagate(mb.StoredSimulator(simulator(response), path), mb.Scanning(3), BOX)
     assert main(["runs", str(path)]) == 0
     titles, row = capsys.readouterr().out.splitlines()
-    assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "parameters"]
-    assert row.split()[-5:] == ["8", "1", "0", "a,", "b"]
+    assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "lost", "parameters"]
+    assert row.split()[-6:] == ["8", "1", "0", "0", "a,", "b"]
     xarray = pytest.importorskip("xarray")
     assert main(["runs", str(path), "--export", str(tmp_path / "runs.nc")]) == 0
     with xarray.open_dataset(tmp_path / "runs.nc") as data:
@@ -300,3 +300,43 @@ def test_a_store_of_a_store_is_refused(tmp_path):
     stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
     with pytest.raises(mb.DeclarationError, match="is a StoredSimulator already"):
         mb.StoredSimulator(stored, tmp_path / "other.db")
+
+
+class Dies:
+    """A function that kills its process, or takes long, while a file says so."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __call__(self, a, b):
+        told = self.path.read_text()
+        if told == "die" and a > 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if told == "wait":
+            time.sleep(0.3)
+        return response(a, b)
+
+
+def test_lost_runs_are_made_again(tmp_path):
+    (tmp_path / "how").write_text("die")
+    stored = mb.StoredSimulator(simulator(Dies(tmp_path / "how")), tmp_path / "runs.db")
+    P = np.array([[0.5, 1.0], [1.2, 1.0]])
+    assert run_blocks(stored, P, lambda: ProcessPoolExecutor(1)).ok.tolist() == [True, False]
+    (tmp_path / "how").write_text("")
+    assert run_blocks(stored, P).ok.all()
+    assert main(["runs", str(tmp_path / "runs.db"), "--prune", "failed"]) == 0
+
+
+@pytest.mark.parametrize(("timeout", "calls"), [(0.1, 0), (0.05, 0), (0.2, 1), (5.0, 1), (None, 1)])
+def test_runs_that_timed_out_are_made_again_with_more_time(timeout, calls, tmp_path, capsys):
+    def stored(timeout):
+        made = simulator(Dies(tmp_path / "how"), timeout=timeout)
+        return mb.StoredSimulator(made, tmp_path / "runs.db")
+
+    (tmp_path / "how").write_text("wait")
+    P = np.array([[0.5, 1.0]])
+    assert not stored(0.1).run(P).ok.any()
+    (tmp_path / "how").write_text("")
+    assert stored(timeout).run(P).ok.sum() == calls
+    assert main(["runs", str(tmp_path / "runs.db"), "--prune", "timed-out"]) == 0
+    assert f"{1 - calls} runs removed" in capsys.readouterr().out
