@@ -124,6 +124,8 @@ class _Values:
                     yield from ((name,), (member,))
         elif kind in (staticmethod, classmethod):
             yield (thing.__func__,)
+        elif kind is functools.cached_property:  # that of Python 3.11 holds a lock
+            yield (thing.func,)
         elif kind is property:
             yield ((thing.fget, thing.fset, thing.fdel),)
         elif kind is ca.Function:

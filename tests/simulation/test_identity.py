@@ -19,6 +19,23 @@ from symmb.simulation.identity import digest
 FACTOR = "def f(k):\n    return FACTOR * k"
 HELPED = "def g(k):\n    return {} * k\ndef f(k):\n    return g(k)"
 METHOD = "class A:\n    c = {}\n    def __call__(self, k):\n        return self.c * k\nf = A()"
+CACHED = """
+import abc, dataclasses, enum, functools
+class Kind(enum.Enum):
+    A = {}
+@dataclasses.dataclass
+class Base(abc.ABC):
+    x: float = 0.0
+    @abc.abstractmethod
+    def g(self, k): ...
+class A(Base):
+    @functools.cached_property
+    def c(self):
+        return {}
+    def g(self, k):
+        return self.c * k * Kind.A.value
+f = A().g
+"""
 INSIDE = "class A:\n    def g(self, k):\n        return {} * k\ndef f(k):\n    return A().g(k)"
 
 
@@ -89,6 +106,7 @@ KINDS = {
     "inside self": lambda c: Holder(c).f,
     "slots": lambda c: closed(Slots(c)),
     "class attribute": lambda c: defined(METHOD.format(c)),
+    "class with all that there is": lambda c: defined(CACHED.replace("{}", str(c))),
     "class of a global": lambda c: defined(INSIDE.format(c)),
     "global number": lambda c: defined(FACTOR, FACTOR=c),
     "global array": lambda c: defined(FACTOR, FACTOR=np.array([c])),
