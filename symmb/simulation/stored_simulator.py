@@ -68,9 +68,9 @@ class StoredSimulator:
     >>> import tempfile, numpy as np, symmb as mb
     >>> t, calls = np.linspace(0.0, 1.0, 3), []
     >>> decay = mb.FunctionSimulator(lambda k: calls.append(k) or np.exp(-k * t), {"k": 1.0}, t, ["x"])
-    >>> path = tempfile.mkdtemp() + "/runs.db"
+    >>> stored = StoredSimulator(decay, tempfile.mkdtemp() + "/runs.db")
     >>> for method in (mb.Vertex(), mb.Scanning(3)):
-    ...     bounds = mb.propagate(StoredSimulator(decay, path), method, mb.Box(k=(0.5, 2.0)))
+    ...     bounds = mb.propagate(stored, method, mb.Box(k=(0.5, 2.0)))
     >>> len(calls)
     3
     """
