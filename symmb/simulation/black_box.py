@@ -84,9 +84,9 @@ class BlackBox(ABC):
             values = dict(zip(self.parameters, row.tolist(), strict=True))
             try:
                 Y[i] = self._shaped(self.response(values))
-            except ChangedFileError:
+            except (KeyboardInterrupt, ChangedFileError):
                 raise
-            except Exception as error:  # the code is the user's: any exception is a failed run
+            except BaseException as error:  # the code is the user's: whatever it raises, also sys.exit, fails the run
                 t_failed[i] = self.times[0]
                 messages.append(f"{_fault(error)} ({_text(values)})")
                 continue
@@ -171,7 +171,7 @@ def _has_masked_rows(result: Any) -> bool:
     return isinstance(result, list | tuple) and any(isinstance(row, np.ma.MaskedArray) for row in result)
 
 
-def _fault(error: Exception) -> str:
+def _fault(error: BaseException) -> str:
     """The fault of a run in one line."""
     text = text_of(error)
     return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text

@@ -172,7 +172,7 @@ class CommandSimulator(BlackBox):
                 result, error = None, None
                 try:
                     result = self._finite(self._run(folder, values))
-                except Exception as fault:
+                except (Exception, SystemExit) as fault:
                     error = fault
                 self._inputs.require_same()
                 if error is not None:

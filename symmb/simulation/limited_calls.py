@@ -5,11 +5,12 @@ import os
 import select
 import signal
 import threading
+import time
 import uuid
 import warnings
 import weakref
 from collections.abc import Callable
-from contextlib import suppress
+from math import inf
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any
@@ -18,6 +19,9 @@ from symmb._cleanup import clean_up, end_group, lead_group, note_group
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
+_TICK = 0.2
+"""Time between looks whether a process has ended [s]. Processes that it has started may keep its pipe open."""
+
 
 class _Worker:
     """A forked process for calls of a thread, and this process' end of the pipe to it."""
@@ -25,6 +29,7 @@ class _Worker:
     def __init__(self, pid: int, pipe: Connection) -> None:
         self.pid, self.pipe, self.thread = pid, pipe, threading.current_thread()
         self.caller: Callable[[], LimitedCalls | None] = lambda: None
+        self.status: int | None = None
 
     @property
     def is_unused(self) -> bool:
@@ -32,15 +37,46 @@ class _Worker:
         own = self.thread is threading.current_thread()
         return not self.thread.is_alive() or (own and self.caller() is None)
 
+    def replies(self, seconds: float | None) -> bool:
+        """Whether a reply arrives in time.
+
+        Raises
+        ------
+        EOFError    if the process ends without one
+        """
+        deadline = inf if seconds is None else time.monotonic() + seconds
+        while not self.pipe.poll(max(min(_TICK, deadline - time.monotonic()), 0.0)):
+            if self.has_ended(os.WNOHANG) and not self.pipe.poll():
+                raise EOFError
+            if time.monotonic() >= deadline:
+                return False
+        return True
+
+    def has_ended(self, options: int = 0) -> bool:
+        """Whether the process has ended. Without options it is waited for."""
+        if self.status is None:
+            try:
+                pid, status = os.waitpid(self.pid, options)
+            except ChildProcessError:  # another part of the program has waited for it
+                return True
+            if pid == 0:
+                return False
+            self.status = os.waitstatus_to_exitcode(status)
+        return True
+
     def end(self) -> None:
-        _WORKERS.discard(self)
-        self.pipe.close()
+        with _LOCK:
+            if self not in _WORKERS:  # another thread ends it, and its pipe may have the number of another file
+                return
+            _WORKERS.remove(self)
+            self.pipe.close()
         end_group(self.pid)
-        with suppress(ChildProcessError):
-            os.waitpid(self.pid, 0)
+        self.has_ended()
 
 
 _WORKERS: set[_Worker] = set()
+_LOCK = threading.Lock()
+"""Of pipes: a process that is forked while another thread opens or closes one would keep it open."""
 _OWN = threading.local()
 """Workers of this thread, by the keys of what they call, which outlive a copy that was sent to this process."""
 
@@ -79,14 +115,14 @@ class LimitedCalls:
         worker = self._worker()
         try:
             worker.pipe.send(values)
-            if not worker.pipe.poll(self.seconds):
-                worker.end()
+            if not worker.replies(self.seconds):
                 raise SimulationError(f"timed out: {self.subject} had not returned after {self.seconds:g} s")
             fault, result = worker.pipe.recv()
         except (EOFError, ConnectionError):
-            status = _status(worker)
-            raise SimulationError(f"{self.subject} ended its process{status}") from None
-        except BaseException:  # an interrupt: the next call must not get this result
+            worker.has_ended()
+            worker.end()
+            raise SimulationError(f"{self.subject} ended its process{_status_text(worker.status)}") from None
+        except BaseException:  # also an interrupt: the next call must not get this result
             worker.end()
             raise
         if fault:
@@ -104,19 +140,16 @@ class LimitedCalls:
         return worker
 
 
-def _status(worker: _Worker) -> str:
-    """How a process ended that is no longer there."""
-    with suppress(ChildProcessError):
-        code = os.waitstatus_to_exitcode(os.waitpid(worker.pid, 0)[1])
-        worker.end()
-        return f" by {signal.Signals(-code).name}" if code < 0 else f" with exit status {code}"
-    worker.end()
-    return ""
+def _status_text(status: int | None) -> str:
+    """How a process ended, if that is known."""
+    if status is None:
+        return ""
+    return f" by {signal.Signals(-status).name}" if status < 0 else f" with exit status {status}"
 
 
 def _fork(f: Callable[..., Any]) -> _Worker:
-    mine, theirs = Pipe()
-    with deferred_interrupts(), warnings.catch_warnings():
+    with deferred_interrupts(), _LOCK, warnings.catch_warnings():
+        mine, theirs = Pipe()
         warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads: the child calls f alone
         pid = os.fork()
         if pid == 0:
@@ -168,6 +201,8 @@ def _end_all() -> None:
 
 def _forget() -> None:
     """Let go of the parent's workers, in a process that was forked."""
+    global _LOCK
+    _LOCK = threading.Lock()  # a thread of the parent may have had it
     for worker in _WORKERS:
         worker.pipe.close()
     _WORKERS.clear()

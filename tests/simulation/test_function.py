@@ -219,6 +219,60 @@ mb.FunctionSimulator(hang, {"a": 1.0}, [0.0], ["x"], timeout=900).run(np.ones((1
     assert _is_gone(number)
 
 
+def _ends_its_process(a):
+    if a > 1.5:
+        os._exit(7)
+    return a * TIMES
+
+
+def _ends_beside_a_fork(a):
+    """A function that ends while a process that it has forked keeps all files open."""
+    if os.fork() == 0:
+        time.sleep(100)
+    os._exit(7)
+
+
+@pytest.mark.parametrize("timeout", [2, 60])
+def test_the_end_of_a_process_shows_whoever_keeps_its_pipe_open(timeout):
+    begin = time.monotonic()
+    simulator = FunctionSimulator(_ends_beside_a_fork, {"a": 1.0}, TIMES, ["x"], timeout=timeout)
+    assert simulator.run(np.ones((1, 1))).messages == ("the function ended its process with exit status 7 (a=1)",)
+    assert time.monotonic() - begin < 5
+
+
+def test_processes_that_end_in_threads_harm_no_others():
+    """Threads fork and end processes at the same time, also those that the threads of former pools have left."""
+    P = np.tile([1.0, 2.0, 1.0, 1.0], 20)[:, None]
+    for _ in range(5):
+        simulator = FunctionSimulator(_ends_its_process, {"a": 1.0}, TIMES, ["x"], timeout=60)
+        with ThreadPoolExecutor(8) as pool:
+            ensemble = run_blocks(simulator, P, pool)
+        assert (ensemble.ok == (P[:, 0] == 1.0)).all()
+        assert set(ensemble.messages) == {"the function ended its process with exit status 7 (a=2)"}
+
+
+def _exits(a):
+    """A function that ends the program for some arguments."""
+    if a > 1.5:
+        sys.exit(3)
+    return a * TIMES
+
+
+@pytest.mark.parametrize("pool", [None, ThreadPoolExecutor, ProcessPoolExecutor])
+def test_a_call_that_ends_the_program_is_a_failed_sample(pool):
+    ensemble = run_blocks(_simulator(_exits), np.array([[1.0], [2.0], [1.0]]), pool and pool(2))
+    assert ensemble.ok.tolist() == [True, False, True]
+    assert ensemble.messages == ("SystemExit: 3 (a=2)",)
+
+
+def test_a_call_that_is_interrupted_ends_the_study():
+    def interrupted(a):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _simulator(interrupted).run(np.ones((2, 1)))
+
+
 def test_simulate_takes_no_simulator():
     with pytest.raises(DeclarationError, match="is a simulator"):
         simulate(_simulator(_hangs))
