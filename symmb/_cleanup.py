@@ -5,6 +5,8 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.util import Finalize
@@ -20,6 +22,8 @@ _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
 _GROUPS: set[int] = set()
 _LEADS = False
+_TICK = 0.2
+"""Time between looks whether the parent is still there [s]."""
 
 
 @contextmanager
@@ -141,6 +145,27 @@ def clean_up() -> None:
             os.unlink(name)
     for name in list(_FOLDERS):
         shutil.rmtree(name, ignore_errors=True)
+
+
+def end_with_parent() -> None:
+    """Let this worker of a pool end with its parent, which alone hears of interrupts, or when it is terminated."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.set_wakeup_fd(-1)  # that of the parent, if it was forked
+    signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
+    threading.Thread(target=_watch_parent, args=(os.getppid(),), daemon=True).start()
+
+
+def _watch_parent(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_TICK)
+    os.kill(os.getpid(), signal.SIGTERM)  # the main thread ends all: it would start the next program beside this one
+    time.sleep(1.0)
+    _end_now()  # it is in compiled code, which notices no signals
+
+
+def _end_now() -> None:
+    clean_up()
+    os._exit(1)
 
 
 def left_folders() -> list[Path]:

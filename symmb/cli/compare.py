@@ -4,7 +4,6 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 
@@ -17,7 +16,7 @@ from symmb.cli.scene_file import load_subject
 from symmb.codegen import SLOW, has_compiler
 from symmb.files import save_json
 from symmb.plot import PICTURES
-from symmb.simulation import Simulator
+from symmb.simulation import Simulator, WorkerPool
 
 _SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
 
@@ -77,7 +76,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
 @contextmanager
 def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
     if options.dask is None:
-        yield None if options.workers is None else partial(ProcessPoolExecutor, options.workers)
+        yield None if options.workers is None else partial(WorkerPool, options.workers)
         return
     try:
         from dask.distributed import Client

@@ -5,6 +5,7 @@
 
 from symmb.simulation.attained import Attained, attained_by_runs, note_attained
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.executors import WorkerPool
 from symmb.simulation.run_database import STATES, RunDatabase, opened
 from symmb.simulation.simulator import (
     Jets,

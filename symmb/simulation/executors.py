@@ -3,11 +3,12 @@
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError
+from concurrent.futures import BrokenExecutor, CancelledError, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from symmb._cleanup import end_with_parent
 from symmb._errors import DeclarationError, SimulationError, text_of
 
 _TRIES = 3
@@ -21,6 +22,8 @@ _FEW_WORKERS = 8
 beside: the cluster may get more workers, and how long tasks take tells how much one should hold."""
 _KILLED = "KilledWorker"
 """What Dask raises for a task after it has tried it on several workers."""
+_GRACE = 0.5
+"""Time for processes to end what they have started [s]."""
 _TICK = 0.02
 """Time between looks at futures that do not call back [s]."""
 
@@ -34,6 +37,29 @@ class Lost:
     """A task whose worker died each time that it was tried."""
 
     reason: str
+
+
+class WorkerPool(ProcessPoolExecutor):
+    """Processes of symmb's own: they end with this one, and leave nothing behind.
+
+    Parameters
+    ----------
+    workers : how many
+    """
+
+    def __init__(self, workers: int) -> None:
+        super().__init__(workers, initializer=end_with_parent)
+
+    def stop(self) -> None:
+        """End the processes, whatever they do."""
+        processes = list((self._processes or {}).values())
+        self.shutdown(wait=False)
+        for process in processes:
+            process.terminate()
+        deadline = time.monotonic() + _GRACE
+        for process in processes:
+            process.join(max(deadline - time.monotonic(), 0.0))
+            process.kill()  # it may be in compiled code, which notices no signals
 
 
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[tuple[int, Any]]:
@@ -132,6 +158,10 @@ def _pool(given: Any) -> Iterator[_Pool]:
     pool = _Pool(given)
     try:
         yield pool
+    except BaseException:
+        if isinstance(pool.executor, WorkerPool):
+            pool.executor.stop()
+        raise
     finally:
         pool.end()
 

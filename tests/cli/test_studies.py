@@ -1,6 +1,11 @@
 """Comparisons of simulators from the command line: in processes, on clusters, with a file of runs."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -50,6 +55,52 @@ def test_processes_a_dask_cluster_and_a_file_change_no_digit(study, tmp_path, ca
     assert compared(study, "--store", store) == (expected, 0)
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
         assert compared(study, "--dask", cluster.scheduler_address)[0] == expected
+
+
+SLOW = """
+import os
+import symmb as mb
+from symmb._cleanup import process_group
+
+def slow(k):
+    if k == 1.0:
+        return [k]
+    with process_group(["sleep", "100"]) as program:
+        with open(__file__ + ".pids", "a") as pids:
+            pids.write(f"{os.getpid()} {program.pid} ")
+        program.wait()
+
+def simulator():
+    return mb.FunctionSimulator(slow, {"k": 1.0}, [0.0], ["x"]), mb.Box(k=(0.9, 1.1))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs groups of processes")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=lambda number: number.name)
+def test_workers_and_their_programs_end_with_the_command(tmp_path, number):
+    path, pids = tmp_path / "slow.py", tmp_path / "slow.py.pids"
+    path.write_text(SLOW)
+    command = [sys.executable, "-m", "symmb.cli", "compare", str(path), "--methods", "mc:20", "--workers", "2"]
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    assert _in_time(lambda: pids.exists() and len(pids.read_text().split()) >= 4, 60)
+    if number == signal.SIGINT:
+        os.killpg(process.pid, number)  # as a terminal does
+    else:
+        process.kill()
+    assert process.wait(10) in (130, -number)
+    assert _in_time(lambda: not any(_runs(pid) for pid in pids.read_text().split()), 10)
+
+
+def _in_time(holds, seconds):
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline and not holds():
+        time.sleep(0.05)
+    return holds()
+
+
+def _runs(pid):
+    found = subprocess.run(["ps", "-o", "stat=", "-p", pid], capture_output=True, text=True).stdout.strip()
+    return found and not found.startswith("Z")
 
 
 def test_spread_is_around_nominal_values_of_the_simulator(study, capsys):
