@@ -91,7 +91,7 @@ def store() -> None:
         number = database.begin(Study("digest", "none", tuple("abcd"), tuple("abcdefghijkl"), np.arange(1001.0)))
         begin = time.perf_counter()
         for p in P[:10_000]:
-            database.add(number, p, run)
+            database.add(number, p, run, 0.0)
         written = time.perf_counter() - begin
         _look_up(database, number, P[:10_000], 10_000)
         size = sum(path.stat().st_size for path in Path(folder).iterdir())
@@ -99,7 +99,7 @@ def store() -> None:
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder, "runs.db")) as database:
         number = database.begin(Study("digest", "none", tuple("abcd"), ("x",), np.arange(1.0)))
         for p in P:
-            database.add(number, p, small)
+            database.add(number, p, small, 0.0)
         found = _look_up(database, number, P, 100_000)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(

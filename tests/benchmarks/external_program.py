@@ -169,7 +169,7 @@ def study(program: Path, method: mb.MonteCarlo | mb.Scanning | mb.PolynomialChao
     expected = {tuple(p.tolist()): kind for p, kind in zip(P, kinds, strict=True) if kind}
     if named != expected or len(bounds.failed) != len(expected):
         faults.append(f"{len(bounds.failed)} failed runs are told, {len(expected)} failed")
-    if states != (kinds.count(""), len(expected) - kinds.count("hang"), kinds.count("hang")):
+    if states != (kinds.count(""), len(expected) - kinds.count("hang"), kinds.count("hang"), 0):
         faults.append(f"the store counts {states}")
     if len(P) != bounds.evaluations:
         faults.append(f"{len(P)} runs are stored of {bounds.evaluations}")
