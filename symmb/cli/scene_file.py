@@ -48,10 +48,10 @@ def load_subject(given: str) -> tuple[Scene | Simulator, Box | None]:
     if not callable(make):
         raise DeclarationError(f"{path}: simulator must be a function that returns a simulator and its symmb.Box.")
     with _foreign(path):
-        made = make()
-    if not isinstance(made, tuple) or [*map(type, made[1:])] != [Box] or not hasattr(made[0], "stream"):
+        study = make()
+    if not isinstance(study, tuple) or [*map(type, study[1:])] != [Box] or not hasattr(study[0], "stream"):
         raise DeclarationError(f"{path}: simulator() must return a pair, a simulator and its symmb.Box.")
-    return made
+    return study
 
 
 def _module(path: Path) -> ModuleType:

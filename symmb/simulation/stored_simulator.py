@@ -196,5 +196,5 @@ def _run(simulator: Simulator, p: Array) -> tuple[Ensemble, float]:
     """The run of a sample p (d,), and how long it took [s]."""
     begin = time.perf_counter()
     runs = simulator.run(p[None])
-    found = Ensemble(runs.Y, runs.ok, runs.t_failed, runs.messages, runs.events)
-    return found, time.perf_counter() - begin
+    ensemble = Ensemble(runs.Y, runs.ok, runs.t_failed, runs.messages, runs.events)
+    return ensemble, time.perf_counter() - begin
