@@ -31,11 +31,12 @@ from symmb.simulation.limited_calls import LimitedCalls
 _STEPS = 500
 """Communication steps of a run, as FMPy has them, where neither the user nor the FMU tells the step."""
 _LONG = 10.0
-"""Time of a run beside which that of making an instance is small [s]. Runs of this length get a new one each."""
+"""Time of a run beside which that of making a process is small [s]. Runs of this length get a new one each."""
 _SHIFT = 1e-6
 """Change of parameters by which it is tried whether a reset forgets them."""
-_RESETS: dict[tuple[str, str], bool] = {}
-"""Whether an FMU's instance can be used again, by the digest of its file and its interface."""
+_RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
+_KINDS: dict[tuple[str, str], str] = {}
+"""How a run is made after another so that it repeats, by the digest of the FMU's file and its interface."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +45,8 @@ class FMUSimulator(BlackBox):
 
     Runs are made in processes of their own: an FMU that crashes costs one run, and threads run side by side. Each
     process keeps an instance. It is reset between two runs, if a run after resets is the same to the last bit; this is
-    tried once. Otherwise, and after a run that failed, a new instance is made.
+    tried once. Otherwise, and after a run that failed, a new instance is made, or a new process if a run is not the
+    same in a new instance either.
 
     Parameters
     ----------
@@ -129,26 +131,31 @@ class FMUSimulator(BlackBox):
             if fault:
                 raise SimulationError(fault)
         key = self._fmu.digest, self.fmi_type
+        if key in _KINDS:
+            return self._run(values, _KINDS[key])
         begin = time.perf_counter()
-        result = self._run(values, _RESETS.get(key, False))
-        if key not in _RESETS:
-            _RESETS[key] = time.perf_counter() - begin < _LONG and self._repeats(values, result)
+        result = self._run(values, _NEW_PROCESS)
+        kinds = () if time.perf_counter() - begin > _LONG else (_RESET, _NEW_INSTANCE)
+        _KINDS[key] = next((kind for kind in kinds if self._repeats(values, result, kind)), _NEW_PROCESS)
         return result
 
-    def _run(self, values: dict[str, float], again: bool) -> Any:
+    def _run(self, values: dict[str, float], kind: str) -> Any:
         fmpy()  # and its solver, before a process is forked, so that each has them
         if self.fmi_type == MODEL_EXCHANGE:
             fmpy("sundials")
-        return self._calls({"values": values, "folder": extracted(self.path, self._fmu.digest), "again": again})
+        if kind == _NEW_PROCESS:
+            self._calls.end_process()
+        folder = extracted(self.path, self._fmu.digest)
+        return self._calls({"values": values, "folder": folder, "again": kind == _RESET})
 
-    def _repeats(self, values: dict[str, float], result: Array) -> bool:
-        """Whether a run is the same after a reset, with a run of other parameters between: some FMUs keep their last
-        state or what they have calculated, or crash."""
+    def _repeats(self, values: dict[str, float], result: Array, kind: str) -> bool:
+        """Whether a run is the same after a run of other parameters: some FMUs keep their last state or what they have
+        calculated, in the instance or beside it, or crash."""
         whole = {variable.name for variable in self._calls.f.parameters if variable.is_whole}
         others = {name: value if name in whole else value * (1 + _SHIFT) + _SHIFT for name, value in values.items()}
         try:
-            self._run(others, True)
-            return np.array_equal(self._run(values, True), result, equal_nan=True)
+            self._run(others, kind)
+            return np.array_equal(self._run(values, kind), result, equal_nan=True)
         except SimulationError:
             return False
 

@@ -129,6 +129,12 @@ class LimitedCalls:
             raise SimulationError(fault)
         return result
 
+    def end_process(self) -> None:
+        """End the process of this thread. The next call gets a new one."""
+        worker = vars(_OWN).get(self.key)
+        if worker is not None:
+            worker.end()
+
     def _worker(self) -> _Worker:
         own: dict[str, _Worker] = vars(_OWN)
         worker = own.get(self.key)

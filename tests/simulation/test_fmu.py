@@ -144,6 +144,21 @@ def test_an_fmu_that_cannot_be_reset_gets_new_instances(reset, folder, springs):
     assert (simulator(path).run(samples()).Y == expected).all()
 
 
+def test_pythonfmu_with_state_beside_its_instances_gets_new_processes(folder):
+    pythonfmu = pytest.importorskip("pythonfmu")
+    counting = SLAVE.replace("class Decay", "STEPS = []\n\nclass Counting").replace(
+        "self.x /= 1 + step * self.k", "STEPS.append(t)\n        self.x = self.k * len(STEPS)"
+    )
+    (folder / "counting_of_tests.py").write_text(counting)
+    path = pythonfmu.FmuBuilder.build_FMU(folder / "counting_of_tests.py", dest=folder)
+    own = mb.FMUSimulator(path, {"k": 1.0}, [0.0, 0.1], ["x"])
+    alone = own.run([[2.0]]).Y
+    P = [[1.0], [2.0], [4.0], [2.0], [2.0]]
+    assert (own.run(P).Y[[1, 3, 4]] == alone).all()
+    with ThreadPoolExecutor(2) as pool:
+        assert (pool.submit(own.run, P).result().Y[[1, 3, 4]] == alone).all()
+
+
 def test_an_instance_is_used_again(folder):
     text = 'FILE *f = fopen("%s", "a"); fputc(\'r\', f); fclose(f); set_start(m);' % (folder / "resets.txt")
     path = fmus.spring(folder / "reset.fmu", {2: fmus.library(2, folder, text.replace("%", "%%"))})
