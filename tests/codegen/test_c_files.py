@@ -84,7 +84,7 @@ def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
 
 
 def test_no_array_of_the_models_size_stands_on_the_stack():
-    x, p, t = ca.SX.sym("x", 3000), ca.SX.sym("p", 2), ca.SX.sym("t")
+    x, p, t = ca.SX.sym("x", 1500), ca.SX.sym("p", 2), ca.SX.sym("t")
     rates = -x + ca.vertcat(x[1:], p[0]) * ca.sin(p[1] + t)
     engine = Engine(model_function(x, p, t, rates, x[:2], x), np.linspace(0, 1, 3), Tolerances(1e-6, 1e-8))
     command = [COMPILERS[0], "-x", "c", "-std=gnu11", "-O1", "-march=native", "-Wframe-larger-than=65536", "-S"]

@@ -63,7 +63,11 @@ def both(simulator, P):
     return x0, compiled, arrays
 
 
-@pytest.mark.parametrize(("solver", "share"), [(FIXED_TOLERANCE, 1e-12), (mb.DormandPrince(), 1e-8)], ids=repr)
+@pytest.mark.parametrize(
+    ("solver", "share"),
+    [(FIXED_TOLERANCE, 1e-12), pytest.param(mb.DormandPrince(), 1e-8, marks=pytest.mark.long)],
+    ids=repr,
+)
 @pytest.mark.parametrize("model", MOVING, ids=lambda m: getattr(m, "__name__", str(m)))
 def test_every_model_runs_as_compiled_over_a_short_time(model, solver, share):
     scene = model.scene() if hasattr(model, "scene") else model()

@@ -1,5 +1,7 @@
 """Forces in narrow zones of position do their work: against closed forms of the energy."""
 
+from itertools import product
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -25,8 +27,10 @@ LAWS = {
 """Forces of work 1 from 2 to 2 + width."""
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("law", [*LAWS, "Table"])
+NARROW = [pytest.param("Table", WIDTHS[-1], marks=pytest.mark.long)]  # a minute for each solver of CasADi
+
+
+@pytest.mark.parametrize(("law", "width"), [*product(LAWS, WIDTHS), *product(["Table"], WIDTHS[:-1]), *NARROW])
 @pytest.mark.parametrize("solver", SIDED, ids=repr)
 def test_zones_do_their_work(solver, law, width):
     table = mb.Table([-9, 2, 2 + width / 2, 2 + width, 19], [0, 0, 2 / width, 0, 0])

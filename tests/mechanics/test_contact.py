@@ -79,7 +79,7 @@ def test_no_step_passes_over_a_bounce(solver):
     assert_allclose(run["vy"][1:], speeds, atol=2e-5)
 
 
-@pytest.mark.parametrize("solver", SOLVERS[:2], ids=repr)
+@pytest.mark.parametrize("solver", [SOLVERS[0], pytest.param(SOLVERS[1], marks=pytest.mark.long)], ids=repr)
 def test_two_colliding_bodies_keep_their_momentum(solver):
     """A spinning sphere hits a tumbling plate, with friction, off both centres."""
     plate = mb.Body("plate", 2.0, (0.3, 0.2, 0.4), mb.Spatial())

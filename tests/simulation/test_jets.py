@@ -60,7 +60,8 @@ def expected():
     return np.stack([coefficients(Y, h) for Y in runs], axis=1)
 
 
-LARGE = mb.HHT | mb.Newmark | mb.NSTIFFSI2 | mb.Rosenbrock  # generalized-alpha and BDF show the same kinds
+# BDF shows the same kind.
+LARGE = mb.GeneralizedAlpha | mb.HHT | mb.Newmark | mb.NSTIFFSI2 | mb.Rosenbrock | mb.Collocation
 TRIED = [
     pytest.param(s, marks=pytest.mark.long) if isinstance(s, LARGE) else s
     for s in ALL_SOLVERS
