@@ -38,7 +38,9 @@ def notebook(tmp_path_factory):
     cells = [nbformat.v4.new_code_cell(source) for source in (example(), *CELLS.values())]
     book = nbformat.v4.new_notebook(cells=cells)
     folder = str(tmp_path_factory.mktemp("notebook"))
-    nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": folder}}).execute()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TQDM_DISABLE", "1")  # whether a bar appears depends on the machine's speed
+        nbclient.NotebookClient(book, timeout=300, resources={"metadata": {"path": folder}}).execute()
     return book
 
 
