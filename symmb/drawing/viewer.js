@@ -16,7 +16,6 @@ const INERTIA = "solid of the same inertia";
 const BODIES = page.palette.map(rgb);
 const $ = id => document.getElementById(id);
 
-
 // Vectors and matrices
 const Z = [0, 0, 1];
 const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -400,13 +399,15 @@ function project(p) {  // pixel of the canvas, from its upper left corner
   return [(q[0] + 1) / 2 * canvas.width, (1 - q[1]) / 2 * canvas.height];
 }
 
-// Axes, gravity and scale, over the picture
+// Axes, gravity and scale, over the lower edge of the picture: drawn anew only if the camera has moved
+let overlaid = "";
 function overlay() {
   const c = $("overlay"), pen = c.getContext("2d"), ratio = devicePixelRatio, w = c.width / ratio, h = c.height / ratio;
-  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  pen.clearRect(0, 0, w, h);
-  pen.font = "12px system-ui, sans-serif";
-  pen.lineWidth = 2;
+  const seen = String([view.axes, view.height, c.width, canvas.height]);
+  if (overlaid === seen) return;
+  overlaid = seen;
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0); pen.clearRect(0, 0, w, h);
+  pen.font = "12px system-ui, sans-serif"; pen.lineWidth = 2;
   const arrow = (x, y, dx, dy, colour, text) => {
     const size = Math.hypot(dx, dy);
     pen.strokeStyle = pen.fillStyle = colour;
@@ -422,14 +423,11 @@ function overlay() {
   ["#c62828", "#2e7d32", "#1565c0"].forEach((colour, i) => arrow(...o, 34 * X[i], -34 * Y[i], colour, "xyz"[i]));
   const g = times(unit(first.gravity), 28);
   arrow(122, h - 60, dot(X, g), -dot(Y, g), "#5b6470", length(g) ? "g" : "");
-  const metre = h / view.height, most = 140 / metre, power = 10 ** Math.floor(Math.log10(most));
+  const metre = canvas.height / ratio / view.height, most = 140 / metre, power = 10 ** Math.floor(Math.log10(most));
   const nice = [5, 2, 1].map(f => f * power).find(f => f <= most), x = w - 24 - nice * metre, y = h - 24;
-  pen.strokeStyle = pen.fillStyle = "#3b434d";
-  pen.lineWidth = 1.5;
+  pen.strokeStyle = pen.fillStyle = "#3b434d"; pen.lineWidth = 1.5;
   pen.beginPath(); pen.moveTo(x, y - 5); pen.lineTo(x, y); pen.lineTo(w - 24, y); pen.lineTo(w - 24, y - 5); pen.stroke();
-  pen.textAlign = "center";
-  pen.fillText(lengthText(nice), (x + w - 24) / 2, y - 6);
-  pen.textAlign = "left";
+  pen.textAlign = "center"; pen.fillText(lengthText(nice), (x + w - 24) / 2, y - 6); pen.textAlign = "left";
 }
 
 const lengthText = a => a >= 1 ? `${+a.toPrecision(3)} m` : a >= 1e-3 ? `${+(1e3 * a).toPrecision(3)} mm` : `${+(1e6 * a).toPrecision(3)} µm`;
@@ -439,9 +437,9 @@ const curves = [];
 
 function makeCurves() {
   first.outputs.forEach((name, i) => {
-    const box = document.createElement("div"), c = document.createElement("canvas"), cursor = document.createElement("i");
+    const box = document.createElement("div"), c = document.createElement("img"), cursor = document.createElement("i");
     const head = document.createElement("p"), value = document.createElement("b");
-    head.append(name, value); box.append(head, c, cursor);
+    head.append(name, value); box.append(head, c, cursor); c.draggable = false;
     const share = e => (e.clientX - c.getBoundingClientRect().left) / c.clientWidth;
     box.onpointerdown = box.onpointermove = e => { if (e.buttons) seek(nearest(first, times0() + share(e) * span())); };
     $("curves").append(box);
@@ -452,9 +450,9 @@ function makeCurves() {
 const times0 = () => numbers[first.t[0]], span = () => (numbers[first.t[0] + first.t[1] - 1] - times0()) || 1;
 
 function drawCurves() {
-  const n = first.outputs.length, t = column(first.t, 0, 1);
-  for (const { i, c } of curves) {
-    const w = c.width = c.clientWidth * devicePixelRatio, h = c.height = c.clientHeight * devicePixelRatio, pen = c.getContext("2d");
+  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
+  for (const { i, c } of curves) {  // images: a canvas would be laid into the page anew in each picture
+    const w = sheet.width = c.clientWidth * devicePixelRatio, h = sheet.height = c.clientHeight * devicePixelRatio;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
     const all = [...lines.map(l => l.values), ...(bounds || [])].flat().filter(Number.isFinite);
@@ -463,7 +461,6 @@ function drawCurves() {
     if (!(high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)))) { low -= 1; high += 1; }
     const room = 14 * devicePixelRatio, x = k => (t[k] - t[0]) / span() * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
     const path = values => values.forEach((v, k) => pen.lineTo(x(k), y(v)));
-    pen.clearRect(0, 0, w, h);
     if (bounds) {
       pen.beginPath(); path(bounds[0]);
       for (let k = t.length - 1; k >= 0; k--) pen.lineTo(x(k), y(bounds[1][k]));
@@ -479,6 +476,7 @@ function drawCurves() {
     }
     pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`; pen.fillStyle = "#4b5563";
     for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
+    c.src = sheet.toDataURL();
   }
 }
 
@@ -502,14 +500,15 @@ function seek(k) {
 function show() {
   arrange(picture);
   render();
-  const n = first.outputs.length;
-  $("scrub").value = picture;
-  $("time").textContent = `${numbers[first.t[0] + picture].toPrecision(5)} s`;
-  for (const { i, c, cursor, value } of curves) {
-    cursor.style.transform = `translateX(${(numbers[first.t[0] + picture] - times0()) / span() * c.clientWidth}px)`;
-    if (!playing || drawn % 6 === 0) value.textContent = short(numbers[first.values[0] + picture * n + i]);
-  }
   drawn += 1;
+  if (playing && drawn % 4) return;  // what surrounds the picture follows fifteen times a second: it is drawn anew each time
+  const n = first.outputs.length, t = numbers[first.t[0] + picture], wide = curves.length && curves[0].c.clientWidth;
+  $("scrub").value = picture;
+  $("time").textContent = `${t.toPrecision(5)} s`;
+  for (const { i, cursor, value } of curves) {
+    cursor.style.transform = `translateX(${(t - times0()) / span() * wide}px)`;
+    value.textContent = short(numbers[first.values[0] + picture * n + i]);
+  }
 }
 
 function tick(now) {
@@ -525,6 +524,7 @@ function tick(now) {
 function play(on) {
   if (!playing && on) { previous = performance.now(); requestAnimationFrame(tick); }
   playing = on && first.t[1] > 1;
+  if (!playing) show();
   $("play").textContent = playing ? "\u275a\u275a" : "\u25b6";
 }
 
@@ -537,7 +537,7 @@ function follow() {  // the address: #t=4.2
 function resize() {
   const pixels = length => Math.max(1, Math.round(length * devicePixelRatio));
   for (const c of [canvas, $("overlay")]) [c.width, c.height] = [pixels(c.clientWidth), pixels(c.clientHeight)];
-  drawCurves(); fit(); show();
+  overlaid = ""; drawCurves(); fit(); show();
 }
 
 function drag(e) {
