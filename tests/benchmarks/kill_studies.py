@@ -53,10 +53,10 @@ def study(database: str, stored: str, result: str, workers: str) -> None:
     warnings.simplefilter("ignore")
     add = RunDatabase.add
 
-    def noted(self: RunDatabase, number: int, p: np.ndarray, run: object) -> None:
+    def noted(self: RunDatabase, number: int, p: np.ndarray, *run: object) -> None:
         with open(stored, "ab", buffering=0) as file:
             file.write(b"begun\n")
-            add(self, number, p, run)  # pyright: ignore[reportArgumentType]
+            add(self, number, p, *run)  # pyright: ignore[reportArgumentType]
             file.write(sample_keys(p[None])[0].hex().encode() + b"\n")
 
     RunDatabase.add = noted  # pyright: ignore[reportAttributeAccessIssue]
