@@ -3,6 +3,7 @@
 All are frozen values; equations are derived in `model`.
 """
 
+from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body, Ground, Inertial, Point, as_matrix, inertia_matrix
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
@@ -22,11 +23,9 @@ from symmb.mechanics.force import (
 from symmb.mechanics.friction import Friction
 from symmb.mechanics.impact import RESTITUTION, Impact
 from symmb.mechanics.joint import (
-    AxisJoint,
     Cylindrical,
     Distance,
     Gear,
-    Joint,
     PlanarJoint,
     PointOnLine,
     Prismatic,

@@ -218,6 +218,11 @@ class Point:
         return self.velocity[2]
 
 
+def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
+    """World velocity (3,) [m/s] of the point of a body at the world vector `arm` (3,) [m] from its frame's origin."""
+    return body.frame.velocity + ca.cross(body.frame.R @ body.frame.omega, arm)
+
+
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
     """Inertia about the centre of mass in body axes, (3, 3), from the form that the pose expects.
 

@@ -8,7 +8,7 @@ import casadi as ca
 
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
-from symmb.mechanics.body import AbstractBody, Body, Point
+from symmb.mechanics.body import AbstractBody, Body, Point, velocity_at
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, turning_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, Load, PairForce, fixed_at, is_constant, moment_on, push
@@ -84,16 +84,10 @@ class Contact(ForceElement):
         planar = isinstance(a.pose, Planar) or isinstance(b.pose, Planar)
         tangents = a.frame.R @ (ca.cross(Z, axis) if planar else triad(axis)[:, :2])
         foot = self.point.r - height * normal
-        slip = tangents.T @ (_velocity(b, foot) - _velocity(a, foot))
+        slip = tangents.T @ (velocity_at(b, foot - b.frame.r) - velocity_at(a, foot - a.frame.r))
         normal_force = law.force(radius - height, -ddt(height))
         force, states = bound(self.friction, bind, self.title).resistance(self.name, slip, normal_force)
         yield Action(push(fixed_at(b, foot), a, tangents @ force), states=states)
-
-
-def _velocity(body: AbstractBody, r: ca.SX) -> ca.SX:
-    """World velocity (3,) [m/s] of the point of a body that is at the world position r at this moment."""
-    frame = body.frame
-    return frame.velocity + ca.cross(frame.R @ frame.omega, r - frame.r)
 
 
 @dataclass(frozen=True, eq=False)

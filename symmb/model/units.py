@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import casadi as ca
 
+from symmb.mechanics import Joint
 from symmb.model.system import System
 from symmb.symbolic import Kind, interpret, is_time, lookup, symbols_in
 
@@ -20,6 +21,8 @@ _NONE, _TIME, _ANGLE = _unit(), _unit(s=1), _unit(rad=1)
 _POSITION = {"x": _unit(m=1), "y": _unit(m=1), "z": _unit(m=1), "theta": _ANGLE, "angle": _ANGLE}
 _VELOCITY = {name: _unit(m=1, s=-1) for name in ("vx", "vy", "vz")}
 _VELOCITY |= {name: _unit(s=-1, rad=1) for name in ("omega", "omega_x", "omega_y", "omega_z")}
+_HANDLES = {"angle_rate": _unit(s=-1, rad=1), "displacement": _unit(m=1), "displacement_rate": _unit(m=1, s=-1)}
+"""Handles of joints, expressions whose units do not follow from numbers in axes."""
 _RATE = ".rate"
 """End of the names of accelerations, which are symbols in outputs only."""
 _ENERGY, _POWER = _unit(m=2, kg=1, s=-2), _unit(m=2, kg=1, s=-3)
@@ -47,10 +50,10 @@ _ANGLES = frozenset((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2))
 def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     """Units of expressions (n_y,) of a system, '' where they are not known.
 
-    Coordinates, velocities, accelerations, multipliers and the time have units. Sums, differences, products, powers
-    and roots of them have others. Numbers and parameters may have any unit, so that products with them have none that
-    is known. Terms of a sum have the unit of those among them that have one; lengths have precedence over angles:
-    x + l sin(theta) has the unit of x.
+    Coordinates, velocities, accelerations, handles of joints, multipliers and the time have units. Sums, differences,
+    products, powers and roots of them have others. Numbers and parameters may have any unit, so that products with them
+    have none that is known. Terms of a sum have the unit of those among them that have one; lengths have precedence
+    over angles: x + l sin(theta) has the unit of x.
 
     Examples
     --------
@@ -68,17 +71,27 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
         if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
             (unit,) = _worked_out(rows[i], {})
             known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
-    return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known))
+    return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, _handles(system)))
 
 
-def _worked_out(y: ca.SX, known: dict[int, Unit | None]) -> list[Unit | None]:
-    """Units of expressions (n,), None where they are not known. Known are those of some symbols, by their hashes."""
-    symbols = symbols_in(y)
-    if not symbols:
+def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
+    """The handles of joints that expressions may contain, with their units. Those that nobody has read do not exist."""
+    joints = [e for e in system.elements if isinstance(e, Joint)]
+    return [(vars(j)[name], unit) for j in joints for name, unit in _HANDLES.items() if name in vars(j)]
+
+
+def _worked_out(y: ca.SX, known: dict[int, Unit | None], parts: Sequence[tuple[ca.SX, Unit]] = ()) -> list[Unit | None]:
+    """Units of expressions (n,), None where they are not known.
+
+    Known are those of some symbols, by their hashes, and of parts of the expressions.
+    """
+    if not symbols_in(y):
         return [None] * y.numel()
-    f = ca.Function("y", [ca.vertcat(*symbols)], [ca.densify(y)])
+    expressions = [*(part for part, _ in parts), ca.densify(y)]
+    symbols = symbols_in(ca.vertcat(*expressions))
+    f = ca.Function("y", [ca.vertcat(*symbols)], expressions)
     units = [known[s.element_hash()] if s.element_hash() in known else _of_symbol(s) for s in symbols]
-    return interpret(f, [units], _operation, _literal)[0]
+    return interpret(f, [units], _operation, _literal, dict(enumerate(unit for _, unit in parts)))[-1]
 
 
 def _of_symbol(symbol: ca.SX) -> Unit | None:

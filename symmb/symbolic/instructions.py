@@ -5,7 +5,7 @@ SymPy expressions gives a SymPy export, with intervals an interval evaluation, w
 What each operation means is the caller's affair; here is only the walk.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import casadi as ca
@@ -34,6 +34,7 @@ def interpret(
     inputs: Sequence[Sequence[T]],
     operation: Callable[[int, tuple[T, ...]], T],
     constant: Callable[[float], T],
+    known: Mapping[int, T] | None = None,
 ) -> list[list[T]]:
     """Evaluate an SX Function with numbers of type T, one instruction after the other.
 
@@ -44,6 +45,7 @@ def interpret(
     operation                ``operation(code, arguments)`` with ``code`` one of CasADi's ``OP_`` numbers and
                              one or two arguments (none for a free symbol, ``OP_PARAMETER``)
     constant                 turns a float into a T
+    known                    values of scalar outputs by their numbers, which hold in the outputs that follow as well
 
     Returns
     -------
@@ -71,11 +73,13 @@ def interpret(
     # Every work slot is written before it is read, so the filling value of `work` is never seen.
     work = [constant(0.0)] * f.sz_w()
     outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
+    known = {} if known is None else known
     for k in range(f.n_instructions()):
         code, arguments, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
         if code == ca.OP_INPUT:
             work[results[0]] = inputs[arguments[0]][arguments[1]]
         elif code == ca.OP_OUTPUT:
+            work[arguments[0]] = known.get(results[0], work[arguments[0]])
             outputs[results[0]][results[1]] = work[arguments[0]]
         elif code == ca.OP_CONST:
             work[results[0]] = constant(f.instruction_constant(k))

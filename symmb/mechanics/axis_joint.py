@@ -1,0 +1,186 @@
+"""What joints have in common: points, axes, and handles, which are the coordinates by which they move."""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb._types import Expr
+from symmb.mechanics.angle import relative_angle
+from symmb.mechanics.body import AbstractBody, Point, velocity_at
+from symmb.mechanics.constraint import Constraint
+from symmb.mechanics.element import Bind, point_faults, pose_faults
+from symmb.mechanics.pose import Planar, Pose, Spatial
+from symmb.symbolic import Symbol, is_zero, triad, turn, unit, vector
+
+Axis = tuple[Expr, ...]
+_Z: Axis = (0, 0, 1)
+ORIENTED: tuple[type[Pose], ...] = (Planar, Spatial)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint(Constraint):
+    """A constraint between a point of body a and a point of body b.
+
+    Joints that turn have an `angle` [rad] and an `angle_rate` [rad/s], joints that slide a `displacement` [m] and a
+    `displacement_rate` [m/s]. They are those of body b relative to body a, positive about and along `axis`, and 0 where
+    the frames coincide, with `axis_b` on `axis`. `handles` names those that a joint has, and `coordinate` the one by
+    which it moves, None of a joint that has none or several.
+    """
+
+    poses: ClassVar[tuple[tuple[type[Pose], ...], tuple[type[Pose], ...]]] = (ORIENTED, ORIENTED)
+    handles: ClassVar[tuple[str, ...]] = ()
+    coordinate: ClassVar[str | None] = None
+    without: ClassVar[str] = "Use coordinates and points of its bodies."
+
+    name: str
+    point_a: Point
+    point_b: Point
+
+    def bodies(self) -> tuple[AbstractBody, ...]:
+        return (self.point_a.body, self.point_b.body)
+
+    def faults(self) -> Iterator[str]:
+        faults = list(point_faults(self.title, self.point_a, self.point_b))
+        yield from faults
+        if not faults:
+            yield from pose_faults(self.title, self.bodies(), self.poses)
+
+    @property
+    def d(self) -> ca.SX:
+        """Vector from point a to point b, world axes [m], (3,)."""
+        return self.point_b.r - self.point_a.r
+
+    @property
+    def angle(self) -> ca.SX:
+        """Angle of body b relative to body a about the axis, with whole turns [rad]."""
+        raise self._lacks("angle")
+
+    @property
+    def angle_rate(self) -> ca.SX:
+        """Angular velocity of body b relative to body a about the axis [rad/s]."""
+        raise self._lacks("angle_rate")
+
+    @property
+    def displacement(self) -> ca.SX:
+        """Distance from point a to point b along the axis [m]."""
+        raise self._lacks("displacement")
+
+    @property
+    def displacement_rate(self) -> ca.SX:
+        """Velocity of point b relative to body a along the axis [m/s]."""
+        raise self._lacks("displacement_rate")
+
+    def _lacks(self, handle: str) -> DeclarationError:
+        return DeclarationError(f"{self.title} has no {handle}. {self.without}")
+
+    @abstractmethod
+    def position_rows(self, bind: Bind) -> ca.SX: ...
+
+
+@dataclass(frozen=True, eq=False)
+class AxisJoint(Joint):
+    """A joint with an axis in each body. `turns` and `slides` tell whether it allows rotation and translation."""
+
+    turns: ClassVar[bool] = False
+    slides: ClassVar[bool] = False
+
+    axis: Axis = _Z
+    axis_b: Axis | None = None
+
+    def faults(self) -> Iterator[str]:
+        faults = list(super().faults())
+        yield from faults
+        if faults:
+            return
+        for body, axis in zip(
+            self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True
+        ):
+            a = vector(axis, f"axis of {self.title}")
+            if is_zero(a):
+                yield f"{self.title}: axis {axis} has no direction. Give a vector that is not zero."
+            elif isinstance(body.pose, Planar) and self.turns and not (is_zero(a[0]) and is_zero(a[1])):
+                yield (
+                    f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
+                    "Planar joints turn about z; use pose=Spatial() or axis=(0, 0, 1)."
+                )
+            elif isinstance(body.pose, Planar) and self.slides and not is_zero(a[2]):
+                yield (
+                    f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
+                    "Planar bodies slide in the xy plane; use pose=Spatial() or an axis with z = 0."
+                )
+
+    @cached_property
+    def axes(self) -> tuple[ca.SX, ca.SX]:
+        """Unit axis in the frame of body a and in that of body b, (3,) each."""
+        a = unit(vector(self.axis))
+        return a, a if self.axis_b is None else unit(vector(self.axis_b))
+
+    @cached_property
+    def frames(self) -> tuple[ca.SX, ca.SX]:
+        """The joint's frame on body a and on body b in world axes, (3, 3) each. The third column is the axis."""
+        a, b = self.axes
+        F = triad(a)
+        return self.point_a.body.frame.R @ F, self.point_b.body.frame.R @ turn(a, b) @ F
+
+    def _parallel(self) -> ca.SX:
+        A, B = self.frames
+        return ca.vertcat(ca.dot(A[:, 0], B[:, 2]), ca.dot(A[:, 1], B[:, 2]))
+
+    def _locked(self) -> ca.SX:
+        A, B = self.frames
+        return ca.vertcat(self._parallel(), ca.dot(A[:, 0], B[:, 1]))
+
+    def _across(self) -> ca.SX:
+        A, _ = self.frames
+        return ca.vertcat(ca.dot(A[:, 0], self.d), ca.dot(A[:, 1], self.d))
+
+    def assembly_cosines(self) -> ca.SX:
+        A, B = self.frames
+        return ca.dot(A[:, 2], B[:, 2])
+
+    @cached_property
+    def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        a, b = self.axes
+        return relative_angle(self.name, self.point_a.body, a, self.point_b.body, b)
+
+
+class TurningJoint(AxisJoint):
+    """A joint that turns about its axis."""
+
+    turns: ClassVar[bool] = True
+    handles: ClassVar[tuple[str, ...]] = ("angle",)
+
+    @property
+    def angle(self) -> ca.SX:
+        """Angle of body b relative to body a about the axis, with whole turns [rad]."""
+        return self._angle[0]
+
+    @cached_property
+    def angle_rate(self) -> ca.SX:
+        """Angular velocity of body b relative to body a about the axis [rad/s]."""
+        A, (a, b) = self.frames[0], (body.frame for body in self.bodies())
+        return ca.dot(A[:, 2], b.R @ b.omega - a.R @ a.omega)
+
+
+class SlidingJoint(AxisJoint):
+    """A joint that slides along its axis."""
+
+    slides: ClassVar[bool] = True
+    handles: ClassVar[tuple[str, ...]] = ("displacement",)
+
+    @cached_property
+    def displacement(self) -> ca.SX:
+        """Distance from point a to point b along the axis [m]."""
+        return ca.dot(self.frames[0][:, 2], self.d)
+
+    @cached_property
+    def displacement_rate(self) -> ca.SX:
+        """Velocity of point b relative to body a along the axis [m/s]."""
+        a, b = self.bodies()
+        arm_a, arm_b = self.point_b.r - a.frame.r, b.frame.R @ self.point_b.s
+        return ca.dot(self.frames[0][:, 2], velocity_at(b, arm_b) - velocity_at(a, arm_a))
