@@ -35,6 +35,8 @@ from .integrate.stabilization import AugmentedLagrangian as AugmentedLagrangian
 from .integrate.stabilization import Baumgarte as Baumgarte
 from .integrate.stabilization import Projection as Projection
 from .integrate.state_space import StateSpace as StateSpace
+from .mechanics.actuator import Actuator as Actuator
+from .mechanics.actuator import Stop as Stop
 from .mechanics.body import Body as Body
 from .mechanics.body import Ground as Ground
 from .mechanics.constraint import Motion as Motion

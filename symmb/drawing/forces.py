@@ -12,6 +12,7 @@ from symmb.drawing.shapes import Shape
 from symmb.drawing.survey import Survey
 from symmb.mechanics import (
     AbstractBody,
+    Actuator,
     AxisJoint,
     BushContact,
     Bushing,
@@ -25,6 +26,7 @@ from symmb.mechanics import (
     Soil,
     Spherical,
     SpringDamper,
+    Stop,
     ToothContact,
     Torque,
     TorsionContact,
@@ -166,6 +168,23 @@ def _(force: Force, survey: Survey) -> Build | None:
 def _(torque: Torque, survey: Survey) -> Build | None:
     law = torque.torque if isinstance(torque.torque, tuple | list) else (0, 0, torque.torque)
     return _arrow(torque, "twist", origin(torque.body), tuple(law), survey)
+
+
+@sketch.register
+def _(actuator: Actuator, survey: Survey) -> Build | None:
+    form = "twist" if actuator.handle == "angle" else "arrow"
+    load = survey.bind(actuator.law, actuator.title) * actuator.axis
+    return _arrow(actuator, form, actuator.joint.point_b, tuple(ca.vertsplit(load)), survey)
+
+
+@sketch.register
+def _(stop: Stop, survey: Survey) -> Build:
+    place, axis = survey.place(stop.joint.point_b), survey.direction(stop.joint.point_a.body, stop.joint.axes[0])
+
+    def build(u: float) -> Iterator[Shape]:
+        yield shape_of(stop, "ring", CONTACT, (place,), (3.0 * u, 0.5 * u), direction=unit_vectors(axis))
+
+    return build
 
 
 def _arrow(element: Element, form: str, point: Point, law: tuple[Expr, ...], survey: Survey) -> Build | None:

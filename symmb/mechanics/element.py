@@ -31,6 +31,10 @@ class Element(ABC):
     def bodies(self) -> tuple[AbstractBody, ...]:
         """The bodies and grounds the element is attached to."""
 
+    def parts(self) -> "tuple[Element, ...]":
+        """Other elements that it acts on, which must be in the system as well."""
+        return ()
+
     @abstractmethod
     def faults(self) -> Iterator[str]:
         """Faults of the declaration: a sentence with a remedy for each."""

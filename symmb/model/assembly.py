@@ -21,6 +21,7 @@ from symmb.mechanics import (
     Parameters,
     Particle,
     Spatial,
+    Stop,
 )
 from symmb.model.binding import Binding
 from symmb.model.validation import (
@@ -92,7 +93,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     """
     faults, sound = _Faults(name_faults(elements)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
-    known = {id(body) for body in bodies}
+    known = {id(element) for element in elements}
     for element in elements:
         if isinstance(element, Element):
             own = [*membership_faults(element, known), *element.faults()]
@@ -159,6 +160,8 @@ def _write_equations(
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
     impacts = [e for e in elements if isinstance(e, Impact)]
+    stops = [e for e in elements if isinstance(e, Stop)]
+    impacts += [impact for stop in stops for impact in attempt(lambda stop=stop: stop.impacts(bind), ())]
     actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
     declared = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
     equations = _Equations(

@@ -48,17 +48,15 @@ def name_faults(elements: Sequence[object]) -> list[str]:
 
 
 def membership_faults(element: Element, known: Collection[int]) -> list[str]:
-    """Faults of a constraint or force on bodies that are not part of the system, whose `id`s are known."""
+    """Faults of an element on bodies or elements that are not part of the system, whose `id`s are known."""
     try:
         attached = element.bodies()
     except AttributeError:  # a wrong kind of point, which is one of the element's own faults
         return []
     owners = [body.owner for body in attached if isinstance(body, AbstractBody)]
-    return [
-        f"{element.title}: body {owner.name!r} is not part of the System. Add it to System(...)."
-        for owner in owners
-        if isinstance(owner, Body) and id(owner) not in known
-    ]
+    missing = [f"body {owner.name!r}" for owner in owners if isinstance(owner, Body) and id(owner) not in known]
+    missing += [part.title for part in element.parts() if isinstance(part, Element) and id(part) not in known]
+    return [f"{element.title}: {what} is not part of the System. Add it to System(...)." for what in missing]
 
 
 def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:

@@ -122,3 +122,19 @@ def test_a_plane_is_drawn_where_the_ball_touches_it():
     (plane,) = (shape for shape in drawing.shapes if shape.form == "plane")
     assert np.abs(drawing.places[plane.places[0]].base[:2]).max() < 0.05  # below the ball, which falls on the origin
     assert plane.size[0] > 0.05
+
+
+def test_actuators_and_stops_are_drawn_at_their_joints():
+    ground = mb.Ground()
+    rod, cart = mb.Body("rod", 1.0, 0.3), mb.Body("cart", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(0, 0.5))
+    rail = mb.Prismatic("rail", rod.point(0, -0.5), cart.point(0, 0), axis=(1, 0, 0))
+    motor, ram = mb.Actuator("motor", hinge, -2.0 * mb.t), mb.Actuator("ram", rail, 3.0)
+    limit = mb.Stop("limit", hinge, -1.0, 1.0, mb.KelvinVoigt(1e3))
+    scene = mb.Scene(mb.System(rod, cart, hinge, rail, motor, ram, limit), times=np.linspace(0, 0.2, 5))
+    drawing = draw(mb.simulate(scene))
+    shapes = {shape.name: shape for shape in drawing.shapes if shape.name in ("motor", "ram", "limit")}
+    assert {name: shape.form for name, shape in shapes.items()} == {"motor": "twist", "ram": "arrow", "limit": "ring"}
+    assert np.argmax(np.abs(shapes["motor"].direction[-1])) == 2 and shapes["motor"].direction[-1, 2] < 0
+    assert np.argmax(np.abs(shapes["ram"].direction[0])) == 0
+    assert not drawing.notes

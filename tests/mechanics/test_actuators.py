@@ -1,0 +1,198 @@
+"""Actuators and stops: generalised forces against virtual power, motions against closed forms."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy
+from joints import SKEW, bundle, make_body, random_state
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+GROUND = mb.Ground()
+TIMES = np.linspace(0.0, 2.0, 21)
+SPATIAL_AXES = {"axis": SKEW, "axis_b": (0.4, -0.2, 0.6)}
+ALL = [
+    (mb.Revolute, "angle", {}),
+    (mb.Prismatic, "displacement", {}),
+    (mb.Cylindrical, "angle", {"coordinate": "angle"}),
+    (mb.Cylindrical, "displacement", {"coordinate": "displacement"}),
+    (mb.Screw, "angle", {}),
+    (mb.Screw, "displacement", {"coordinate": "displacement"}),
+]
+CASES = [(*case, kinds) for case in ALL for kinds in (("Spatial", "Spatial"), ("Ground", "Spatial"))]
+CASES += [(*case, kinds) for case in ALL[:2] for kinds in (("Planar", "Planar"), ("Planar", "Ground"))]
+
+
+def pair(joint, kinds):
+    bodies = [make_body(kind, name) for kind, name in zip(kinds, "ab", strict=True)]
+    axes = SPATIAL_AXES if "Spatial" in kinds else {"axis": (0.6, 0.8, 0)} if joint is mb.Prismatic else {}
+    more = {"pitch": 0.3} if joint is mb.Screw else {}
+    z = (0.2,) if "Spatial" in kinds else ()
+    return bodies, joint("joint", bodies[0].point(0.2, -0.1, *z), bodies[1].point(0.3, 0.4, *z), **axes, **more)
+
+
+@pytest.mark.parametrize(("joint", "handle", "options", "kinds"), CASES)
+def test_the_force_of_an_actuator_has_the_power_of_the_handle_s_rate(joint, handle, options, kinds):
+    """Q v = law * rate for all velocities, at every state, also away from the constraints."""
+    bodies, element = pair(joint, kinds)
+    rate = getattr(element, f"{handle}_rate")
+    law = 3.0 - 2 * rate + ca.sin(mb.t)
+    system, dae = bundle(*bodies, element, mb.Actuator("motor", element, law, **options))
+    free, _ = bundle(*bodies, element)
+    q, v = random_state(dae, np.random.default_rng(1))
+    f = ca.Function("f", [system.q, system.v, mb.t], [system.Q, law * ca.gradient(rate, system.v)])
+    without = ca.Function("f", [free.q, free.v], [free.Q])(q, v)
+    Q, expected = (np.asarray(x).ravel() for x in f(q, v, 0.4))
+    assert_allclose(Q - np.asarray(without).ravel(), expected, atol=1e-13)
+    assert np.abs(expected).max() > 0.1
+
+
+@pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=repr)
+def test_a_motor_with_a_linear_law_swings_like_an_oscillator(pose):
+    """J a'' = -k a - c a' + 0.5: a step response."""
+    J, k, c = 0.5, 8.0, 0.4
+    body = mb.Body("body", 1.0, J if isinstance(pose, mb.Planar) else (J, J, J), pose)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
+    motor = mb.Actuator("motor", hinge, 0.5 - k * hinge.angle - c * hinge.angle_rate)
+    run = mb.simulate(mb.Scene(mb.System(body, hinge, motor), times=TIMES, outputs={"a": hinge.angle}))
+    d = c / (2 * J)
+    w = np.sqrt(k / J - d**2)
+    expected = 0.5 / k * (1 - np.exp(-d * TIMES) * (np.cos(w * TIMES) + d / w * np.sin(w * TIMES)))
+    assert_allclose(run["a"], expected, atol=1e-8)
+    assert run.energy_drift < 1e-8
+
+
+def test_a_cylinder_pushes_two_bodies_apart_and_keeps_their_momentum():
+    a, b = mb.Body("a", 2.0, (1, 1, 1), mb.Spatial()), mb.Body("b", 3.0, (1, 1, 1), mb.Spatial())
+    slide = mb.Prismatic("slide", a.point(0, 0, 0), b.point(0, 0, 0), axis=(1, 1, 0))
+    system = mb.System(a, b, slide, mb.Actuator("ram", slide, 6 * mb.t))
+    outputs = {"d": slide.displacement, "rate": slide.displacement_rate, "px": 2 * a.vx + 3 * b.vx}
+    run = mb.simulate(mb.Scene(system, times=TIMES, outputs=outputs))
+    assert_allclose(run["d"], (1 / 2 + 1 / 3) * TIMES**3, atol=1e-9)
+    assert_allclose(run["rate"], 3 * (1 / 2 + 1 / 3) * TIMES**2, atol=1e-9)
+    assert_allclose(run["px"], 0, atol=1e-10)
+    assert run.energy_drift < 1e-8
+
+
+def test_laws_take_sympy_and_multipliers_are_refused():
+    rod = mb.Body("rod", 1.0, 0.5)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0))
+    theta, time = sympy.symbols("rod.theta t")
+    system = mb.System(rod, hinge, mb.Actuator("motor", hinge, sympy.cos(time) - theta))
+    assert_allclose(np.asarray(ca.Function("Q", [system.q, mb.t], [system.Q[2]])([0, 0, 0.2], 0.0)), 0.8)
+    other = mb.System(rod, hinge)
+    with pytest.raises(mb.DeclarationError, match=r"Actuator 'motor': law: symbol 'hinge.lam\[0\]' belongs to no"):
+        mb.System(rod, hinge, mb.Actuator("motor", hinge, other.lam("hinge")[0]))
+
+
+@pytest.mark.parametrize("slides", [False, True])
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_stop_with_a_restitution_sends_the_joint_back_and_forth(slides, spatial):
+    """Free motion between -0.5 and 1 at 2, 1, 0.5, ... per second: it starts at 0."""
+    pose = mb.Spatial() if spatial else mb.Planar()
+    body = mb.Body("body", 1.0, (1, 1, 1) if spatial else 1.0, pose)
+    axis = SKEW if spatial else (1, 0, 0) if slides else (0, 0, 1)
+    kind = mb.Prismatic if slides else mb.Revolute
+    joint = kind("joint", GROUND.point(0, 0), body.point(0, 0), axis=axis)
+    value = joint.displacement if slides else joint.angle
+    unit = 2 * np.array(axis) / np.linalg.norm(axis)
+    if slides:
+        start = {f"body.v{c}": x for c, x in zip("xyz"[: 3 if spatial else 2], unit, strict=False)}
+    else:
+        start = {"body.omega": tuple(unit) if spatial else 2.0}
+    system = mb.System(body, joint, mb.Stop("limit", joint, -0.5, 1.0, restitution=0.5))
+    run = mb.simulate(mb.Scene(system, start, np.linspace(0, 4, 41), {"value": value}))
+    times = np.array([0.0, 0.5, 2.0, 5.0])  # 1 at 2/s, then 1.5 at 1/s, then 1.5 at 0.5/s
+    assert_allclose(run["value"], np.interp(run.t, times, [0.0, 1.0, -0.5, 1.0]), atol=1e-8)
+    assert [event.name for event in run.events] == ["limit.upper", "limit.lower"]
+    assert_allclose([event.time for event in run.events], times[1:3], atol=1e-9)
+
+
+def test_a_stop_beyond_half_a_turn_counts_turns():
+    body = mb.Body("body", 1.0, (1, 1, 1), mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
+    system = mb.System(body, hinge, mb.Stop("limit", hinge, None, 9.0, restitution=1.0))
+    run = mb.simulate(mb.Scene(system, {"body.omega": (0, 0, 6.0)}, TIMES, {"a": hinge.angle}))
+    assert_allclose(run["a"], 9.0 - np.abs(9.0 - 6 * TIMES), atol=1e-8)
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_stop_with_an_elastic_law_holds_for_half_a_period(slides):
+    """m = 1 meets k = 400 at 0.5 with speed 2: v / w sin(w t) inside, and the speed back after pi / w."""
+    body = mb.Body("body", 1.0, 1.0)
+    joint = (
+        mb.Prismatic("joint", GROUND.point(0, 0), body.point(0, 0), axis=(1, 0, 0))
+        if slides
+        else mb.Revolute("joint", GROUND.point(0, 0), body.point(0, 0))
+    )
+    stop = mb.Stop("limit", joint, -0.5, 0.5, mb.KelvinVoigt(400.0))
+    key, value = ("body.vx", joint.displacement) if slides else ("body.omega", joint.angle)
+    scene = mb.Scene(mb.System(body, joint, stop), {key: 2.0}, np.linspace(0, 1, 41), {"x": value})
+    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-11))
+    w, hit = 20.0, 0.25
+    out = hit + np.pi / w
+    inside = 0.5 + 2 / w * np.sin(w * (run.t - hit))
+    expected = np.where(run.t < hit, 2 * run.t, np.where(run.t < out, inside, 0.5 - 2 * (run.t - out)))
+    second = out + 0.5  # at the lower end
+    lower = -0.5 - 2 / w * np.sin(w * (run.t - second))
+    expected = np.where(run.t < second, expected, lower)
+    assert_allclose(run["x"], expected, atol=1e-9)
+    assert run.energy_drift < 1e-9
+
+
+def test_limits_may_move_with_time_and_do_work():
+    """A wall that moves towards the body at 1 m/s, elastic: the relative speed is reversed, v = -2 - 1 - 1."""
+    body = mb.Body("body", 1.0, 1.0)
+    slide = mb.Prismatic("slide", GROUND.point(0, 0), body.point(0, 0), axis=(1, 0, 0))
+    for options in ({"law": mb.KelvinVoigt(1e4)}, {"restitution": 1.0}):
+        system = mb.System(body, slide, mb.Stop("wall", slide, None, 1.0 - mb.t, **options))
+        run = mb.simulate(mb.Scene(system, {"body.vx": 2.0}, np.linspace(0, 1, 11), {"v": body.vx}))
+        assert_allclose(run["v"][-1], -4.0, atol=1e-6)
+        assert run.energy_drift < 1e-6
+
+
+ROD = mb.Body("rod", 1.0, (1, 1, 1), mb.Spatial())
+PIN = mb.Revolute("pin", GROUND.point(0, 0), ROD.point(0, 0))
+TUBE = mb.Cylindrical("tube", GROUND.point(0, 0), ROD.point(0, 0))
+BALL = mb.Spherical("ball", GROUND.point(0, 0), ROD.point(0, 0))
+LAW = mb.KelvinVoigt(1e3)
+FAULTS = [
+    (lambda: mb.Actuator("m", "pin", 1.0), r"Actuator 'm': expected a joint, got str. Give what Revolute"),
+    (lambda: mb.Actuator("m", BALL, 1.0), r"Spherical 'ball' has no angle and no displacement. .*three Revolute"),
+    (lambda: mb.Actuator("m", TUBE, 1.0), r"'tube' turns and slides. Give coordinate='angle' or 'displacement'"),
+    (lambda: mb.Actuator("m", PIN, 1.0, coordinate="displacement"), r"no coordinate 'displacement'. Give 'angle'"),
+    (lambda: mb.Actuator("m", PIN, "fast"), r"Actuator 'm': law: 'fast' is no number"),
+    (lambda: mb.Actuator("m", PIN, (1, 2)), r"Actuator 'm': law"),
+    (lambda: mb.Stop("s", PIN, None, None, LAW), r"Stop 's': it has no limit. Give lower, upper or both"),
+    (lambda: mb.Stop("s", PIN, 1.0, -1.0, LAW), r"lower 1.0 is not below upper -1.0"),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0), r"give either a law of contact or restitution="),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0, LAW, restitution=0.5), r"give either a law of contact or restitution="),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0, 0.5), r"expected a law of contact, got 0.5. Use HuntCrossley"),
+    (lambda: mb.Stop("s", PIN, -1.0, 1.0, restitution=1.5), r"restitution 1.5 is not between 0 and 1"),
+    (lambda: mb.Stop("s", PIN, -1.0, PIN.angle_rate, restitution=0.5), r"the gap must not contain velocities"),
+    (lambda: mb.Stop("s", PIN, "low", 1.0, LAW), r"Stop 's': lower: 'low' is no number"),
+    (lambda: mb.Stop("s", PIN, "low", 1.0, restitution=0.5), r"Stop 's': lower: 'low' is no number"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), FAULTS)
+def test_faults_name_the_element_and_the_remedy(make, text):
+    with pytest.raises(mb.DeclarationError, match=text):
+        mb.System(ROD, PIN, TUBE, BALL, make())
+
+
+def test_the_joint_of_an_actuator_must_be_in_the_system():
+    with pytest.raises(mb.DeclarationError, match=r"Actuator 'm': Revolute 'pin' is not part of the System. Add it"):
+        mb.System(ROD, mb.Actuator("m", PIN, 1.0))
+
+
+def test_pickles_run_alike():
+    body = mb.Body("body", 1.0, 1.0)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
+    elements = (hinge, mb.Actuator("motor", hinge, 1.0 - mb.t), mb.Stop("limit", hinge, None, 0.4, restitution=0.3))
+    scene = mb.Scene(mb.System(body, *elements), times=TIMES, outputs={"a": hinge.angle, "w": hinge.angle_rate})
+    again = pickle.loads(pickle.dumps(scene))
+    assert np.array_equal(mb.simulate(again).values, mb.simulate(scene).values)
