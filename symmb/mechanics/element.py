@@ -8,7 +8,8 @@ from typing import Any, TypeVar, cast
 
 import casadi as ca
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, text_of
+from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
 from symmb.symbolic import is_zero, vector
@@ -97,6 +98,16 @@ def pair_faults(title: str, bodies: tuple[AbstractBody, ...]) -> Iterator[str]:
         yield f"{title}: both points are on the ground, nothing is left to act on."
     elif len(bodies) > 1 and bodies[0] is bodies[1]:
         yield f"{title}: both points are on body {bodies[0].name!r}, nothing is left to act on."
+
+
+def law_value(law: Callable[..., Expr], title: str, *arguments: ca.SX) -> Expr:
+    """The value of a user's law. What it raises becomes a DeclarationError."""
+    try:
+        return law(*arguments)
+    except DeclarationError:
+        raise
+    except Exception as error:  # the law is the user's
+        raise DeclarationError(f"{title}: the law raises {text_of(error)}.") from error
 
 
 Law = TypeVar("Law")

@@ -5,24 +5,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from symmb._errors import DeclarationError, text_of
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import law_faults, press
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
+from symmb.mechanics.element import Bind, bound, direction_faults, law_value, pair_faults, point_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, diagonal, force_at, mount, push
 from symmb.symbolic import ddt, unit, vector
-
-
-def law_value(law: Callable[..., Expr], title: str, *arguments: ca.SX) -> Expr:
-    """The value of a user's law. What it raises becomes a DeclarationError."""
-    try:
-        return law(*arguments)
-    except DeclarationError:
-        raise
-    except Exception as error:  # the law is the user's
-        raise DeclarationError(f"{title}: the law raises {text_of(error)}.") from error
 
 
 @dataclass(frozen=True, eq=False)

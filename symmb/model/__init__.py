@@ -8,5 +8,6 @@ from symmb.model.contact_equations import Impacts
 from symmb.model.dae import DAE, compile_dae, is_linear
 from symmb.model.scales import Scales
 from symmb.model.scene import Scene
+from symmb.model.start_values import JointValue, Prescribed
 from symmb.model.system import System
 from symmb.model.units import units_of

@@ -1,6 +1,6 @@
 """Collects the declared elements into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -20,10 +20,11 @@ from symmb.mechanics import (
     Load,
     Parameters,
     Particle,
-    Spatial,
+    State,
     Stop,
 )
 from symmb.model.binding import Binding
+from symmb.model.positive import Inertia, positive
 from symmb.model.validation import (
     impact_law,
     mass_and_inertia,
@@ -91,7 +92,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
     ------
     DeclarationError       with one line for each fault
     """
-    faults, sound = _Faults(name_faults(elements)), []
+    faults, sound = _Faults(name_faults(elements, parameters)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
     known = {id(element) for element in elements}
     for element in elements:
@@ -101,7 +102,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         else:
             own = getattr(element, "faults", ())
         faults.lines += own
-    bind = Binding(parameters, bodies)
+    bind = Binding(parameters, bodies, [e for e in sound if isinstance(e, State)])
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
     inertial = [(b, faults.attempt(lambda b=b: mass_and_inertia(b, bind, parameters), some)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
@@ -131,16 +132,13 @@ class _Faults:
             raise DeclarationError("\n".join(dict.fromkeys(self.lines)))
 
 
-Inertia = tuple[Body, tuple[ca.SX, ca.SX]]
-"""A body with its mass and its inertia matrix (3, 3)."""
-
-
 @dataclass(frozen=True, eq=False)
 class _Equations:
     """Contributions of the elements: actions by title, rows by name of the constraint, laws of impacts by name."""
 
     constraints: list[Constraint]
     impacts: list[Impact]
+    states: list[State]
     actions: dict[str, tuple[Action, ...]]
     positions: dict[str, list[ca.SX]]
     velocities: dict[str, list[ca.SX]]
@@ -162,11 +160,15 @@ def _write_equations(
     impacts = [e for e in elements if isinstance(e, Impact)]
     stops = [e for e in elements if isinstance(e, Stop)]
     impacts += [impact for stop in stops for impact in attempt(lambda stop=stop: stop.impacts(bind), ())]
+    states = [e for e in elements if isinstance(e, State)]
+    for state in states:
+        attempt(lambda s=state: bind.check(s.symbol.rate, f"{s.title}: rate"), None)
     actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
     declared = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
+        states=states,
         actions=actions,
         positions={c.name: attempt(lambda c=c: position_rows(c, declared[c.name], bind), []) for c in constraints},
         velocities={c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints},
@@ -184,6 +186,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
     Phi = [row for rows in equations.positions.values() for row in rows]
     Psi = [row for rows in equations.velocities.values() for row in rows]
     gaps = [gap for gap, _ in equations.laws.values()]
+    M = _diagcat([share.M for share in shares])
     return Collected(
         bodies=bodies,
         bind=bind,
@@ -193,8 +196,8 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         q_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.coordinates),
         v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
         block_sizes=tuple(b.frame.v.numel() for b in bodies),
-        states=_states(bind, [Q_work, Q_potential, *Phi, *Psi, *gaps], equations.impacts),
-        M=_diagcat([share.M for share in shares]),
+        states=_states(bind, [ca.vec(M), Q_work, Q_potential, *Phi, *Psi, *gaps], equations),
+        M=M,
         M_flow=_diagcat([share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
         Q=Q_work + Q_potential,
         Q_work=Q_work,
@@ -205,48 +208,18 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         row_names=_row_names(equations.positions) + _row_names(equations.velocities),
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
         assembly_cosines=_vertcat([c.assembly_cosines() for c in equations.constraints]),
-        positive=tuple(_positive(inertial, equations.constraints, bind)),
+        positive=tuple(positive(inertial, equations.constraints, bind)),
         decoupled=(),
         n_declared_rows=equations.n_declared_rows,
     )
 
 
-def _states(bind: Binding, equations: Sequence[ca.SX], impacts: Sequence[Impact]) -> tuple[Symbol, ...]:
-    """The first-order states of equations, and whether contacts are closed."""
-    return tuple(dict.fromkeys([*bind.states(_vertcat(equations)), *(impact.state for impact in impacts)]))
-
-
-def _positive(
-    inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
-) -> Iterator[tuple[str, ca.SX]]:
-    for body, (mass, J) in inertial:
-        triangle = (
-            ("triangle inequality of moments of inertia (a leading minor of tr(J) / 2 - J)", m)
-            for m in _triangle_minors(body, J)
-        )
-        for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
-            if not is_zero(value) and all(bind.is_parameter(s) for s in ca.symvar(value)):
-                yield f"Body {body.name!r}: {what}", value
-    for constraint in constraints:
-        value = constraint.positive(bind)
-        if value.numel() and all(bind.is_parameter(s) for s in ca.symvar(value)):
-            yield f"{constraint.title}: length", value
-
-
-def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
-    """Three numbers that are positive if no principal moment of a spatial body exceeds the sum of the others.
-
-    They are the leading minors of tr(J) / 2 - J, the second moments of the mass, with an allowance. The first is half a
-    sum of two moments less the third.
-    """
-    if not isinstance(body.pose, Spatial) or is_zero(J):
-        return []
-    moments = ca.densify((0.5 + _TRIANGLE) * ca.trace(J) * ca.SX.eye(3) - J)
-    return [ca.det(moments[:k, :k]) for k in (1, 2, 3)]
-
-
-_TRIANGLE = 5e-4
-"""Share of the sum of the moments by which one may exceed the others: data of thin plates, rounded to three digits."""
+def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) -> tuple[Symbol, ...]:
+    """The declared states, those in expressions and in rates of others, and whether contacts are closed."""
+    states = dict.fromkeys([*(state.symbol for state in equations.states), *bind.states(ca.vertcat(*expressions))])
+    for state in (reached := [*states]):  # which grows
+        reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
+    return tuple(dict.fromkeys([*reached, *(impact.state for impact in equations.impacts)]))
 
 
 def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:

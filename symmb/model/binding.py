@@ -8,14 +8,14 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._types import Expr
-from symmb.mechanics import Body, Parameters
+from symmb.mechanics import Body, Parameters, State
 from symmb.symbolic import Kind, Symbol, from_sympy, is_sympy, is_zero, lookup, symbols_in, t
 
 
 class Binding:
     """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
 
-    def __init__(self, parameters: Parameters, bodies: Sequence[Body]) -> None:
+    def __init__(self, parameters: Parameters, bodies: Sequence[Body], states: Sequence[State] = ()) -> None:
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):
             symbol = parameters.symbols[i]
@@ -23,6 +23,8 @@ class Binding:
         for body in bodies:
             for record in body.frame.records:
                 self._known[record.sx.element_hash()] = (record.name, record.kind, record.sx)
+        for state in states:
+            self._known[state.value.element_hash()] = (state.name, Kind.STATE, state.value)
 
     @property
     def by_name(self) -> dict[str, ca.SX]:
@@ -66,6 +68,8 @@ class Binding:
         record = lookup(symbol)
         if symbol.element_hash() in self._known or symbol.element_hash() in also:
             return ""
+        if record is not None and record.owner:
+            return f"{record.owner} is not part of the System. Add it to System(...)."
         if record is not None and record.kind is Kind.STATE:
             return ""
         if symbol.name() in self.by_name:
@@ -80,7 +84,7 @@ class Binding:
 
     def states(self, expression: ca.SX) -> tuple[Symbol, ...]:
         """The first-order states in an expression."""
-        records = [lookup(s) for s in symbols_in(expression) if s.element_hash() not in self._known]
+        records = [lookup(s) for s in symbols_in(expression)]
         return tuple(r for r in records if r is not None and r.kind is Kind.STATE)
 
     def is_velocity(self, symbol: ca.SX) -> bool:

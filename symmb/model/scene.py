@@ -12,24 +12,12 @@ from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import require_instance
 from symmb._types import Array, Expr
-from symmb.mechanics import Rotation, Spatial
 from symmb.model.box import Box
+from symmb.model.start_values import Prescribed, listed_values, with_modes
 from symmb.model.system import System
 from symmb.model.typeset import scene_html
 from symmb.model.units import units_of
 from symmb.symbolic import reduction, t
-
-_RATE_OF = {"x": "vx", "y": "vy", "z": "vz", "theta": "omega"}
-
-
-@dataclass(frozen=True, eq=False)
-class Prescribed:
-    """Listed start values: coordinates and velocities by index, and the displacements that they prescribe."""
-
-    q: dict[int, ca.SX]
-    v: dict[int, ca.SX]
-    displacements: frozenset[int]
-    drift: dict[str, ca.SX]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,15 +27,17 @@ class Scene:
     Parameters
     ----------
     system : System
-    start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega" -> number or expression of parameters;
-                           they hold exactly. The others follow from Phi = 0 and its rate. Relative rates of joints
-                           that nothing determines are 0
+    start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega", of joints "elbow.angle",
+                           "elbow.angle_rate", "slide.displacement", "slide.displacement_rate", and names of `State`s
+                           -> number or expression of parameters; they hold exactly. The others follow from Phi = 0
+                           and its rate. Relative rates of joints that nothing determines are 0
     times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
     outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
                            coordinates and velocities
     box : Box              intervals of the uncertain parameters
-    guess : mapping        first guesses for coordinates that are not listed in start: they select the assembly. Modes
-                           of flexible bodies start undeformed and at rest, unless they are listed in start or here
+    guess : mapping        first guesses for coordinates of bodies and joints that are not listed in start: they select
+                           the assembly. Modes of flexible bodies start undeformed and at rest, unless they are listed
+                           in start or here
     name : str             for tables and files
     equilibrium : bool     start in static equilibrium: coordinates that are not listed in start, modes included, are
                            solved for, anew for each parameter value
@@ -103,18 +93,26 @@ class Scene:
     @cached_property
     def prescribed(self) -> Prescribed:
         """The listed start. Modes of flexible bodies are at rest and undeformed, unless a guess is given for them."""
-        return _with_modes(self, _resolve(self.system, self.start, "start"))
+        return with_modes(self.system, listed_values(self.system, self.start, "start"), self.guess, self.equilibrium)
 
     @cached_property
-    def guesses(self) -> dict[int, ca.SX]:
-        """Guessed coordinates by index."""
-        resolved = _resolve(self.system, self.guess, "guess")
-        if resolved.v:
+    def guessed(self) -> Prescribed:
+        """Guessed coordinates of bodies and of joints."""
+        resolved = listed_values(self.system, self.guess, "guess")
+        if resolved.v or any(value.is_rate for value in resolved.joints):
             raise DeclarationError("guess: velocities need no guess, their equations are linear. List them in start.")
+        if resolved.states:
+            names = ", ".join(map(repr, resolved.states))
+            raise DeclarationError(f"guess: {names} needs no guess, a state starts where start says.")
         if resolved.drift:
             names = ", ".join(map(repr, resolved.drift))
             raise DeclarationError(f"guess: nothing touches {names}. List them in start.")
-        return resolved.q
+        return resolved
+
+    @property
+    def guesses(self) -> dict[int, ca.SX]:
+        """Guessed coordinates of bodies by index."""
+        return self.guessed.q
 
     @cached_property
     def _bound_outputs(self) -> dict[str, ca.SX]:
@@ -207,77 +205,3 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
     if np.any(np.diff(array) <= 0):
         return ["times: must increase from one to the next; sort them and leave out repetitions."]
     return []
-
-
-def _resolve(system: System, listed: Mapping[str, Expr], what: str) -> Prescribed:
-    """Indices of listed names; see `Scene` for the names."""
-    c = system.collected
-    if not isinstance(listed, Mapping):
-        raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {listed!r}.')
-    q_at = {name: i for i, name in enumerate(c.q_names)}
-    v_at = {name: i for i, name in enumerate(c.v_names)}
-    decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
-    spatial = {b.name for b in c.bodies if isinstance(b.pose, Spatial)}
-    known = [n for n in (*q_at, *v_at) if not _is_quaternion(n, spatial)]
-    known += [f"{b}.{part}" for b in spatial for part in ("rotation", "omega")] + sorted(decoupled)
-    q: dict[int, ca.SX] = {}
-    v: dict[int, ca.SX] = {}
-    displacements: set[int] = set()
-    drift: dict[str, ca.SX] = {}
-    faults = []
-
-    def bind(value: Expr, name: str, size: int = 1) -> ca.SX:
-        bound = system.bind(value, f"{what} {name!r}", any_size=True)
-        if bound.numel() != size:
-            raise DeclarationError(f"{what} {name!r}: expected one number or expression, got {value!r}.")
-        if any(not system.bind.is_parameter(s) for s in ca.symvar(bound)):
-            raise DeclarationError(f"{what} {name!r}: may depend on parameters only.")
-        return bound
-
-    for name, value in listed.items():
-        if not isinstance(name, str):
-            faults.append(f"{what}: the name of a coordinate is a text, got {name!r}.")
-            continue
-        body, _, part = name.rpartition(".")
-        try:
-            if body in spatial and part == "rotation":
-                if not isinstance(value, Rotation):
-                    raise DeclarationError(f"{what} {name!r}: expected rotation(axis=..., angle=...), got {value!r}.")
-                e = bind(value.quaternion, name, 4)
-                q.update({q_at[f"{body}.e{k}"]: e[k] for k in range(4)})
-                displacements.update(v_at[f"{body}.omega_{c}"] for c in "xyz")
-            elif body in spatial and part == "omega":
-                v.update({v_at[f"{body}.omega_{c}"]: bind(w, name) for c, w in zip("xyz", value, strict=True)})
-            elif name in decoupled:
-                drift[name] = bind(value, name)
-            elif name in q_at and not _is_quaternion(name, spatial):
-                q[q_at[name]] = bind(value, name)
-                displacements.add(v_at[f"{body}.{_RATE_OF.get(part, f'{part}_dot')}"])
-            elif name in v_at:
-                v[v_at[name]] = bind(value, name)
-            else:
-                faults.append(f"{what}: no coordinate or velocity {name!r}.{did_you_mean(name, known)}")
-        except DeclarationError as error:
-            faults.append(str(error))
-        except (TypeError, ValueError):
-            faults.append(f"{what} {name!r}: expected three numbers or expressions, got {value!r}.")
-    if faults:
-        raise DeclarationError("\n".join(faults))
-    return Prescribed(q, v, frozenset(displacements), drift)
-
-
-def _with_modes(scene: Scene, prescribed: Prescribed) -> Prescribed:
-    c, zero = scene.system.collected, ca.SX(0)
-    modes = [f"{b.name}.{x}" for b in c.bodies for x in b.pose.coordinates[len(b.pose.rigid_coordinates) :]]
-    fixed = [name for name in modes if name not in scene.guess]
-    rates = {c.v_names.index(f"{name}_dot"): zero for name in fixed}
-    prescribed = replace(prescribed, v={**rates, **prescribed.v})
-    if scene.equilibrium:
-        return prescribed
-    undeformed = {c.q_names.index(name): zero for name in fixed}
-    return replace(prescribed, q={**undeformed, **prescribed.q}, displacements=prescribed.displacements | rates.keys())
-
-
-def _is_quaternion(name: str, spatial: set[str]) -> bool:
-    body, _, part = name.rpartition(".")
-    return body in spatial and part in ("e0", "e1", "e2", "e3")

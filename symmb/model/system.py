@@ -203,8 +203,9 @@ class System:
 
     @cached_property
     def Phi_dot(self) -> ca.SX:
-        """Rates of all rows, [Phi_v v + Phi_t; Psi], (n_c + n_psi,)."""
-        return ca.densify(ca.vertcat(ca.jtimes(self.Phi, self.q, self.qdot) + self.Phi_t, self.Psi))
+        """Rates of all rows, [Phi_v v + Phi_s s' + Phi_t; Psi], (n_c + n_psi,)."""
+        along_s = ca.jtimes(self.Phi, self.s, self.s_rate) if self.s.numel() else 0
+        return ca.densify(ca.vertcat(ca.jtimes(self.Phi, self.q, self.qdot) + self.Phi_t + along_s, self.Psi))
 
     @cached_property
     def G(self) -> ca.SX:
@@ -247,6 +248,7 @@ class System:
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
         M = self.collected.M_flow
         M_dot = ca.jtimes(M, self.q, self.qdot) + ca.reshape(ca.jacobian(M, t), M.shape)
+        M_dot += ca.jtimes(M, self.s, self.s_rate) if self.s.numel() else 0
         return (
             ca.dot(self.v, self.collected.Q_work)
             + ca.dot(ca.SX(self.lam), at_rest)

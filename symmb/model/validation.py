@@ -20,6 +20,7 @@ from symmb.mechanics import (
     Impact,
     Parameters,
     Particle,
+    State,
     as_matrix,
     inertia_matrix,
 )
@@ -28,9 +29,11 @@ from symmb.model.box import Box
 from symmb.symbolic import is_zero
 
 
-def name_faults(elements: Sequence[object]) -> list[str]:
-    """Arguments that are no elements, and names that are invalid or used twice."""
+def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
+    """Arguments that are no elements, and names that are invalid or used twice, those of states by parameters too."""
     faults, names = [], set()
+    own = [e.name for e in elements if isinstance(e, State) and e.name in (*parameters, "t")]
+    faults += [f"State {name!r}: a parameter or the time has this name. Choose another." for name in own]
     for e in elements:
         if not isinstance(e, Body | Element):
             faults.append(
@@ -106,11 +109,22 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
             faults.append(f"{constraint.title}: no coordinate can meet the row {row} = 0. Check points, axis and law.")
         if any(bind.is_velocity(s) for s in ca.symvar(row)):
             faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
+        faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]
     if rows.numel() and not nonzero:
         faults.append(f"{constraint.title}: all its rows vanish, nothing is left to constrain. Leave it out.")
     if faults:
         raise DeclarationError("\n".join(faults))
     return nonzero
+
+
+def _state_faults(row: ca.SX, bind: Binding) -> list[str]:
+    """Declared states in a position row whose rates contain velocities: the row's rate would have no Jacobian."""
+    states = [state for state in bind.states(row) if state.owner]
+    fast = [state for state in states if any(bind.is_velocity(s) for s in ca.symvar(state.rate))]
+    return [
+        f"the rate of {state.owner} contains velocities, so that no position can follow it. Use a force law."
+        for state in fast
+    ]
 
 
 def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:

@@ -6,6 +6,7 @@ from symmb._errors import AssemblyError
 from symmb._types import Array
 from symmb.start.labels import constraint_of_row
 from symmb.start.rank import vanishing_combinations
+from symmb.start.scales import rest_states
 from symmb.start.start import VIOLATION, Start
 
 
@@ -21,12 +22,16 @@ def check_velocities(start: Start, p0: Array) -> None:
     if dae.Phi_dot is None:
         raise AssemblyError("Start could not be solved for at the nominal parameters.")
     v = np.asarray(start.velocities(q, p0)).ravel()
-    s = (np.zeros(dae.n_s),) if dae.n_s else ()
+    s = (rest_states(dae),) if dae.n_s else ()
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
+    off = np.abs(start.joint_residuals(q, v, p0).full()).ravel() if start.joint_residuals is not None else np.zeros(1)
     listed = ", ".join(start.listed_velocities)
     remedy = f"Leave one of {listed} free." if listed else "None is listed in start: constraints contradict each other."
-    name = constraint_of_row(dae, int(r.argmax()))
-    raise AssemblyError(f"Start velocities contradict the constraints: rate {r.max():.2g} in joint {name!r}. {remedy}")
+    if off.max() > r.max():
+        what = f"{start.joint_values[int(off.argmax())]} is off by {off.max():.2g}"
+    else:
+        what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
+    raise AssemblyError(f"Start velocities contradict the constraints: {what}. {remedy}")
 
 
 def check_accelerations(start: Start, G: Array) -> None:

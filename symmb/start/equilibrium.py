@@ -7,7 +7,7 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE
 from symmb.start.labels import coordinate_of
-from symmb.start.scales import resting
+from symmb.start.scales import evaluate_at_rest, resting
 
 _TOLERANCE, _LAST_STEP = 1e-11, 1e-9
 """Remaining forces over those of a displacement of the scene's size, and the last step over the size: Newton's method
@@ -22,7 +22,7 @@ _LARGEST_STEP, _LARGEST_DAMPED_STEP = 2.0, 0.2
 
 def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
     """Unbalanced forces on the free displacements, and position rows over their scales, for multipliers lam."""
-    _, *at = resting(dae, q)
+    _, *at = resting(dae, q, p)
     if dae.s_start is not None:
         at[-1] = dae.s_start(q, p)
     Q = dae.Q(q, *at, p, t0)
@@ -79,8 +79,7 @@ def _damped_newton(
 ) -> tuple[Array, Array, Array] | None:
     """Coordinates, multipliers and Jacobian in equilibrium; None if it is not reached."""
     n, lam = len(free), np.zeros(m)
-    s = (np.zeros(dae.n_s),) if dae.n_s else ()
-    M = dae.M(q, np.zeros(dae.n_v), *s, dae.p_nominal, t0).full()[np.ix_(free, free)]
+    M = evaluate_at_rest(dae.M, dae, q, t0)[np.ix_(free, free)]
     scales = dae.displacement_scales[free] * size
     drag, before, reach = 0.0, np.inf, np.inf
     for step in range(_DAMPED_STEPS if damped else _NEWTON_STEPS):

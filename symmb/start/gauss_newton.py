@@ -9,6 +9,7 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.model import DAE
 from symmb.start.labels import constraint_of_row
+from symmb.start.scales import rest_states
 
 _TOLERANCE = 1e-9
 """Violation of Phi over the scene's size that an assembly may leave. tests/start/test_start.py"""
@@ -74,7 +75,7 @@ class PositionRows:
 
     def turned(self, q: Array) -> Array:
         """States with as many turns of each angle as reduce the violation most."""
-        s = self._counted(q, np.zeros(self.dae.n_s))
+        s = self._counted(q, rest_states(self.dae))
         for k in self.angles:
             more = s.copy()
             more[k] += _TURN
@@ -87,7 +88,7 @@ class PositionRows:
     def size(self, q: Array) -> float:
         """The size of the scene at coordinates q, by which violations are judged."""
         coordinates = float(np.abs(q / self.dae.coordinate_scales).max(initial=0.0))
-        r = self.violation(q, np.zeros(self.dae.n_s))
+        r = self.violation(q, rest_states(self.dae))
         return max(coordinates, float(np.abs(r).max(initial=0.0)), 1e-300)
 
     def reach(self, q: Array, s: Array, rows: Indices, free: Indices, is_damped: bool = True) -> Reached:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -12,11 +13,11 @@ from symmb.mechanics import Constraint
 from symmb.model import DAE, Scene
 from symmb.start.axis_alignment import turned_to_axes
 from symmb.start.gauss_newton import PositionRows, SingularRow
+from symmb.start.joint_values import angles, listed_states, of_positions, with_position_rows, with_states, with_turns
 from symmb.start.labels import constraint_of_row
 from symmb.start.placement import placed_along_joints
 from symmb.start.remedies import Assembles, FailedScene, nearer_guess, other_guess, remedy
 from symmb.start.scales import with_coarse_scales
-from symmb.symbolic import is_zero, symbols_in
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
@@ -57,13 +58,6 @@ def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
     return ca.Function("reference", [scene.system.p, q], [listed_q])
 
 
-def angles(scene: Scene) -> Indices:
-    """Numbers of the states that count the turns of angles in Phi."""
-    inside = {symbol.element_hash() for symbol in symbols_in(scene.system.Phi)}
-    states = enumerate(scene.system.collected.states)
-    return np.array([k for k, s in states if s.sx.element_hash() in inside and not is_zero(s.rate)], dtype=np.intp)
-
-
 def free_displacements(scene: Scene, dae: DAE) -> Indices:
     """The displacements that are not listed. Modes that nothing is known of stay undeformed until forces act."""
     free = [i for i in range(dae.n_v) if i not in scene.prescribed.displacements]
@@ -81,14 +75,17 @@ def _guess(scene: Scene, dae: DAE) -> Array:
 
 def _attempt(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array] | _Failure:
     """Assembled coordinates and states, or why there are none."""
+    s = listed_states(scene)
+    dae = with_position_rows(scene.system, with_states(scene, dae, s), of_positions(scene.prescribed))
     free = free_displacements(scene, dae)
     q = turned_to_axes(scene, dae, _guess(scene, dae), free)
-    Phi, G = dae.Phi, dae.G
-    if Phi is None or G is None:
-        return q, np.zeros(dae.n_s)
-    dae = with_coarse_scales(dae, q, t0)
-    rows = PositionRows(dae, Phi, G, angles(scene), t0)
-    placed, s = placed_along_joints(scene, dae, rows, q, free), np.zeros(dae.n_s)
+    if dae.Phi is None:
+        return q, s
+    dae, rows = _position_rows(scene, dae, q, t0)
+    placed = placed_along_joints(scene, dae, rows, q, free)
+    s = with_turns(scene, placed, s, np.empty(0, dtype=np.intp))
+    if scene.guessed.joints:
+        placed = _near_guess(scene, dae, placed, s, free, t0)
     first = _reached(scene, dae, rows, placed, s, free)
     if not isinstance(first, _Failure):
         return first
@@ -98,6 +95,24 @@ def _attempt(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array] | _Failur
         if not isinstance(outcome, _Failure):
             return outcome
     return first
+
+
+def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> tuple[DAE, PositionRows]:
+    """The DAE in coarse scales, and its position rows."""
+    dae = with_coarse_scales(dae, q, t0)
+    return dae, PositionRows(dae, cast(ca.Function, dae.Phi), cast(ca.Function, dae.G), angles(scene), t0)
+
+
+def _near_guess(scene: Scene, dae: DAE, q: Array, s: Array, free: Indices, t0: float) -> Array:
+    """Coordinates at which the constraints hold and guessed coordinates of joints have their values, or nearly.
+
+    The joint of a guess need not be one along which bodies are placed.
+    """
+    dae, rows = _position_rows(scene, with_position_rows(scene.system, dae, scene.guessed.joints), q, t0)
+    try:
+        return rows.reach(q, s, np.arange(dae.n_c), free).q
+    except SingularRow:
+        return q
 
 
 def _reached(
@@ -111,13 +126,14 @@ def _reached(
     if not reached.is_on_constraints:
         name = constraint_of_row(dae, int(np.abs(reached.r).argmax()))
         worst = float(np.abs(reached.r * dae.row_scales[: dae.n_c]).max())
-        text = f"Start does not satisfy Phi = 0: residual {worst:.2g} in joint {name!r}."
+        where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
+        text = f"Start does not satisfy Phi = 0: residual {worst:.2g} {where}."
         return _Failure(text, name, remedy, size)
     flipped = _flipped_joint(scene, dae, reached.q)
     if flipped is not None:
         text = f"Joint {flipped!r} is assembled the wrong way round: frames that it locks parallel end antiparallel."
         return _Failure(text, flipped, nearer_guess, size)
-    return reached.q, reached.s
+    return reached.q, with_turns(scene, reached.q, reached.s, rows.angles)
 
 
 def _flipped_joint(scene: Scene, dae: DAE, q: Array) -> str | None:

@@ -7,7 +7,9 @@ from symmb._types import Array, Indices
 from symmb.mechanics import Joint
 from symmb.model import DAE, Scene
 from symmb.start.gauss_newton import PositionRows, SingularRow
+from symmb.start.joint_placement import JointPlacement
 from symmb.start.joint_tree import GROUND, JointTree
+from symmb.start.scales import rest_states
 
 
 def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, free: Indices) -> Array:
@@ -19,9 +21,12 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     connected = _connected(scene, dae)
     body_of = np.repeat(np.arange(len(scene.system.bodies)), scene.system.block_sizes)
     guessed = {dae.q_names[i].rpartition(".")[0] for i in scene.guesses if dae.q_names[i][-2:] in (".x", ".y", ".z")}
-    placed = {GROUND}
+    joints = JointPlacement(scene, dae, free)
     for body, carrier in JointTree(connected, range(len(scene.system.bodies))).carriers.items():
-        placed.add(body)
+        moved = joints.moved(q, body, carrier)
+        if moved is not None:
+            q = moved
+            continue
         own = free[body_of[free] == body]
         shifts = np.array([i for i in own if dae.v_names[i][-3:] in (".vx", ".vy", ".vz")], dtype=np.intp)
         driven = [i for i, bodies in enumerate(connected) if body in bodies and bodies <= {body, carrier, GROUND}]
@@ -42,7 +47,7 @@ def _placed(rows: PositionRows, q: Array, targets: list[Indices], moves: tuple[I
     for target in targets:
         for move in moves:
             try:
-                reached = rows.reach(q, np.zeros(rows.dae.n_s), target, move)
+                reached = rows.reach(q, rest_states(rows.dae), target, move)
             except SingularRow:
                 continue
             if reached.is_on_constraints:
@@ -56,9 +61,10 @@ def _connected(scene: Scene, dae: DAE) -> list[frozenset[int]]:
     numbers = {id(body): k for k, body in enumerate(bodies)}
     joints = {e.name: e.bodies() for e in scene.system.elements if isinstance(e, Joint)}
     body_of = np.repeat(np.arange(len(bodies)), scene.system.block_sizes)
-    pattern = np.array(ca.DM(scene.system.G.sparsity(), 1).full(), dtype=bool)[: dae.n_c]
+    pattern = np.array(ca.DM(dae.G.sparsity_out(0), 1).full(), dtype=bool)[: dae.n_c] if dae.G else np.zeros((0, 0))
     connected = []
-    for name, where in dae.rows.items():
-        ends = [numbers.get(id(end.owner), GROUND) for end in joints.get(name, ())] or [GROUND]
+    for name, where in sorted(dae.rows.items(), key=lambda item: item[1].start):
+        # Rows of listed coordinates have the name of a joint and of a handle.
+        ends = [numbers.get(id(end.owner), GROUND) for end in joints.get(name.split(".")[0], ())] or [GROUND]
         connected += [frozenset({*ends, *body_of[row].tolist()}) for row in pattern[where]]
     return connected

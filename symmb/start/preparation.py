@@ -1,6 +1,6 @@
 """The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -11,7 +11,8 @@ from symmb.start.consistency import check_accelerations, check_velocities
 from symmb.start.doubts import start_doubts
 from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.initial_assembly import angles, assemble, listed_coordinates
+from symmb.start.initial_assembly import assemble, listed_coordinates
+from symmb.start.joint_values import of_positions, of_rates, residuals, with_position_rows, with_rate_rows, with_states
 from symmb.start.labels import coordinate_of, coordinate_with_value
 from symmb.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
@@ -37,15 +38,19 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     reference = listed_coordinates(scene, dae)
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
     q0, s0 = assemble(scene, dae, t0)
-    dae = _with_turns(scene, dae, s0)
-    dae = with_coarse_scales(dae, q0, t0)
-    G = evaluate_at_rest(dae.G, dae, q0, t0) * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
+    dae = with_coarse_scales(with_states(scene, dae, s0), q0, t0)
+    G = _scaled_jacobian(dae, q0, t0)
+    listed, rates = of_positions(prescribed), of_rates(prescribed)
+    placed = with_coarse_scales(with_position_rows(scene.system, dae, listed), q0, t0) if listed else dae
+    moved = with_coarse_scales(with_rate_rows(scene.system, dae, rates), q0, t0) if rates else dae
     rows = independent_rows(dae, q0, t0)
     sufficient, nullities = (None, (0, 0)) if rows is None else lasting_rows(dae, q0, t0, rows)
-    positions = _solve_positions(scene, dae, reference, q0, t0, free, G)
-    velocities = start_velocities(scene, dae, prescribed.v, _probes(positions, p0), t0)
+    G_placed = _scaled_jacobian(placed, q0, t0) if listed else G
+    positions = _solve_positions(scene, placed, reference, q0, t0, free, G_placed)
+    velocities = start_velocities(scene, moved, prescribed.v, _probes(positions, p0), t0)
     free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
-    solved_velocities = free_velocities[independent_rows_and_columns(G[:, free_velocities])[1]]
+    G_moved = _scaled_jacobian(moved, q0, t0) if rates else G
+    solved_velocities = free_velocities[independent_rows_and_columns(G_moved[:, free_velocities])[1]]
     v0 = velocities(positions.q0, p0).full().ravel()
     start = Start(
         dae,
@@ -56,7 +61,9 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         positions.position,
         velocities,
         listed=tuple(scene.start),
-        listed_velocities=tuple(dae.v_names[i] for i in prescribed.v),
+        listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in rates)),
+        joint_residuals=residuals(scene),
+        joint_values=tuple(value.name for value in prescribed.joints),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
         solved_velocities=tuple(dae.v_names[i] for i in solved_velocities),
@@ -75,16 +82,9 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     return start
 
 
-def _with_turns(scene: Scene, dae: DAE, s: Array) -> DAE:
-    """The DAE with angles at the start that count their turns next to states s (n_s,)."""
-    counting = angles(scene)
-    if dae.s_start is None or not counting.size:
-        return dae
-    q, p = ca.SX.sym("q", dae.n_q), scene.system.p
-    values = dae.s_start(q, p)
-    for k in counting.tolist():
-        values[k] += 2 * np.pi * ca.floor((s[k] - values[k]) / (2 * np.pi) + 0.5)
-    return replace(dae, s_rest=s, s_start=ca.Function("s_start", [q, p], [values]))
+def _scaled_jacobian(dae: DAE, q: Array, t0: float) -> Array:
+    """The velocity Jacobian at coordinates q, in the scales of displacements (n_r, n_v)."""
+    return np.zeros((0, dae.n_v)) if dae.G is None else evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +131,6 @@ def _solve_positions(
         position = ImplicitMap.of(imbalance(dae, place(u, p), lam, p, t0, free, rows), z, p)
         place = ca.Function("place", [z, p], [q], {"cse": True})
     elif len(solved) and dae.Phi is not None:
-        residual = (dae.Phi(*resting(dae, place(u, p)), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
+        residual = (dae.Phi(*resting(dae, place(u, p), p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)
     return _Positions(q0, solved, position, place)

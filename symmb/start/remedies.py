@@ -66,7 +66,8 @@ def nearer_guess(failed: FailedScene, assembles: Assembles) -> str:
 
 def _bodies(failed: FailedScene) -> set[str]:
     """Names of the bodies of the joint to blame; none where it is a drive."""
-    constraints = [e for e in failed.scene.system.elements if isinstance(e, Constraint) and e.name == failed.joint]
+    name = failed.joint.split(".")[0]  # of a listed coordinate: the joint's
+    constraints = [e for e in failed.scene.system.elements if isinstance(e, Constraint) and e.name == name]
     return {body.name for constraint in constraints for body in constraint.bodies()}
 
 
@@ -75,14 +76,16 @@ def _to_free(failed: FailedScene, assembles: Assembles) -> Iterator[str]:
     scene = failed.scene
     known = {coordinate_of(failed.dae, i) for i in range(failed.dae.n_v)}
     known |= {f"{body.name}.rotation" for body in scene.system.bodies}
+    known |= {value.name for value in scene.prescribed.joints}
     listed = [key for key in scene.start if key in known]
-    bodies = _bodies(failed)
-    listed = [key for key in listed if key.split(".")[0] in bodies] or listed
+    owners = {*_bodies(failed), failed.joint.split(".")[0]}
+    listed.sort(key=lambda key: key.split(".")[0] not in owners)
+    near = [key for key in listed if key.split(".")[0] in owners] or listed
 
     def helps(*keys: str) -> bool:
         return assembles(replace(scene, start={k: v for k, v in scene.start.items() if k not in keys}))
 
-    single = [key for key in listed[: failed.tries] if helps(key)]
+    single = [key for key in near[: failed.tries] if helps(key)]
     if single:
         yield f"leave {single[0] if len(single) == 1 else 'one of ' + ', '.join(single)} free"
         return

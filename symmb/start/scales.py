@@ -26,16 +26,22 @@ tolerances of velocities stay in between."""
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
     """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
-    return np.asarray(f(q, np.zeros(dae.n_v), *_states_at_rest(dae), dae.p_nominal, t0).full())
+    return np.asarray(f(q, np.zeros(dae.n_v), *((rest_states(dae),) if dae.n_s else ()), dae.p_nominal, t0).full())
 
 
-def resting(dae: DAE, q: ca.SX) -> tuple[ca.SX, ...]:
-    """The arguments (q, v[, s]) of the DAE's Functions at rest."""
-    return (q, ca.SX(dae.n_v, 1), *(ca.SX(ca.DM(s)) for s in _states_at_rest(dae)))
+def resting(dae: DAE, q: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
+    """The arguments (q, v[, s]) of the DAE's Functions at rest. States that start anywhere have their start."""
+    if dae.s_start is None:
+        return q, ca.SX(dae.n_v, 1)
+    s, begin, moving = ca.SX(ca.DM(rest_states(dae))), dae.s_start(q, p), dae.s_start.jac_sparsity(0, 0)
+    for k in set(range(dae.n_s)).difference(moving.row()):
+        s[k] = begin[k]
+    return q, ca.SX(dae.n_v, 1), s
 
 
-def _states_at_rest(dae: DAE) -> tuple[Array, ...]:
-    return (np.zeros(dae.n_s) if dae.s_rest is None else dae.s_rest,) if dae.n_s else ()
+def rest_states(dae: DAE) -> Array:
+    """First-order states at rest at the nominal parameters, (n_s,)."""
+    return np.zeros(dae.n_s) if dae.s_rest is None else dae.s_rest
 
 
 def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:

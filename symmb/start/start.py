@@ -35,6 +35,7 @@ class Start:
     depend on each other, `rows` are the numbers of those that determine the motion; it is None elsewhere. `nullities`
     count the combinations of these rows, and of the position rows among them, that vanish: where no choice of rows
     stays independent.
+    `joint_residuals`, a Function (q, v, p), is 0 where the listed `joint_values` hold.
     `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
     doubtful at the nominal parameters.
     """
@@ -52,6 +53,8 @@ class Start:
     free: tuple[str, ...]
     solved_velocities: tuple[str, ...]
     free_velocities: tuple[str, ...]
+    joint_residuals: ca.Function | None
+    joint_values: tuple[str, ...]
     rows: tuple[int, ...] | None
     nullities: tuple[int, int]
     redundant: tuple[str, ...]
@@ -132,6 +135,9 @@ class Start:
             if f is not None:
                 r = batch(f, *arguments, P, np.array([self.t0]))[0]
                 bad = bad | ~(np.abs(r / self.dae.row_scales[: r.shape[1]]).max(axis=1) <= limit)
+        if self.joint_residuals is not None:
+            r = batch(self.joint_residuals, *arguments[:2], P)[0]
+            bad = bad | ~(np.abs(r).max(axis=1) <= limit)
         return bad
 
     def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -162,6 +168,7 @@ class Start:
         arguments = self.dae.arguments(state, p, ca.SX(self.t0))
         rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
         rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
+        rows += [self.joint_residuals(*arguments[:2], p)] if self.joint_residuals is not None else []
         limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.state_scales)), ca.SX(1))
         tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
         good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))

@@ -91,7 +91,7 @@ class _Rates:
     def G(self) -> ca.SX:
         if self.dae.G is None:
             return ca.SX(0, self.dae.n_v)
-        return self.dae.G(*resting(self.dae, self.q), self.p, self.t0)
+        return self.dae.G(*resting(self.dae, self.q, self.p), self.p, self.t0)
 
     @cached_property
     def G_nominal(self) -> Array:
@@ -104,11 +104,11 @@ class _Rates:
         """Rates of the rows at rest, Phi_t, (n_r,)."""
         if self.dae.Phi_dot is None:
             return ca.SX(0, 1)
-        return ca.sparsify(self.dae.Phi_dot(*resting(self.dae, self.q), self.p, self.t0))
+        return ca.sparsify(self.dae.Phi_dot(*resting(self.dae, self.q, self.p), self.p, self.t0))
 
     @cached_property
     def M(self) -> ca.SX:
-        return self.dae.M(*resting(self.dae, self.q), self.p, self.t0)
+        return self.dae.M(*resting(self.dae, self.q, self.p), self.p, self.t0)
 
     @cached_property
     def M_nominal(self) -> Array:
@@ -236,5 +236,6 @@ class _Rates:
         """Whether velocities satisfy rows."""
         rate, drive = self.G[rows, :] @ v, self.drive[rows]
         size = ca.fabs(self.G[rows, :]) @ ca.fabs(v) + ca.fabs(drive)
-        excess = ca.Function("excess", [self.q, self.p], [ca.densify(ca.fabs(rate + drive) - _SOLVED * size)])
+        limit = _SOLVED * size + _RIGID * ca.mmax(size)  # where all terms of a row are rounding of the other rows
+        excess = ca.Function("excess", [self.q, self.p], [ca.densify(ca.fabs(rate + drive) - limit)])
         return all(excess(q, p).full().max(initial=0.0) <= 0 for q, p in zip(*self.at, strict=True))

@@ -53,7 +53,8 @@ class Kind(Enum):
 class Symbol:
     """A declared symbol: dotted name, kind, and for what moves its rate; `value` is where a state starts.
 
-    What a symbol does not have is empty.
+    What a symbol does not have is empty. `owner` names the element that must be in the System for a symbol to be known.
+    Other states come along with the expressions that they are in.
     """
 
     name: str
@@ -61,9 +62,10 @@ class Symbol:
     sx: ca.SX
     rate: ca.SX = field(default_factory=ca.SX)
     value: ca.SX = field(default_factory=ca.SX)
+    owner: str = ""
 
     def __reduce__(self) -> tuple[Callable[..., "Symbol"], tuple[object, ...]]:
-        return _entered, (self.name, self.kind, self.sx, self.rate, self.value)
+        return _entered, (self.name, self.kind, self.sx, self.rate, self.value, self.owner)
 
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
@@ -71,21 +73,33 @@ _STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
 """Records of `initial` values, kept as long as a coordinate that they were read from."""
 
 
-def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX) -> Symbol:
+def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX, owner: str) -> Symbol:
     """The record of a symbol that was read or copied. A symbol that is still in use keeps its record."""
     known = _TABLE.get(sx.element_hash())
     if known is not None:
         return known
-    record = _TABLE[sx.element_hash()] = Symbol(name, kind, sx, rate, value)
+    record = _TABLE[sx.element_hash()] = Symbol(name, kind, sx, rate, value, owner)
     return record
 
 
 def declare(
-    names: Iterable[str], kind: Kind, symbols: ca.SX, rates: ca.SX | None = None, value: ca.SX | None = None
+    names: Iterable[str],
+    kind: Kind,
+    symbols: ca.SX,
+    rates: ca.SX | None = None,
+    value: ca.SX | None = None,
+    owner: str = "",
 ) -> tuple[Symbol, ...]:
     """Enter symbols into the table; whoever declares them keeps the records alive."""
     records = tuple(
-        Symbol(name, kind, symbols[i], ca.SX() if rates is None else rates[i], ca.SX() if value is None else value[i])
+        Symbol(
+            name,
+            kind,
+            symbols[i],
+            ca.SX() if rates is None else rates[i],
+            ca.SX() if value is None else value[i],
+            owner,
+        )
         for i, name in enumerate(names)
     )
     for record in records:

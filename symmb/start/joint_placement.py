@@ -1,0 +1,109 @@
+"""Bodies put where listed or guessed coordinates of the joints that carry them say."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.mechanics import AxisJoint, Planar
+from symmb.model import DAE, Scene
+from symmb.start.joint_values import of_positions
+from symmb.symbolic import product
+
+Values = Mapping[str, float]
+"""Values of the handles of a joint at the nominal parameters."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointPlacement:
+    """Moves bodies to joints with listed or guessed coordinates. Handles that are neither stay as they are."""
+
+    scene: Scene
+    dae: DAE
+    free: Indices
+
+    def moved(self, q: Array, body: int, carrier: int) -> Array | None:
+        """Coordinates q (n_q,) after a body is moved to the joint with its carrier; None if that has no value."""
+        bodies = self.scene.system.bodies
+        for joint, values in self._joints.items():
+            ends = [next((k for k, b in enumerate(bodies) if b is end.owner), -1) for end in joint.bodies()]
+            if set(ends) == {body, carrier} and self._turns_freely(body):
+                return self._placed(q, joint, values, body, moves_b=ends[1] == body)
+        return None
+
+    @cached_property
+    def _joints(self) -> dict[AxisJoint, dict[str, float]]:
+        """The joints with values, and these at the nominal parameters."""
+        joints: dict[AxisJoint, dict[str, float]] = {}
+        p = self.scene.system.p
+        for listed in (self.scene.guessed, self.scene.prescribed):
+            for value in of_positions(listed):
+                if isinstance(value.joint, AxisJoint):
+                    number = ca.Function("value", [p], [value.value])(self.dae.p_nominal)
+                    joints.setdefault(value.joint, {})[value.handle] = float(number)
+        return joints
+
+    def _turns_freely(self, body: int) -> bool:
+        name = self.scene.system.bodies[body].name
+        turns = [i for i, v in enumerate(self.dae.v_names) if v.rpartition(".")[0] == name and "omega" in v]
+        return bool(turns) and bool(np.isin(turns, self.free).all())
+
+    def _placed(self, q: Array, joint: AxisJoint, values: Values, body: int, moves_b: bool) -> Array:
+        """Turn the body until the axes are parallel, then about the axis, and move it last."""
+        sign = 1 if moves_b else -1
+        _, A, B, _ = self._frames(joint, q)
+        own, other = (B, A) if moves_b else (A, B)
+        q = self._turned(q, body, _between(own[:, 2], other[:, 2]))
+        angle, A, B, _ = self._frames(joint, q)
+        if not joint.turns:
+            angle, wanted = float(np.arctan2(A[:, 1] @ B[:, 0], A[:, 0] @ B[:, 0])), 0.0
+        else:
+            wanted = values.get("angle", angle)
+        q = self._turned(q, body, sign * (wanted - angle) * A[:, 2])
+        _, A, _, d = self._frames(joint, q)
+        along = (values.get("displacement", float(A[:, 2] @ d)) if joint.slides else 0.0) * A[:, 2]
+        return self._shifted(q, body, sign * (along - d))
+
+    def _frames(self, joint: AxisJoint, q: Array) -> tuple[float, Array, Array, Array]:
+        """The angle of a joint that turns, its frames (3, 3), and the vector from point a to point b (3,)."""
+        system = self.scene.system
+        angle = joint.angle if joint.turns else ca.SX(0)
+        states = [s for s in ca.symvar(angle) if s.name() == f"{joint.name}.angle"]
+        angle = ca.substitute(angle, ca.vertcat(*states), ca.SX.zeros(len(states), 1)) if states else angle
+        f = ca.Function("frames", [system.q, system.p], [angle, *joint.frames, joint.d])
+        value, A, B, d = (part.full() for part in f(q, self.dae.p_nominal))
+        return float(value[0, 0]), A, B, d.ravel()
+
+    def _turned(self, q: Array, body: int, turn: Array) -> Array:
+        """Coordinates after a body turns by a rotation vector in world axes (3,) [rad]."""
+        element, q = self.scene.system.bodies[body], q.copy()
+        names = self.dae.q_names
+        if isinstance(element.pose, Planar):
+            q[names.index(f"{element.name}.theta")] += turn[2]
+            return q
+        at = names.index(f"{element.name}.e0")
+        angle = float(np.linalg.norm(turn))
+        e = ca.vertcat(np.cos(angle / 2), np.sinc(angle / 2 / np.pi) / 2 * turn)
+        q[at : at + 4] = np.asarray(ca.DM(product(ca.SX(e), ca.SX(q[at : at + 4])))).ravel()
+        return q
+
+    def _shifted(self, q: Array, body: int, shift: Array) -> Array:
+        """Coordinates after a body moves by a vector (3,) [m], along the coordinates that are not listed."""
+        name, q = self.scene.system.bodies[body].name, q.copy()
+        for part, distance in zip("xyz", shift.tolist(), strict=True):
+            if f"{name}.v{part}" in self.dae.v_names and self.dae.v_names.index(f"{name}.v{part}") in self.free:
+                q[self.dae.q_names.index(f"{name}.{part}")] += distance
+        return q
+
+
+def _between(start: Array, end: Array) -> Array:
+    """The least rotation vector (3,) that turns one direction onto another."""
+    axis, cosine = np.cross(start, end), float(start @ end)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:  # opposite: about any axis at right angles
+        axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
+    length = float(np.linalg.norm(axis))
+    return np.arctan2(sine, cosine) * axis / length if sine >= 1e-12 or cosine < 0 else np.zeros(3)

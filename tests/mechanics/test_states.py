@@ -1,0 +1,160 @@
+"""First-order states of the user's own against closed forms and SciPy."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy
+from conftest import ALL_SOLVERS
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+
+GROUND = mb.Ground()
+TIMES = np.linspace(0.0, 1.0, 11)
+
+
+def cart(**more):
+    body = mb.Body("cart", 2.0, pose=mb.Particle(), **more)
+    return body
+
+
+@pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
+def test_a_filtered_motor_moves_as_its_linear_equations_say(solver):
+    """2 x'' = z, z' = (3 - z) / 0.2 - 4 x'; all solvers."""
+    body = cart()
+    z = mb.State("z", rate=lambda z: (3.0 - z) / 0.2 - 4 * body.vx)
+    push = mb.Force("push", body.point(0, 0), (z.value, 0))
+    scene = mb.Scene(mb.System(body, z, push), {"z": 0.5}, TIMES, {"x": body.x, "z": z.value})
+    run = mb.simulate(scene, solver)
+    exact = solve_ivp(
+        lambda t, y: [y[1], y[2] / 2, (3 - y[2]) / 0.2 - 4 * y[1]], (0, 1), [0, 0, 0.5], "DOP853", TIMES, rtol=1e-12
+    )
+    assert_allclose(run["x"], exact.y[0], atol=2e-3)
+    assert_allclose(run["z"], exact.y[2], atol=2e-2)
+
+
+def test_errors_are_those_of_the_tolerance():
+    body = cart()
+    z = mb.State("z", rate=lambda z: -z / 0.2)
+    push = mb.Force("push", body.point(0, 0), (z.value, 0))
+    run = mb.simulate(mb.Scene(mb.System(body, z, push), {"z": 1.0}, TIMES, {"z": z.value, "v": body.vx}))
+    assert_allclose(run["z"], np.exp(-TIMES / 0.2), atol=1e-9)
+    assert_allclose(run["v"], 0.1 * (1 - np.exp(-TIMES / 0.2)), atol=1e-9)
+    assert run.energy_drift < 1e-9
+
+
+def test_states_may_depend_on_others_and_on_angles_in_space():
+    """The controller's state follows an angle that counts turns; a second state follows the first."""
+    wheel = mb.Body("wheel", 1.0, (1, 1, 1), mb.Spatial())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), wheel.point(0, 0))
+    slow = mb.State("slow", rate=lambda z: (hinge.angle - z) / 0.5)
+    slower = mb.State("slower", rate=lambda z: slow.value - z)
+    start = {"hinge.angle": 9.0, "hinge.angle_rate": 2.0, "slow": 9.0}
+    scene = mb.Scene(mb.System(wheel, hinge, slower, slow), start, TIMES, {"a": slow.value, "b": slower.value})
+    run = mb.simulate(scene)
+    lag = 9.0 + 2 * (TIMES - 0.5 * (1 - np.exp(-TIMES / 0.5)))
+    exact = solve_ivp(
+        lambda t, y: 9.0 + 2 * (t - 0.5 * (1 - np.exp(-t / 0.5))) - y, (0, 1), [0.0], "DOP853", TIMES, rtol=1e-12
+    )
+    assert_allclose(run["a"], lag, atol=1e-8)
+    assert_allclose(run["b"], exact.y[0], atol=1e-8)
+
+
+def test_lanes_start_at_expressions_of_parameters_and_have_derivatives():
+    p = mb.Parameters(k=2.0, z0=1.5)
+    body = cart()
+    z = mb.State("z", rate=lambda z: -p.k * z)
+    system = mb.System(body, z, parameters=p)
+    scene = mb.Scene(system, {"z": p.z0**2}, TIMES, {"z": z.value}, mb.Box.around(p, 0.1))
+    simulator = mb.DAESimulator(scene, mb.DormandPrince())
+    P = np.array([[2.0, 1.5], [1.0, -0.5], [3.0, 2.0]])
+    expected = P[:, 1:] ** 2 * np.exp(-P[:, :1] * TIMES)
+    assert_allclose(simulator.run(P).Y[:, :, 0], expected, atol=1e-9)
+    jets = simulator.jets(np.array([2.0, 1.5]), np.eye(2), 1)
+    e = np.exp(-2 * TIMES)
+    assert_allclose(jets[1, :, :, 0], [-TIMES * 2.25 * e, 3.0 * e], atol=1e-8)
+    bounds = mb.propagate(scene, mb.Taylor(order=2))
+    assert_allclose(bounds.upper[-1, 0], 1.65**2 * np.exp(-1.8), rtol=1e-2)
+
+
+def test_a_state_may_drive_a_position_and_does_its_work():
+    """The carriage follows z, z' = -3 z: x = exp(-3 t), force m x''; start velocities follow from z'."""
+    body = cart()
+    z = mb.State("z", rate=lambda z: -3 * z)
+    servo = mb.Motion("servo", body.x, z.value)
+    system = mb.System(body, z, servo)
+    scene = mb.Scene(system, {"z": 1.0}, TIMES, {"x": body.x, "v": body.vx, "force": -system.lam("servo")})
+    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-10))
+    e = np.exp(-3 * TIMES)
+    assert_allclose(run["x"], e, atol=1e-8)
+    assert_allclose(run["v"], -3 * e, atol=1e-8)
+    assert_allclose(run["force"][:, 0] if run["force"].ndim > 1 else run["force"], 2 * 9 * e, atol=1e-7)
+    assert run.energy_drift < 1e-8
+
+
+def test_a_mass_may_be_a_state():
+    """Rocket: m' = -q, exhaust speed c: v = c ln(m0 / m). The mass that leaves has the rocket's velocity in `Q`."""
+    flow, c = 0.5, 10.0
+    m = mb.State("m", rate=-flow + 0 * mb.t)
+    rocket = mb.Body("rocket", m.value, pose=mb.Particle())
+    thrust = mb.Force("thrust", rocket.point(0, 0), (flow * c, 0))
+    run = mb.simulate(mb.Scene(mb.System(rocket, m, thrust), {"m": 2.0}, TIMES, {"v": rocket.vx, "m": m.value}))
+    assert_allclose(run["v"], c * np.log(2.0 / (2.0 - flow * TIMES)), atol=1e-8)
+    assert run.energy_drift < 1e-8
+
+
+def test_an_equilibrium_counts_the_force_of_a_state():
+    body = mb.Body("body", 1.0, pose=mb.Particle())
+    z = mb.State("z", rate=lambda z: -z)
+    spring = mb.Spring("spring", GROUND.point(0, 0), body.point(0, 0), 50.0)
+    push = mb.Force("push", body.point(0, 0), (z.value, 0, 0))
+    scene = mb.Scene(mb.System(body, z, spring, push), {"z": 5.0}, outputs={"x": body.x}, equilibrium=True)
+    assert_allclose(mb.simulate(scene)["x"][0], 0.1, atol=1e-10)
+
+
+def test_laws_in_sympy_know_states_by_name():
+    body = cart()
+    z = mb.State("z", rate=lambda z: 1.0 - z)
+    system = mb.System(body, z, mb.Force("push", body.point(0, 0), (sympy.Symbol("z") ** 2, 0)))
+    assert_allclose(np.asarray(ca.Function("Q", [system.s], [system.Q])(3.0)).ravel()[0], 9.0)
+
+
+def test_the_rate_is_called_once():
+    calls = []
+    z = mb.State("z", rate=lambda z: calls.append(z) or -z)
+    body = cart()
+    scene = mb.Scene(mb.System(body, z), {"z": 1.0}, TIMES, {"z": z.value})
+    again = pickle.loads(pickle.dumps(scene))
+    assert np.array_equal(mb.simulate(again).values, mb.simulate(scene).values)
+    assert len(calls) == 1
+
+
+BODY = cart()
+Z = mb.State("z", rate=lambda z: -z)
+FAST = mb.State("fast", rate=lambda z: BODY.vx)
+FAULTS = [
+    (lambda: mb.State("z", rate=lambda z: "fast"), r"State 'z': rate: expected one number or CasADi SX, got 'fast'"),
+    (lambda: mb.State("z", rate=lambda z: 1 / 0), r"State 'z': rate: the law raises ZeroDivisionError"),
+    (lambda: mb.State("z", rate=lambda z: ca.SX.sym("a", 2)), r"State 'z': rate: expected one number"),
+    (lambda: mb.State(3, rate=lambda z: -z), r"State: the name is a text, got 3"),
+    (lambda: mb.System(BODY, mb.State("z", rate=lambda z: ca.SX.sym("k"))), r"State 'z': rate: symbol 'k' belongs to"),
+    (lambda: mb.System(BODY, mb.Force("f", BODY.point(0, 0), (Z.value, 0))), r"State 'z' is not part of the System"),
+    (lambda: mb.System(BODY, mb.State("a", rate=lambda z: Z.value)), r"State 'z' is not part of the System. Add it"),
+    (lambda: mb.Scene(mb.System(BODY), outputs={"z": Z.value}), r"output 'z': State 'z' is not part of the System"),
+    (lambda: mb.System(BODY, mb.State("k", rate=1.0), parameters=mb.Parameters(k=1.0)), r"State 'k': a parameter or"),
+    (lambda: mb.System(BODY, mb.State("t", rate=1.0)), r"State 't': a parameter or the time has this name"),
+    (lambda: mb.System(BODY, Z, mb.State("z", rate=1.0)), r"State 'z': the name is used twice"),
+    (lambda: mb.System(BODY, FAST, mb.Motion("m", BODY.x, FAST.value)), r"rate of State 'fast' contains velocities"),
+    (lambda: mb.Scene(mb.System(BODY, Z), {"zz": 1.0}), r"no coordinate or velocity 'zz'. Did you mean 'z'"),
+    (lambda: mb.Scene(mb.System(BODY, Z), {"z": BODY.x}), r"start 'z': may depend on parameters only"),
+    (lambda: mb.Scene(mb.System(BODY, Z), guess={"z": 1.0}), r"guess: 'z' needs no guess, a state starts where start"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), FAULTS)
+def test_faults_name_the_state(make, text):
+    with pytest.raises(mb.DeclarationError, match=text):
+        make()
