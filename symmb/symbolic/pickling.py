@@ -76,4 +76,4 @@ def _time() -> ca.SX:
 
 
 def _expression(function: str, symbols: list[ca.SX]) -> ca.SX:
-    return ca.Function.deserialize(function).call(symbols)[0]
+    return ca.SX(ca.Function.deserialize(function).call(symbols)[0])  # a DM where there are no symbols
