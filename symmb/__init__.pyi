@@ -83,6 +83,7 @@ from .mechanics.pose import Particle as Particle
 from .mechanics.pose import Planar as Planar
 from .mechanics.pose import Spatial as Spatial
 from .mechanics.rotation import rotation as rotation
+from .mechanics.sampled import Sampled as Sampled
 from .mechanics.state import State as State
 from .mechanics.table import Table as Table
 from .model.box import Box as Box

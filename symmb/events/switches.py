@@ -59,8 +59,8 @@ class Kinks:
 
 
 def kinks(dae: DAE, times: Array) -> Kinks | None:
-    """Kinks and jumps of the equations of motion over the output times (n_t,), if there are any."""
-    f, at = _equations(dae)
+    """Kinks and jumps of equations of motion and of sampled laws over the output times (n_t,), if there are any."""
+    f, at = _equations(dae, with_samples=True)
     expression = switching(f, at)
     if not expression.kinks:
         return None
@@ -74,13 +74,16 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
 
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
-    """The switches of time of the equations of motion; None if they have none."""
+    """The switches of time of the equations of motion, with instants of sampled values; None if they have none."""
     f, at = _equations(dae)
-    if not has_kinks(f):
+    instants = None if dae.sampling is None else dae.sampling.instants(float(times[-1]))
+    if not has_kinks(f) and instants is None:
         return None
     _, p, t = (symbol for symbol, _ in at)
-    switches = branches(f, at).times
-    return TimeSwitches(switches, p, t, times) if switches.numel() else None
+    switches = branches(f, at).times if has_kinks(f) else ca.SX(0, 1)
+    if not switches.numel() and instants is None:
+        return None
+    return TimeSwitches(switches, p, t, times, instants)
 
 
 def longest_step(dae: DAE, times: Array) -> float:
@@ -194,8 +197,8 @@ def _jumps(law: ca.Function, times: Array) -> Array:
     return jumps[np.diff(jumps, prepend=-np.inf) > (t[1] - t[0]) / 100]
 
 
-def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
-    """Forces, right sides of constraints and first-order rates of (x, p, t), with symbols for these."""
+def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
+    """Forces, right sides of constraints, first-order rates and sampled laws of (x, p, t), with symbols for these."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
     M = ca.vertcat(*ca.vertsplit(ca.vec(dae.M(*at).nz[:])))
@@ -204,5 +207,7 @@ def _equations(dae: DAE) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
         parts.append(dae.gamma(*at))
     if dae.n_s:
         parts.append(dae.rhs(*at)[2])
+    if with_samples and dae.sampling is not None:
+        parts += [law(*at) for law in dae.sampling.laws]
     f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))], {"cse": True})
     return f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]

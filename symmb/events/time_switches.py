@@ -22,9 +22,11 @@ class TimeSwitches:
     switches : (k,) SX       what changes sign at the kinks and jumps, of p and t
     p, t : SX symbols
     times : (n_t,) array     output times; switches outside do not count
+    instants : (k,) array    further switches, of all samples [s]
     """
 
-    def __init__(self, switches: ca.SX, p: ca.SX, t: ca.SX, times: Array) -> None:
+    def __init__(self, switches: ca.SX, p: ca.SX, t: ca.SX, times: Array, instants: Array | None = None) -> None:
+        self._instants = np.empty(0) if instants is None else instants
         self._begin, self._end = float(times[0]), float(times[-1])
         slopes = ca.densify(ca.jacobian(switches, t))
         is_linear = [not ca.depends_on(slope, t) for slope in ca.vertsplit(slopes)]
@@ -37,7 +39,8 @@ class TimeSwitches:
 
     def __call__(self, p: Array) -> Array:
         """Switches (N, k) of N samples p (N, n_p) in order, infinite behind the last one [s]."""
-        p, switches = p[:, : self._linear.numel_in(0)], []
+        p = p[:, : self._linear.numel_in(0)]
+        switches = [np.broadcast_to(self._instants, (len(p), len(self._instants)))]
         if self._linear.numel_out(0):
             at_zero, slope = batch(self._linear, p)
             with np.errstate(all="ignore"):

@@ -42,7 +42,7 @@ class _Multistep(Solver):
         """CasADi's options, from those for tolerances, for an integration over a time of this length."""
 
     def has_dense_output(self, dae: DAE) -> bool:
-        return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs)
+        return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         def problem_of(dae: DAE) -> Problem:
@@ -119,7 +119,7 @@ class StabilizedIndex2(Solver):
     atol: float | None = None
 
     def has_dense_output(self, dae: DAE) -> bool:
-        return not has_kinks(dae.rhs)
+        return not has_kinks(dae.rhs) and dae.sampling is None
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         options, units = _measures(self.tolerances(dae, n_quad=int(work and dae.power is not None)))
@@ -146,6 +146,7 @@ class Collocation(Solver):
     """
 
     stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection)
+    begins_anew: ClassVar[bool] = True
 
     degree: int = 4
     steps: int = 1000

@@ -271,13 +271,14 @@ class EventRuns:
 
     def _finish(self) -> None:
         """Store the last output of runs at the end, and leave these out."""
-        control = self._steps
+        control, integration = self._steps, self._integration
         reached = control.live[control.t[control.live] >= control.end[control.live]]
         done = np.array([lane for lane in reached.tolist() if not self._pieces[lane]], dtype=np.intp)
         on = np.setdiff1d(reached, done)
         if on.size:  # behind a switch of time
             begins, ends = zip(*(self._pieces[lane].pop(0) for lane in on.tolist()), strict=True)
             control.t[on], control.end[on] = begins, ends
+            self._y[on] = integration.projected(self._y[on], self._p(on), control.t[on])
             self._settle(on)
             control.restart(np.array(begins), self._first_steps(on), on)
         self.Y[done, -1] = self._y[done]

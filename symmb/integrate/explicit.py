@@ -106,6 +106,8 @@ class RungeKutta(_Explicit):
     stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
     """
 
+    begins_anew: ClassVar[bool] = True
+
     steps: int = 2500
     stabilization: Stabilization = None
 

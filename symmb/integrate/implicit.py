@@ -46,7 +46,10 @@ class _SchemeSolver(CompiledSolver):
         state, control = w[:n_x], self.limited_control(dae, times, order, 0)
         change, tested_change = step.newton()
         at_state = [step.x, state]
-        begin, past_work = ca.substitute(step.begin, *at_state), slice(n_x, n_x + step.n_quad)
+        fresh = state
+        if dae.sampling is not None and step.projected is not None:  # sampled values, where steps begin anew
+            fresh = ca.substitute(step.projected, *at_state)
+        begin, past_work = ca.substitute(step.begin, step.x, fresh), slice(n_x, n_x + step.n_quad)
         begin[past_work, :] = w[past_work, :]  # steps begin anew at switches
         f = scheme_function(
             w,

@@ -67,6 +67,7 @@ class Integration:
     onward : Function, optional          `between` for intervals of the times of `whole`
     limit : (float, float)               steps per time of a usual run [1/s]; most steps beyond it of one sample, in
                                          such intervals
+    samples : bool                       `project` computes sampled values as well, where steps begin anew
     """
 
     def __init__(
@@ -84,7 +85,9 @@ class Integration:
         whole_times: tuple[Array, Indices] | None = None,
         onward: ca.Function | None = None,
         limit: tuple[float, float] = (np.inf, np.inf),
+        samples: bool = False,
     ) -> None:
+        self._samples = samples
         self.times, self._limit = times, limit
         self._whole_times, self._outputs = whole_times or (times, np.arange(len(times)))
         self.n_x, self.n_quad = n_x, n_quad
@@ -180,6 +183,7 @@ class Integration:
             for piece in pieces_between(begin, end, stops.times):
                 if piece[0] > stops.sticks:
                     return replace(run, t_failed=float(stops.sticks), message=REASONS[FailureCode.STICKS])
+                x = self._projected(x, p, piece[0]) if self._samples else x
                 before = self._statistics["steps"]
                 try:
                     with interrupts:

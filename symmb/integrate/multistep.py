@@ -98,6 +98,7 @@ def multistep_integration(
         whole_times=(fine, outputs),
         onward=onward,
         limit=(USUAL * most / horizon, LOST * most),
+        samples=dae.sampling is not None,
     )
 
 
@@ -119,9 +120,10 @@ class _MultistepIntegration(Integration):
         whole_times: tuple[Array, Indices] | None = None,
         onward: ca.Function | None = None,
         limit: tuple[float, float] = (math.inf, math.inf),
+        samples: bool = False,
     ) -> None:
         n_x, n_quad = problem.x.numel(), problem.quad.numel()
-        grid = {"whole_times": whole_times, "onward": onward, "limit": limit}
+        grid = {"whole_times": whole_times, "onward": onward, "limit": limit, "samples": samples}
         super().__init__(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units, **grid)
         self._smooth = smooth
 

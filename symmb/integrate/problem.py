@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from symmb._types import Array
-from symmb.integrate.projection import normalize, project
+from symmb.integrate.projection import normalize, project, sampled
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.model import DAE
 from symmb.symbolic import independent, jets, symmetric_solver
@@ -18,7 +18,8 @@ PROJECTION_STEPS = 3
 class Problem:
     """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along.
 
-    `projected` is x on the constraints as far as it is to be moved there, and with quaternions of norm 1.
+    `projected` is x on the constraints as far as it is to be moved there, with quaternions of norm 1 and with sampled
+    values.
     """
 
     x: ca.SX
@@ -153,6 +154,8 @@ def build_problem(
         projected = project(dae, x, p, time, projections)
     else:
         projected = normalize(dae, x) if one_step else None
+    if dae.sampling is not None:
+        projected = sampled(dae, x if projected is None else projected, p, time)
     power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
     return Problem(
         x=x,

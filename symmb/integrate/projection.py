@@ -11,6 +11,13 @@ def normalize(dae: DAE, x: ca.SX) -> ca.SX | None:
     return None if ca.is_equal(moved, x, 1) else moved
 
 
+def sampled(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
+    """The state with the sampled values of a time, if an instant is reached."""
+    if dae.sampling is None:
+        return x
+    return ca.vertcat(x[: dae.n_q + dae.n_v], dae.sampling.held(*dae.arguments(x, p, time)))
+
+
 def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
     """The state x (n_x,) on the constraints: Newton steps for the positions, then one correction of the velocities.
 

@@ -37,6 +37,8 @@ class Solver(ABC):
     """Types of the option `stabilization`, besides None."""
     locates_events: ClassVar[bool] = False
     """Whether steps end at impacts."""
+    begins_anew: ClassVar[bool] = False
+    """Whether a fixed step takes nothing along over an output time but the state."""
     gives_derivatives: ClassVar[bool] = True
     """Whether Taylor coefficients of the motion can be integrated."""
 

@@ -3,6 +3,7 @@
 import casadi as ca
 
 from symmb.integrate.problem import Problem
+from symmb.integrate.projection import sampled
 from symmb.model import DAE
 from symmb.symbolic import independent
 
@@ -56,5 +57,5 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
         alg=ca.densify(rows),
         quad=dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1),
         z_guess=ca.vertcat(guess, ca.SX.zeros(dae.n_c)),
-        projected=None,
+        projected=None if dae.sampling is None else sampled(dae, x, p, time),
     )

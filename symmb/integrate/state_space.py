@@ -14,6 +14,7 @@ from symmb.codegen import REASONS, FailureCode
 from symmb.events import longest_step
 from symmb.integrate.integration import Integration, Run, pieces_between, stateless_integration
 from symmb.integrate.one_sided import one_sided
+from symmb.integrate.projection import sampled
 from symmb.integrate.side_walk import Advance, SideWalk, Stops
 from symmb.integrate.solver import Solver
 from symmb.integrate.switch_passes import SwitchPasses
@@ -70,6 +71,8 @@ class _Partitioned(Integration):
         daes = [dae] if self._one_sided is None else [dae, self._one_sided.dae]
         self._equations = [_Equations.of(dae, work) for dae in daes]
         self._counts = {"steps": 0, "choices of coordinates": 0}
+        at = ca.SX.sym("x", self.n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+        self._held = None if dae.sampling is None else ca.Function("held", [*at], [sampled(dae, *at)], {"cse": True})
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         self._counts = dict.fromkeys(self._counts, 0)
@@ -109,8 +112,8 @@ class _Partitioned(Integration):
                         t = float(stops.sticks)
                         raise _Breakdown(REASONS[FailureCode.STICKS])
                     before = stored
-                    y = piece(begin, end, y)
-                Y[stored:] = y  # an output time that is a switch of time
+                    y = piece(begin, end, self._sampled(y, p, begin))
+                Y[stored:] = self._sampled(y, p, float(times[-1]))  # an output time that is a switch of time
             except np.linalg.LinAlgError:
                 message = "the dependent coordinates are not determined"
             except _Breakdown as breakdown:
@@ -119,6 +122,12 @@ class _Partitioned(Integration):
                 carry_runs(interrupt, [Run(Y[:, :n_x], Y[:, n_x:], t, "interrupted")])
                 raise
         return Run(Y[:, :n_x], Y[:, n_x:], t if message else np.nan, message)
+
+    def _sampled(self, y: Array, p: Array, t: float) -> Array:
+        """y with the sampled values of a time."""
+        if self._held is None:
+            return y
+        return np.concatenate([batch(self._held, y[: self.n_x], p, np.array([t]))[0][0], y[self.n_x :]])
 
     def _pieces_of(self, p: Array, stops: Stops, along: Advance) -> Callable[[float, float, Array], Array]:
         """(begin, end, y) -> y at the end of pieces between stops."""

@@ -38,9 +38,9 @@ def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None
     """The problem with its switches; None if it has none. Algebraic variables must be eliminated."""
     x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))], {"cse": True})
-    if not has_kinks(f):
-        return None
     stops = stops_in_time(dae, times)
+    if not has_kinks(f):
+        return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
     branch = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
     (rates,) = branch.outputs
     ode = rates[: x.numel()]

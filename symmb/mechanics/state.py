@@ -13,7 +13,30 @@ from symmb.symbolic import Kind, Symbol, declare, scalar
 
 
 @dataclass(frozen=True, eq=False)
-class State(Element):
+class OwnState(Element):
+    """An element that has first-order states of its own; the first one is its value."""
+
+    name: str
+    symbols: tuple[Symbol, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise DeclarationError(f"{type(self).__name__}: the name is a text, got {self.name!r}.")
+
+    @property
+    def value(self) -> ca.SX:
+        """The value in expressions."""
+        return self.symbols[0].sx
+
+    def bodies(self) -> tuple[AbstractBody, ...]:
+        return ()
+
+    def faults(self) -> Iterator[str]:
+        yield from ()
+
+
+@dataclass(frozen=True, eq=False)
+class State(OwnState):
     """A first-order state z with z' = rate. It is an element of the System, and laws and outputs take its `value`.
 
     It starts at 0, or where `Scene(start={"z": 0.5})` says.
@@ -34,26 +57,12 @@ class State(Element):
     1.367879
     """
 
-    name: str
     rate: Callable[[ca.SX], Expr] | Expr
-    symbol: Symbol = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise DeclarationError(f"State: the name is a text, got {self.name!r}.")
+        super().__post_init__()
         value = ca.SX.sym(self.name)
         title = f"{self.title}: rate"
         rate = scalar(law_value(self.rate, title, value) if callable(self.rate) else self.rate, title)
         object.__setattr__(self, "rate", rate)
-        object.__setattr__(self, "symbol", declare([self.name], Kind.STATE, value, rate, ca.SX(0), self.title)[0])
-
-    @property
-    def value(self) -> ca.SX:
-        """The state in expressions."""
-        return self.symbol.sx
-
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return ()
-
-    def faults(self) -> Iterator[str]:
-        yield from ()
+        object.__setattr__(self, "symbols", declare([self.name], Kind.STATE, value, rate, ca.SX(0), self.title))

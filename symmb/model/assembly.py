@@ -18,14 +18,16 @@ from symmb.mechanics import (
     Impact,
     Inertial,
     Load,
+    OwnState,
     Parameters,
     Particle,
-    State,
+    Sampled,
     Stop,
 )
 from symmb.model.binding import Binding
 from symmb.model.positive import Inertia, positive
 from symmb.model.validation import (
+    held_faults,
     impact_law,
     mass_and_inertia,
     membership_faults,
@@ -61,6 +63,7 @@ class Collected:
     Psi: ca.SX
     rows: dict[str, slice]
     row_names: tuple[str, ...]
+    sampled: tuple[tuple[Sampled, ca.SX], ...]  # with their laws
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
     assembly_cosines: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # expressions that must be above 0 for all parameters, with their names
@@ -102,7 +105,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         else:
             own = getattr(element, "faults", ())
         faults.lines += own
-    bind = Binding(parameters, bodies, [e for e in sound if isinstance(e, State)])
+    bind = Binding(parameters, bodies, [e for e in sound if isinstance(e, OwnState)])
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
     inertial = [(b, faults.attempt(lambda b=b: mass_and_inertia(b, bind, parameters), some)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
@@ -138,7 +141,8 @@ class _Equations:
 
     constraints: list[Constraint]
     impacts: list[Impact]
-    states: list[State]
+    states: list[OwnState]
+    sampled: list[tuple[Sampled, ca.SX]]
     actions: dict[str, tuple[Action, ...]]
     positions: dict[str, list[ca.SX]]
     velocities: dict[str, list[ca.SX]]
@@ -160,21 +164,25 @@ def _write_equations(
     impacts = [e for e in elements if isinstance(e, Impact)]
     stops = [e for e in elements if isinstance(e, Stop)]
     impacts += [impact for stop in stops for impact in attempt(lambda stop=stop: stop.impacts(bind), ())]
-    states = [e for e in elements if isinstance(e, State)]
+    states = [e for e in elements if isinstance(e, OwnState)]
     for state in states:
-        attempt(lambda s=state: bind.check(s.symbol.rate, f"{s.title}: rate"), None)
+        attempt(lambda s=state: bind.check(s.symbols[0].rate, f"{s.title}: rate"), None)
+    held = [e for e in states if isinstance(e, Sampled)]
+    sampled = [(e, attempt(lambda e=e: bind(e.law, f"{e.title}: law"), ca.SX(0))) for e in held]
     actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
     declared = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
         states=states,
+        sampled=sampled,
         actions=actions,
         positions={c.name: attempt(lambda c=c: position_rows(c, declared[c.name], bind), []) for c in constraints},
         velocities={c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints},
         laws={e.name: attempt(lambda e=e: impact_law(e, bind, parameters), (nothing, nothing)) for e in impacts},
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
+    faults.lines += [line for e in held for line in held_faults(e, equations.positions, equations.velocities)]
     faults.lines += [line for title, some in actions.items() for action in some for line in plane_faults(title, action)]
     return equations
 
@@ -197,6 +205,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
         block_sizes=tuple(b.frame.v.numel() for b in bodies),
         states=_states(bind, [ca.vec(M), Q_work, Q_potential, *Phi, *Psi, *gaps], equations),
+        sampled=tuple(equations.sampled),
         M=M,
         M_flow=_diagcat([share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
         Q=Q_work + Q_potential,
@@ -216,7 +225,9 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
 
 def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) -> tuple[Symbol, ...]:
     """The declared states, those in expressions and in rates of others, and whether contacts are closed."""
-    states = dict.fromkeys([*(state.symbol for state in equations.states), *bind.states(ca.vertcat(*expressions))])
+    declared = [symbol for state in equations.states for symbol in state.symbols]
+    laws = [law for _, law in equations.sampled]
+    states = dict.fromkeys([*declared, *bind.states(ca.vertcat(*expressions, *laws))])
     for state in (reached := [*states]):  # which grows
         reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
     return tuple(dict.fromkeys([*reached, *(impact.state for impact in equations.impacts)]))
@@ -277,7 +288,8 @@ def _without_untouched(c: Collected) -> Collected:
     if not any(isinstance(b.pose, Particle) for b in c.bodies):
         return c
     gaps = [gap for _, gap, _ in c.impacts]
-    equations = ca.vertcat(c.Phi, c.Psi, c.Q, *[ca.vec(c.M)], c.potential, *[s.rate for s in c.states], *gaps)
+    laws = [*(s.rate for s in c.states), *(law for _, law in c.sampled)]
+    equations = ca.vertcat(c.Phi, c.Psi, c.Q, ca.vec(c.M), c.potential, *laws, *gaps)
     pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
     depends: list[bool] = np.any(pattern, axis=0).tolist()
     drop, q_at, v_at = [], 0, 0

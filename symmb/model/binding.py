@@ -8,14 +8,14 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._types import Expr
-from symmb.mechanics import Body, Parameters, State
+from symmb.mechanics import Body, OwnState, Parameters
 from symmb.symbolic import Kind, Symbol, from_sympy, is_sympy, is_zero, lookup, symbols_in, t
 
 
 class Binding:
     """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
 
-    def __init__(self, parameters: Parameters, bodies: Sequence[Body], states: Sequence[State] = ()) -> None:
+    def __init__(self, parameters: Parameters, bodies: Sequence[Body], states: Sequence[OwnState] = ()) -> None:
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):
             symbol = parameters.symbols[i]
@@ -24,7 +24,8 @@ class Binding:
             for record in body.frame.records:
                 self._known[record.sx.element_hash()] = (record.name, record.kind, record.sx)
         for state in states:
-            self._known[state.value.element_hash()] = (state.name, Kind.STATE, state.value)
+            for record in state.symbols:
+                self._known[record.sx.element_hash()] = (record.name, Kind.STATE, record.sx)
 
     @property
     def by_name(self) -> dict[str, ca.SX]:

@@ -14,6 +14,7 @@ from symmb.mechanics import Spatial
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Contacts, Impacts
 from symmb.model.redundancy import redundancy_equations
+from symmb.model.sampling import Sampling, sampling_of
 from symmb.model.scales import Scales
 from symmb.model.system import System
 from symmb.model.validation import require_inertia
@@ -58,6 +59,7 @@ class DAE:
     impacts : Impacts      gaps that close, and velocities that jump then
     scales : Scales        of the motion; 1 if they are unknown
     s_rest : (n_s,)        states at the start next to which angles count their turns; None: 0
+    sampling : Sampling    values that are held between instants
     """
 
     q_names: tuple[str, ...]
@@ -91,6 +93,7 @@ class DAE:
     impacts: Impacts | None = None
     scales: Scales = field(default_factory=Scales)
     s_rest: Array | None = None
+    sampling: Sampling | None = None
 
     @property
     def n_q(self) -> int:
@@ -154,7 +157,8 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program; needs nothing but a C compiler.
 
-        With impacts, the functions of their equations are written instead of the main program, which has no events.
+        With impacts and sampled values, the functions of their equations are written instead of the main program, which
+        has no events.
 
         Parameters
         ----------
@@ -172,6 +176,9 @@ class DAE:
         if self.impacts is not None:
             impacts = self.impacts
             functions |= {f.name(): f for f in (impacts.gaps, impacts.forces, impacts.impulses, impacts.project)}
+        if self.sampling is not None:
+            functions |= {f.name(): f for f in self.sampling.laws}
+        if self.impacts is not None or self.sampling is not None:
             return save_c(functions, folder)
         begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
         require_instance("save_c: start", {} if start is None else start, Mapping, 'values such as {"q": [...]}')
@@ -248,6 +255,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         positive=positive,
         positive_names=positive_names,
         impacts=None if contacts is None else contacts.compiled(retract),
+        sampling=sampling_of(system),
         **functions,  # pyright: ignore[reportArgumentType]
     )
 

@@ -8,7 +8,7 @@ import casadi as ca
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._types import Expr
-from symmb.mechanics import Joint, Rotation, Spatial, State
+from symmb.mechanics import Joint, OwnState, Rotation, Spatial
 from symmb.model.system import System
 from symmb.symbolic import Kind, Symbol, lookup, symbols_in
 
@@ -99,7 +99,7 @@ class _Values:
         self._decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
         self._spatial = {b.name for b in c.bodies if isinstance(b.pose, Spatial)}
         self._joints = {e.name: e for e in system.elements if isinstance(e, Joint)}
-        self._states = {e.name for e in system.elements if isinstance(e, State)}
+        self._states = {e.name for e in system.elements if isinstance(e, OwnState)}
         self.q: dict[int, ca.SX] = {}
         self.v: dict[int, ca.SX] = {}
         self.displacements: set[int] = set()

@@ -1,7 +1,7 @@
 """Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
 
 import itertools
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -18,9 +18,10 @@ from symmb.mechanics import (
     Element,
     Ground,
     Impact,
+    OwnState,
     Parameters,
     Particle,
-    State,
+    Sampled,
     as_matrix,
     inertia_matrix,
 )
@@ -32,8 +33,8 @@ from symmb.symbolic import is_zero
 def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
     """Arguments that are no elements, and names that are invalid or used twice, those of states by parameters too."""
     faults, names = [], set()
-    own = [e.name for e in elements if isinstance(e, State) and e.name in (*parameters, "t")]
-    faults += [f"State {name!r}: a parameter or the time has this name. Choose another." for name in own]
+    own = [e.title for e in elements if isinstance(e, OwnState) and e.name in (*parameters, "t")]
+    faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
     for e in elements:
         if not isinstance(e, Body | Element):
             faults.append(
@@ -124,6 +125,16 @@ def _state_faults(row: ca.SX, bind: Binding) -> list[str]:
     return [
         f"the rate of {state.owner} contains velocities, so that no position can follow it. Use a force law."
         for state in fast
+    ]
+
+
+def held_faults(sampled: Sampled, *kinds: Mapping[str, Sequence[ca.SX]]) -> list[str]:
+    """Constraints with a value that jumps, from the rows of all by name, of positions and of velocities."""
+    rows = [(name, row) for kind in kinds for name, own in kind.items() for row in own]
+    jumping = dict.fromkeys(name for name, row in rows if ca.depends_on(row, sampled.value))
+    return [
+        f"{name!r}: the value of {sampled.title} jumps, which a constraint cannot. Use an Actuator or a Force."
+        for name in jumping
     ]
 
 

@@ -79,7 +79,8 @@ class DAESimulator:
         dae = all_rows
         if self.start.rows is not None:
             dae = compile_dae(scene.system, self.start.rows, self.start.nullities)
-        self.dae: DAE = replace(dae, scales=self.start.scales(dae, float(np.ptp(self.times))))
+        scales = self.start.scales(dae, float(np.ptp(self.times)))
+        self.dae: DAE = replace(dae, scales=scales, sampling=self.start.dae.sampling)
         self.y = output_function(self.dae, scene, scene.y)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
@@ -88,7 +89,7 @@ class DAESimulator:
         if solver is None and self.dae.impacts is not None:
             solver, self._reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         if solver is None:
-            require_able(DormandPrince(), self.dae, self._contradiction)
+            require_able(DormandPrince(), self.dae, self.times, self._contradiction)
         else:
             self._use(solver)
 
@@ -165,7 +166,7 @@ class DAESimulator:
         return copy
 
     def _use(self, solver: Solver) -> None:
-        require_able(solver, self.dae, self._contradiction)
+        require_able(solver, self.dae, self.times, self._contradiction)
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}

@@ -12,6 +12,8 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     system = scene.system
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
+    if dae.sampling is not None:  # at an instant, outputs have the new values
+        at = (*at[:2], dae.sampling.held(*at), *at[3:])
     states = [system.q, system.v, *([system.s] if dae.n_s else []), system.p, time_symbol]
     lam, vdot = ca.SX(system.lam), system.vdot
     declared = ca.Function("declared", [*states, lam, vdot], [ca.densify(y)])

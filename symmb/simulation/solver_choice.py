@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from symmb._errors import DeclarationError
+from symmb._types import Array
 from symmb.codegen import REASONS, FailureCode, has_compiler
 from symmb.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver, impacts_text
 from symmb.model import DAE
@@ -93,8 +94,16 @@ def _count(run: Pilot) -> str:
     return f"{run.steps} steps in a pilot run" if run.steps else "a pilot run finishes"
 
 
-def require_able(solver: Solver, dae: DAE, contradiction: object) -> None:
+def require_able(solver: Solver, dae: DAE, times: Array, contradiction: object) -> None:
     """DeclarationError unless the solver can run a scene, whose start may contradict the rates of its drives."""
+    if dae.sampling is not None and not solver.controls_step:
+        missed = dae.sampling.missed(times)
+        if not solver.begins_anew or missed.size:
+            remedy = f" or give times that contain every instant, such as {missed[0]:.6g} s" if missed.size else ""
+            raise DeclarationError(
+                f"Steps of {solver!r} do not begin anew at the instants of sampled values. "
+                f"Use a solver that controls its steps, such as DormandPrince(){remedy if solver.begins_anew else ''}."
+            )
     if dae.impacts is not None and not solver.locates_events:
         raise DeclarationError(
             f"{solver!r} does not locate the events of {impacts_text(dae.impacts)}. "

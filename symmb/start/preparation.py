@@ -1,6 +1,6 @@
 """The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -35,6 +35,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     """
     prescribed = scene.prescribed
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
+    dae = dae if dae.sampling is None else replace(dae, sampling=replace(dae.sampling, begin=t0))
     reference = listed_coordinates(scene, dae)
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
     q0, s0 = assemble(scene, dae, t0)

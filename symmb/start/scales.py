@@ -107,7 +107,7 @@ def _parts(dae: DAE) -> Indices:
     if not labels.size:
         return labels
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, time))))
-    row, column = (np.array(indices) for indices in ca.jacobian_sparsity(rates, x).get_triplet())
+    row, column = (np.array(indices, dtype=np.intp) for indices in ca.jacobian_sparsity(rates, x).get_triplet())
     before = None
     while before is None or (labels != before).any():
         before = labels.copy()

@@ -8,7 +8,7 @@ solves for the same ones from the nominal solution. Velocities follow from posit
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 
 import casadi as ca
 import numpy as np
@@ -87,6 +87,8 @@ class Start:
         if self.dae.s_start is not None:
             parts.append(_repeat_rows(batch(self.dae.s_start, q, P)[0], len(P)))
         x = np.hstack(parts)
+        if self._sampled is not None:
+            x = _repeat_rows(batch(self._sampled, x, P)[0], len(P))
         ok = ok & ~self._violates_rows(x, P)
         reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
         values = _repeat_rows(batch(self.dae.positive, P)[0], len(P))
@@ -140,6 +142,15 @@ class Start:
             bad = bad | ~(np.abs(r).max(axis=1) <= limit)
         return bad
 
+    @cached_property
+    def _sampled(self) -> ca.Function | None:
+        """(x, p) -> x with the sampled values of the start."""
+        if self.dae.sampling is None:
+            return None
+        x, p = ca.SX.sym("x", self.dae.n_q + self.dae.n_v + self.dae.n_s), ca.SX.sym("p", len(self.dae.p_names))
+        at = self.dae.arguments(x, p, ca.SX(self.t0))
+        return ca.Function("sampled", [x, p], [ca.vertcat(*at[:2], self.dae.sampling.held(*at))], {"cse": True})
+
     def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The equations of `states` for generated code.
 
@@ -165,6 +176,7 @@ class Start:
         q = self.place(u, p)
         s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
         state = ca.densify(ca.vertcat(q, self.velocities(q, p), *s))
+        state = state if self._sampled is None else self._sampled(state, p)
         arguments = self.dae.arguments(state, p, ca.SX(self.t0))
         rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
         rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
@@ -186,7 +198,8 @@ class Start:
         if self.dae.s_start is not None:
             for parts, s in zip(x, _function_jets(self.dae.s_start, [q, P]), strict=True):
                 parts.append(s)
-        return [np.hstack([_repeat_rows(part, m) for part in parts]) for parts in x]
+        states = [np.hstack([_repeat_rows(part, m) for part in parts]) for parts in x]
+        return states if self._sampled is None else _function_jets(self._sampled, [states, P])
 
 
 def _repeat_rows(a: Array, N: int) -> Array:
