@@ -24,24 +24,20 @@ ground = mb.Ground()
 upper, lower = (mb.Body(name, M, M * L**2 / 12, pose=mb.Planar()) for name in ("upper", "lower"))
 tip = lower.point(L / 2, 0)
 load = mb.Body("load", p.load, pose=mb.Particle())
-shoulder = STIFFNESS[0] * (TARGET[0] - upper.theta) - DAMPING[0] * upper.omega
-bend = lower.theta - upper.theta
-elbow = STIFFNESS[1] * (TARGET[1] - bend) - DAMPING[1] * (lower.omega - upper.omega)
-system = mb.System(
-    upper,
-    lower,
-    load,
+joints = [
     mb.Revolute("shoulder", ground.point(0, 0), upper.point(-L / 2, 0)),
     mb.Revolute("elbow", upper.point(L / 2, 0), lower.point(-L / 2, 0)),
-    mb.Spherical("grip", tip, load.point(0, 0)),
-    mb.Torque("shoulder_motor", upper, shoulder - elbow),
-    mb.Torque("elbow_motor", lower, elbow),
-    mb.Gravity(0, -G),
-    parameters=p,
+]
+motors = [
+    mb.Actuator(f"{joint.name}_motor", joint, stiffness * (target - joint.angle) - damping * joint.angle_rate)
+    for joint, target, stiffness, damping in zip(joints, TARGET, STIFFNESS, DAMPING, strict=True)
+]
+system = mb.System(
+    upper, lower, load, *joints, mb.Spherical("grip", tip, load.point(0, 0)), *motors, mb.Gravity(0, -G), parameters=p
 )
 scene = mb.Scene(
     system,
-    start={"upper.theta": 0.0, "lower.theta": 0.0},
+    start={"shoulder.angle": 0.0, "elbow.angle": 0.0},
     times=np.linspace(0.0, 4.0, 201),
     outputs={"tip_x": tip.x, "tip_y": tip.y},
     box=mb.Box(load=(0.2, 2.0)),

@@ -239,6 +239,26 @@ def test_sympy_laws_are_bound_by_name():
     np.testing.assert_allclose(traj["ball.x"], np.cos(2 * SHORT), atol=1e-8)
 
 
+def test_joints_are_handles_for_motors_stops_states_and_controllers():
+    p = mb.Parameters(a=0.3)
+    ground, link = mb.Ground(), mb.Body("link", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
+    cart = mb.Body("cart", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
+    elbow = mb.Revolute("elbow", ground.point(0, 0, 0), link.point(0, 0, 0))
+    slide = mb.Prismatic("slide", link.point(0, 0, 0), cart.point(0, 0, 0), axis=(1, 0, 0))
+    z = mb.State("z", rate=lambda z: (elbow.angle - z) / 0.1)
+    u = mb.Sampled("u", period=0.01, law=-elbow.angle_rate)
+    elements = [
+        mb.Actuator("motor", elbow, u.value + z.value), mb.Stop("limit", slide, -1.0, 1.0, mb.KelvinVoigt(1e3)),
+        mb.Stop("end", elbow, None, 2.0, restitution=0.5),
+    ]  # fmt: skip
+    system = mb.System(link, cart, elbow, slide, z, u, *elements, parameters=p)
+    start = {"elbow.angle": p.a, "elbow.angle_rate": 1.0, "slide.displacement": 0.1, "z": 0.2}
+    handles = (elbow.angle, elbow.angle_rate, slide.displacement, slide.displacement_rate, z.value, u.value)
+    outputs = {str(i): handle for i, handle in enumerate(handles)}
+    scene = mb.Scene(system, start, SHORT, outputs, guess={"slide.displacement": 0.0})
+    np.testing.assert_allclose(mb.simulate(scene).values[0], [0.3, 1.0, 0.1, 0.0, 0.2, -1.0], atol=1e-12)
+
+
 def test_compare_json_has_the_agreed_layout(scene_file, tmp_path, capsys):
     out, picture = tmp_path / "out.json", tmp_path / "out.png"
     arguments = ["compare", str(scene_file), "--spread", "5%", "--methods", "pce:2:paper", "taylor:2", "pce", "mc:20"]

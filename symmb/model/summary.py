@@ -38,6 +38,7 @@ def system_text(
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
         f"forces       {_count([type(e).__name__ for e in forces])}",
         *([f"impacts      {', '.join(name for name, *_ in c.impacts)}"] if c.impacts else []),
+        *([f"sampled      {', '.join(f'{e.name} every {e.period:g} s' for e, _ in c.sampled)}"] if c.sampled else []),
         f"parameters   {', '.join(parameters) or 'none'}",
         f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")

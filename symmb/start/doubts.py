@@ -18,6 +18,8 @@ _BALANCED = 1e-9
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float) -> Iterator[str]:
     """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters."""
     s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
+    if dae.sampling is not None:
+        s = (np.asarray(ca.evalf(dae.sampling.held(*map(ca.SX, (q, v, *s, dae.p_nominal, t0))))).ravel(),)
     at = (q, v, *s, dae.p_nominal, t0)
     G = dae.G(*at).full() * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
     rows, _ = independent_rows_and_columns(G)
@@ -47,6 +49,11 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
         return False
     delta, others = ca.SX.sym("delta", dae.n_v), [ca.SX(ca.DM(part)) for part in at[1:]]
     moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)
+    if dae.sampling is not None:  # held values follow displacements
+        s = ca.SX(ca.DM(at[2]))
+        for _, count in dae.sampling.states:
+            s[count] = 0
+        others[1] = dae.sampling.held(moved, others[0], s, *others[2:])
     residual = ca.SX(ca.DM(scales)) * dae.Q(moved, *others)
     if dae.G is not None and len(rows):
         G_moved = dae.G(moved, *others)[rows.tolist(), :] @ ca.diag(ca.SX(ca.DM(scales)))

@@ -190,6 +190,27 @@ def test_a_law_with_a_kink_is_told_where_derivatives_are_asked_for():
     assert 0.17 < time <= 0.2 + 1e-9 and "kinks" in what  # the first output time behind 30 x + 6 v = 20
 
 
+def test_an_equilibrium_is_one_of_held_values_as_well():
+    """k x = g under a sampled spring; the upright pendulum that a controller holds is no unstable start."""
+    body = mb.Body("body", 1.0, pose=mb.Particle())
+    u = mb.Sampled("u", 0.001, law=-500 * body.y)
+    system = mb.System(body, u, mb.Gravity(0, -9.81), mb.Force("spring", body.point(0, 0), (0, u.value)))
+    scene = mb.Scene(system, times=[0.0, 0.1], outputs={"y": body.y}, equilibrium=True)
+    assert_allclose(mb.simulate(scene)["y"], -9.81 / 500, atol=1e-10)
+    rod = mb.Body("rod", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, -0.5))
+    hold = mb.Sampled("hold", 0.01, law=-40 * hinge.angle - 4 * hinge.angle_rate)
+    upright = mb.System(rod, hinge, hold, mb.Gravity(0, -9.81), mb.Actuator("motor", hinge, hold.value))
+    assert not mb.simulate(mb.Scene(upright, times=[0.0, 0.1])).doubts
+
+
+def test_identity_and_text_tell_the_laws():
+    first, second = (mb.DAESimulator(controlled(period=period), mb.DormandPrince()) for period in (0.05, 0.1))
+    other = mb.DAESimulator(controlled(law=lambda cart: -cart.x), mb.DormandPrince())
+    assert len({first.identity(), second.identity(), other.identity()}) == 3
+    assert "sampled      u every 0.05 s" in str(controlled().system)
+
+
 def test_pickles_run_alike():
     scene = controlled()
     again = pickle.loads(pickle.dumps(scene))
