@@ -11,7 +11,7 @@ from symmb.drawing.bodies import BodySketch
 from symmb.drawing.elements import sketch
 from symmb.drawing.shapes import Drawing, Shape
 from symmb.drawing.survey import Survey
-from symmb.mechanics import Element, Gravity, Planar, Point
+from symmb.mechanics import Element, Gravity, OwnState, Planar, Point
 from symmb.plot import labels
 from symmb.simulation import Trajectory
 
@@ -72,7 +72,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
         gravity=g,
         outputs=labels(run.names, run.units),
         values=run.values,
-        notes=tuple(e.title for e, build in sketches if build is None and not isinstance(e, Gravity)),
+        notes=tuple(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | OwnState)),
     )
 
 

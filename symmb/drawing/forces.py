@@ -1,6 +1,7 @@
 """Springs, dampers, contacts and loads as shapes, by their kinds."""
 
 from collections.abc import Iterator
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -179,7 +180,10 @@ def _(actuator: Actuator, survey: Survey) -> Build | None:
 
 @sketch.register
 def _(stop: Stop, survey: Survey) -> Build:
-    place, axis = survey.place(stop.joint.point_b), survey.direction(stop.joint.point_a.body, stop.joint.axes[0])
+    place, axis = (
+        survey.place(stop.joint.point_b),
+        survey.direction(stop.joint.point_a.body, cast(AxisJoint, stop.joint).axes[0]),
+    )
 
     def build(u: float) -> Iterator[Shape]:
         yield shape_of(stop, "ring", CONTACT, (place,), (3.0 * u, 0.5 * u), direction=unit_vectors(axis))

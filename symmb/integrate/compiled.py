@@ -12,7 +12,7 @@ from symmb._types import Array
 from symmb.codegen import ArrayEngine, Engine, FixedStep, Tolerances, has_compiler
 from symmb.events import longest_step
 from symmb.integrate.integration import Integration, Run
-from symmb.integrate.projection import sampled
+from symmb.integrate.projection import sampled_jets
 from symmb.integrate.solver import Solver
 from symmb.model import DAE
 from symmb.start import Start
@@ -70,7 +70,7 @@ class CompiledIntegration(Integration):
     ) -> None:
         n_x, n_p = (dae.n_q + dae.n_v + dae.n_s) * (order + 1), len(dae.p_names) * (2 if order else 1)
         x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
-        states = ca.Function("states", [x, p, t], [sampled(dae, x, p, t) if not order else x])
+        states = ca.Function("states", [x, p, t], [sampled_jets(dae, x, p, t, order)])
         self._engine = solver.engine(dae, times, states, order=order, work=work)
         self.times, self.n_x, self.n_quad = times, n_x, self._engine.n_y - n_x
         self._fixed_steps = fixed_steps

@@ -13,6 +13,7 @@ from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.integrate.integration import Integration
 from symmb.integrate.problem import build_problem
+from symmb.integrate.projection import sampled_jets
 from symmb.integrate.rosenbrock_step import rosenbrock
 from symmb.integrate.stabilization import AugmentedLagrangian, Stabilization
 from symmb.integrate.switch_passes import SwitchPasses
@@ -46,11 +47,9 @@ class _SchemeSolver(CompiledSolver):
         state, control = w[:n_x], self.limited_control(dae, times, order, 0)
         change, tested_change = step.newton()
         at_state = [step.x, state]
-        fresh = state
-        if dae.sampling is not None and step.projected is not None:  # sampled values, where steps begin anew
-            fresh = ca.substitute(step.projected, *at_state)
+        fresh = sampled_jets(dae, state, step.p, step.t, order)  # steps begin anew at switches and instants
         begin, past_work = ca.substitute(step.begin, step.x, fresh), slice(n_x, n_x + step.n_quad)
-        begin[past_work, :] = w[past_work, :]  # steps begin anew at switches
+        begin[past_work, :] = w[past_work, :]
         f = scheme_function(
             w,
             step.z,

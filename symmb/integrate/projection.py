@@ -3,6 +3,7 @@
 import casadi as ca
 
 from symmb.model import DAE
+from symmb.symbolic import jet_function
 
 
 def normalize(dae: DAE, x: ca.SX) -> ca.SX | None:
@@ -16,6 +17,17 @@ def sampled(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
     if dae.sampling is None:
         return x
     return ca.vertcat(x[: dae.n_q + dae.n_v], dae.sampling.held(*dae.arguments(x, p, time)))
+
+
+def sampled_jets(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, order: int) -> ca.SX:
+    """Taylor coefficients x of the state up to an order, with those of sampled values, for parameters (p_0, p_1)."""
+    if dae.sampling is None or not order:
+        return sampled(dae, x, p, time)
+    n_x, n_p = x.numel() // (order + 1), len(dae.p_names)
+    own = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
+    coefficients = jet_function(ca.Function("sampled", [*own], [ca.densify(sampled(dae, *own))]), order + 1)
+    P = [p[:n_p], p[n_p:], *[ca.SX.zeros(n_p)] * (order - 1)]
+    return ca.vertcat(*coefficients(*ca.vertsplit(x, n_x), *P, time, *[ca.SX(0)] * order))
 
 
 def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:

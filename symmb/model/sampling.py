@@ -44,7 +44,8 @@ class Sampling:
     def instants(self, end: float) -> Array:
         """The instants after the first one up to an end (k,) [s]."""
         counts = [(T, int(np.floor((end - self.begin) / T + _DUE))) for T in self.periods]
-        return np.unique(np.concatenate([self.begin + T * np.arange(1, n + 1) for T, n in counts]))
+        instants = np.concatenate([self.begin + T * np.arange(1, n + 1) for T, n in counts])
+        return np.unique(np.asarray(instants, dtype=np.float64))
 
     def missed(self, times: Array) -> Array:
         """The instants (k,) up to the last of the times (n_t,) that are not among them [s]."""

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import casadi as ca
 
-from symmb.mechanics import Joint
+from symmb.mechanics import Joint, OwnState
 from symmb.model.system import System
 from symmb.symbolic import Kind, interpret, is_time, lookup, symbols_in
 
@@ -71,7 +71,18 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
         if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
             (unit,) = _worked_out(rows[i], {})
             known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
-    return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, _handles(system)))
+    handles = _handles(system)
+    for state in (e for e in system.elements if isinstance(e, OwnState)):
+        if state.value.element_hash() in hashes:
+            known[state.value.element_hash()] = _of_own_state(state, system, handles)
+    return tuple(_TEXTS.get(unit, "") if unit else "" for unit in _worked_out(y, known, handles))
+
+
+def _of_own_state(state: OwnState, system: System, handles: Sequence[tuple[ca.SX, Unit]]) -> Unit | None:
+    """The unit of a sampled law, or of a rate times the time."""
+    laws = {element.name: law for element, law in system.collected.sampled}
+    (unit,) = _worked_out(ca.SX(laws.get(state.name, state.symbols[0].rate)), {}, handles)
+    return unit if unit is None or state.name in laws else _product(unit, _TIME)
 
 
 def _handles(system: System) -> list[tuple[ca.SX, Unit]]:

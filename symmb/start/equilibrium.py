@@ -26,7 +26,7 @@ def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices
     if dae.s_start is not None:
         at[-1] = dae.s_start(q, p)
     if dae.sampling is not None:
-        at[-1] = dae.sampling.held(q, *at, p, ca.SX(t0))
+        at[-1] = dae.sampling.held(q, at[0], at[1], p, ca.SX(t0))
     Q = dae.Q(q, *at, p, t0)
     if dae.G is None or dae.Phi is None:
         return Q[free.tolist()]

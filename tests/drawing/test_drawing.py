@@ -131,7 +131,8 @@ def test_actuators_and_stops_are_drawn_at_their_joints():
     rail = mb.Prismatic("rail", rod.point(0, -0.5), cart.point(0, 0), axis=(1, 0, 0))
     motor, ram = mb.Actuator("motor", hinge, -2.0 * mb.t), mb.Actuator("ram", rail, 3.0)
     limit = mb.Stop("limit", hinge, -1.0, 1.0, mb.KelvinVoigt(1e3))
-    scene = mb.Scene(mb.System(rod, cart, hinge, rail, motor, ram, limit), times=np.linspace(0, 0.2, 5))
+    state, held = mb.State("state", rate=1.0), mb.Sampled("held", 0.1, mb.t)
+    scene = mb.Scene(mb.System(rod, cart, hinge, rail, motor, ram, limit, state, held), times=np.linspace(0, 0.2, 5))
     drawing = draw(mb.simulate(scene))
     shapes = {shape.name: shape for shape in drawing.shapes if shape.name in ("motor", "ram", "limit")}
     assert {name: shape.form for name, shape in shapes.items()} == {"motor": "twist", "ram": "arrow", "limit": "ring"}

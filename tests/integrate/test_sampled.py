@@ -97,8 +97,14 @@ def test_lanes_without_a_compiler_give_the_same(monkeypatch):
     assert_allclose(simulator.run(P).Y, [closed_form(kp=kp, x0=x0) for kp, x0 in P], atol=1e-10)
 
 
-def test_derivatives_with_respect_to_parameters_hold_across_instants():
-    simulator = mb.DAESimulator(controlled(), mb.DormandPrince())
+def test_the_paper_s_solver_with_tolerances_begins_anew_at_instants():
+    run = mb.simulate(controlled(), mb.NSTIFFSI2(rtol=1e-8))
+    assert_allclose(run.values, closed_form(), atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.Rosenbrock(), mb.CVODES()], ids=repr)
+def test_derivatives_with_respect_to_parameters_hold_across_instants(solver):
+    simulator = mb.DAESimulator(controlled(), solver)
     jets = simulator.jets(np.array([KP, 1.0]), np.eye(2), 2)
     h = 1e-3
 

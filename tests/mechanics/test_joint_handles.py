@@ -187,3 +187,12 @@ def test_handles_have_units():
     system = mb.System(a, b, c)
     assert units_of(system, ca.vertcat(*outputs)) == ("rad", "rad/s", "m", "m/s", "m/s")
     assert units_of(system, 3 * c.displacement) == ("",)
+
+
+def test_own_states_have_the_units_of_their_laws():
+    body = make_body("Planar", "a")
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), body.point(0.1, 0))
+    way = mb.State("way", rate=body.vx)
+    held, unknown = mb.Sampled("held", 0.1, hinge.angle_rate), mb.State("unknown", rate=lambda z: -3 * z)
+    system = mb.System(body, hinge, way, held, unknown)
+    assert units_of(system, ca.vertcat(way.value, held.value, unknown.value)) == ("m", "rad/s", "")
