@@ -38,7 +38,7 @@ from symmb.mechanics.joint import (
 )
 from symmb.mechanics.load import NonlinearSpring, Soil
 from symmb.mechanics.parameter import Parameters
-from symmb.mechanics.pose import Particle, Planar, Spatial
+from symmb.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.mechanics.rotation import Rotation, rotation
 from symmb.mechanics.sampled import Sampled
 from symmb.mechanics.state import OwnState, State

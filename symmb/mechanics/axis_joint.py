@@ -148,6 +148,11 @@ class AxisJoint(Joint):
         a, b = self.axes
         return relative_angle(self.name, self.point_a.body, a, self.point_b.body, b)
 
+    @property
+    def turn_states(self) -> tuple[Symbol, ...]:
+        """The states that count the turns of the angle, if anything uses it."""
+        return self._angle[1] if "_angle" in self.__dict__ else ()
+
 
 class TurningJoint(AxisJoint):
     """A joint that turns about its axis."""

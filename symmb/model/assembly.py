@@ -36,7 +36,7 @@ from symmb.model.validation import (
     position_rows,
     velocity_rows,
 )
-from symmb.symbolic import Symbol, TruthValueError, is_zero
+from symmb.symbolic import Symbol, TruthValueError, is_zero, t
 
 T = TypeVar("T")
 
@@ -82,6 +82,23 @@ class Collected:
             rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
             row_names=tuple(self.row_names[i] for i in numbers),
         )
+
+    @property
+    def power(self) -> ca.SX:
+        """Power of forces without potential, and of mass that joins or leaves [W]."""
+        M = self.M_flow
+        moving = ca.vertcat(self.q, t, *[state.sx for state in self.states])
+        M_dot = ca.jtimes(M, moving, ca.vertcat(self.qdot, 1, *[state.rate for state in self.states]))
+        return ca.dot(self.v, self.Q_work) + 0.5 * ca.dot(self.v, M_dot @ self.v)
+
+    def retract(self, delta: ca.SX) -> ca.SX:
+        """The retraction of all bodies. It leaves out the coordinates that their particles do not have."""
+        out, at_q, at_v = [], 0, 0
+        for body, n_v in zip(self.bodies, self.block_sizes, strict=True):
+            n_q = n_v + isinstance(body.pose, Spatial)
+            out.append(body.pose.retract(self.q[at_q : at_q + n_q], delta[at_v : at_v + n_v]))
+            at_q, at_v = at_q + n_q, at_v + n_v
+        return ca.vertcat(*out) if out else ca.SX(0, 1)
 
     def with_states(self, states: Sequence[Symbol]) -> "Collected":
         """A copy with additional first-order states."""

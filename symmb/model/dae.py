@@ -10,7 +10,6 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import require_instance
 from symmb._types import Array
-from symmb.mechanics import Spatial
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Contacts, Impacts
 from symmb.model.redundancy import redundancy_equations
@@ -24,7 +23,10 @@ from symmb.symbolic import t
 def is_linear(name: str) -> bool:
     """Whether a coordinate or a velocity of this name is one of translation, or of a mode."""
     part = name.rpartition(".")[2]
-    return part in ("x", "y", "z", "vx", "vy", "vz") or part.startswith("eta")
+    return part in _LINEAR or part.startswith("eta")
+
+
+_LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
 
 
 @dataclass(frozen=True)
@@ -232,7 +234,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     require_inertia(reduced.M, reduced.G, reduced.collected.v_names)
     c, (positive_names, positive) = reduced.collected, reduced.positive
     displacement = ca.SX.sym("delta", reduced.v.numel())
-    moved = _retract(reduced, displacement)
+    moved = reduced.retract(displacement)
     retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
     contacts = Contacts(reduced) if c.impacts else None
     redundant = {} if rows is None else redundancy_equations(system, reduced, nullities)
@@ -250,7 +252,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         p_names=tuple(system.parameters),
         rows=c.rows,
         p_nominal=system.parameters.nominal,
-        q_neutral=np.array([1.0 if _is_scalar_part(system, name) else 0.0 for name in c.q_names]),
+        q_neutral=np.array([float(name.endswith(".e0")) for name in c.q_names]),
         retract=retract,
         positive=positive,
         positive_names=positive_names,
@@ -273,7 +275,7 @@ def _equations_of_motion(
     right = ca.SX.sym("gamma", lam.numel())
     solve = system.solve if contacts is None else contacts.solve
     vdot, multipliers = solve(system.Q, right)
-    vdot_free, _ = solve(system.Q, system.gamma)
+    vdot_free = system.accelerations if contacts is None else contacts.solve(system.Q, system.gamma)[0]
     delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
     power = system.power if contacts is None else system.power + contacts.power
     outputs: dict[str, dict[str, ca.SX]] = {
@@ -318,18 +320,3 @@ def _functions(
         functions[name] = ca.Function(name, [x for _, x in inputs], values, [n for n, _ in inputs], list(parts))
     return functions
 
-
-def _is_scalar_part(system: System, name: str) -> bool:
-    body, _, part = name.rpartition(".")
-    return part == "e0" and any(b.name == body and isinstance(b.pose, Spatial) for b in system.bodies)
-
-
-def _retract(system: System, delta: ca.SX) -> ca.SX:
-    """The retraction of all bodies. It leaves out the coordinates that their particles do not have."""
-    c = system.collected
-    out, at_q, at_v = [], 0, 0
-    for body, n_v in zip(c.bodies, c.block_sizes, strict=True):
-        n_q = n_v + isinstance(body.pose, Spatial)
-        out.append(body.pose.retract(c.q[at_q : at_q + n_q], delta[at_v : at_v + n_v]))
-        at_q, at_v = at_q + n_q, at_v + n_v
-    return ca.vertcat(*out) if out else ca.SX(0, 1)

@@ -20,10 +20,11 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import require_instance
 from symmb._types import Expr
-from symmb.mechanics import Body, Element, Ground, Joint, Parameters, Spatial
+from symmb.mechanics import Body, Element, Ground, Joint, Parameters
 from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
+from symmb.model.joint_space import JointSpace
 from symmb.model.multipliers import Multipliers, Reaction, joint_reaction
 from symmb.model.summary import system_text
 from symmb.model.typeset import displays, system_html
@@ -61,6 +62,7 @@ class System:
         self.collected: Collected = collect(self.elements, self.parameters)
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
+        self._joints: JointSpace | None = None
 
     def __reduce__(self) -> tuple:
         return reduction(_restored, self.elements, self.parameters, ca.SX(self.lam), self.vdot, self._added)
@@ -70,7 +72,7 @@ class System:
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected, copy._added = self.collected.with_states(states), (*self._added, *states)
-        copy.nullity = self.nullity
+        copy.nullity, copy._joints = self.nullity, self._joints
         copy.lam, copy.vdot = self.lam, self.vdot  # outputs may contain these symbols
         return copy
 
@@ -82,7 +84,36 @@ class System:
         copy = object.__new__(System)
         copy.parameters, copy.elements = self.parameters, self.elements
         copy.collected, copy._added, copy.nullity = self.collected.keeping(rows), self._added, nullity
+        copy._joints = self._joints
         return copy
+
+    def joint_space(self) -> "System":
+        """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
+
+        A spanning tree of joints carries the bodies. Rows of joints that close loops stay, as do bodies that no joint
+        carries, flexible bodies and particles.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> rod = mb.Body("rod", mass=3.0, inertia=1.0)
+        >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-1, 0))
+        >>> system = mb.System(rod, pin, mb.Torque("motor", rod, 8.0)).joint_space()
+        >>> system.q, system.M, system.Q, system.Phi.numel()
+        (SX([pin.angle]), SX(4), SX([8]), 0)
+        """
+        copy = object.__new__(System)
+        copy.parameters, copy.elements, copy._added, copy.nullity = self.parameters, self.elements, self._added, 0
+        copy._joints = JointSpace(self.collected, [e for e in self.elements if isinstance(e, Joint)])
+        copy.collected = copy._joints.collected
+        return copy
+
+    @property
+    def joints(self) -> "JointSpace":
+        """The joints that carry the bodies of a `joint_space`."""
+        if self._joints is None:
+            raise DeclarationError("System: its coordinates are those of the bodies. Call joint_space() first.")
+        return self._joints
 
     @property
     def bind(self) -> Binding:
@@ -226,12 +257,28 @@ class System:
     @cached_property
     def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
         """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, factorised once (see `saddle_solver`)."""
+        if self._joints is not None and not self.G.shape[0]:
+            return self._joints.solve
         coupled = any(body.nearly_singular for body in self.bodies)
         return saddle_solver(self.M, self.G, self.block_sizes, coupled, self.nullity)
+
+    @cached_property
+    def accelerations(self) -> ca.SX:
+        """Accelerations (n_v,) that satisfy all rows [m/s^2, rad/s^2]."""
+        if self._joints is not None and not self.G.shape[0]:
+            return self._joints.accelerations
+        return self.solve(self.Q, self.gamma)[0]
+
+    def retract(self, delta: ca.SX) -> ca.SX:
+        """Coordinates (n_q,) after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the
+        norm 1."""
+        return self.collected.retract(delta) if self._joints is None else self._joints.retract(self.q, delta)
 
     @property
     def kinetic_energy(self) -> ca.SX:
         """v' M v / 2 [J]."""
+        if self._joints is not None:
+            return self._joints.kinetic_energy
         return 0.5 * ca.dot(self.v, self.M @ self.v)
 
     @property
@@ -246,14 +293,8 @@ class System:
         Mass that joins a body, or leaves it, has the velocity of the body, so that M v' = Q holds.
         """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
-        M = self.collected.M_flow
-        M_dot = ca.jtimes(M, self.q, self.qdot) + ca.reshape(ca.jacobian(M, t), M.shape)
-        M_dot += ca.jtimes(M, self.s, self.s_rate) if self.s.numel() else 0
-        return (
-            ca.dot(self.v, self.collected.Q_work)
-            + ca.dot(ca.SX(self.lam), at_rest)
-            + 0.5 * ca.dot(self.v, M_dot @ self.v)
-        )
+        of_forces = self.collected.power if self._joints is None else self._joints.power
+        return of_forces + ca.dot(ca.SX(self.lam), at_rest)
 
     def reaction(self, name: str) -> Reaction:
         """Reaction of the joint of that name on its second body at the joint's point, in world axes [N], [N m].
@@ -310,7 +351,7 @@ class System:
         """Which of M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma the scene has."""
         has = {
             "M": self.v.numel() > 0,
-            "N": any(isinstance(b.pose, Spatial) for b in self.bodies),
+            "N": self.q.numel() > self.v.numel(),
             "Q": self.v.numel() > 0,
             "Phi": self.Phi.numel() > 0,
             "Phi_q": self.Phi.numel() > 0,

@@ -1,0 +1,270 @@
+"""The equations of motion in the coordinates of the joints that carry the bodies."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, cast
+
+import casadi as ca
+
+from symmb.mechanics import AxisJoint, Body, Frame, Ground, Joint, Particle, Planar, Spatial
+from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
+from symmb.model.assembly import Collected
+from symmb.model.joint_motion import Relative, conjugate, quaternion_of
+from symmb.model.spanning_tree import Carrying, Link, spanning_tree
+from symmb.symbolic import Symbol, product, rotation_by
+from symmb.symbolic.linear import MassBlocks
+from symmb.symbolic.nodes import with_nodes
+
+
+class JointSpace:
+    """A spanning tree of joints, whose coordinates determine those of the bodies.
+
+    Bodies that no joint carries, flexible bodies and particles keep their own coordinates.
+
+    Parameters
+    ----------
+    c : Collected              the equations in coordinates of the bodies
+    joints : sequence of Joint
+
+    Attributes
+    ----------
+    links : tuple of Link                 the rigid bodies, each one after its carrier
+    rows : list of int                    numbers of the constraint rows that are left
+    collected : Collected                 the equations in coordinates of the joints
+    """
+
+    def __init__(self, c: Collected, joints: Sequence[Joint]) -> None:
+        self._bodies = c
+        rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
+        counts = {name: where.stop - where.start for name, where in c.rows.items()}
+        self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind))
+        self.tree = ArticulatedBodies(c.bodies, self.links)
+        carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}
+        self.rows = [k for name, at in c.rows.items() if name not in carrying for k in range(at.start, at.stop)]
+        self._others = [k for k in range(len(c.bodies)) if k not in rigid]
+
+    @cached_property
+    def _own(self) -> list[tuple[slice, slice]]:
+        """Slices of q and v of each body in coordinates of the bodies."""
+        slices, at_q, at_v = [], 0, 0
+        for body, n_v in zip(self._bodies.bodies, self._bodies.block_sizes, strict=True):
+            n_q = n_v + isinstance(body.pose, Spatial)
+            slices.append((slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)))
+            at_q, at_v = at_q + n_q, at_v + n_v
+        return slices
+
+    def expression(self, of_bodies: ca.SX) -> ca.SX:
+        """An expression of coordinates of bodies in coordinates of joints. Multipliers and accelerations stay."""
+        nodes, old, new = self._replacements
+        return ca.substitute(with_nodes(of_bodies, nodes), old, new)
+
+    @cached_property
+    def _replacements(self) -> tuple[dict[int, ca.SX], ca.SX, ca.SX]:
+        nodes: dict[int, ca.SX] = {}
+        old, new = [ca.SX(0, 1)], [ca.SX(0, 1)]
+        for link in self.links:
+            if link.carrying is None:
+                continue
+            body, here = self._bodies.bodies[link.body], self.tree.placed[link.body]
+            q, v = _of_body(body, here)
+            old += [body.frame.q, body.frame.v]
+            new += [q, v]
+            if isinstance(body.pose, Spatial):
+                pairs = zip(body.frame.R.nonzeros(), ca.densify(here.rotation).nonzeros(), strict=True)
+                nodes |= {a.element_hash(): b for a, b in pairs}
+            if _turns(link):
+                nodes[cast(Any, link.carrying.joint).angle.element_hash()] = link.carrying.motion.q[0]
+        return nodes, ca.vertcat(*old), ca.densify(ca.vertcat(*new))
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Inertia and forces of the rigid bodies."""
+        c, M, Q = self._bodies, {}, {}
+        for link in self.links:
+            S, (_, at) = c.bodies[link.body].frame.S, self._own[link.body]
+            M[link.body] = self.expression(S @ c.M[at, at] @ S.T)
+            Q[link.body] = self.expression(S @ c.Q[at])
+        return self.tree.loads(M, Q)
+
+    @cached_property
+    def _coordinates(self) -> list["_Coordinates"]:
+        """The coordinates of each link, then of each other body."""
+        c = self._bodies
+        parts = []
+        for link in self.links:
+            if link.carrying is not None:
+                motion = link.carrying.motion
+                parts.append(_Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names))
+            else:
+                parts.append(self._own_coordinates(link.body))
+        return parts + [self._own_coordinates(k) for k in self._others]
+
+    def _own_coordinates(self, k: int) -> "_Coordinates":
+        c, (at_q, at_v) = self._bodies, self._own[k]
+        return _Coordinates(c.q[at_q], c.v[at_v], c.qdot[at_q], c.q_names[at_q], c.v_names[at_v])
+
+    @cached_property
+    def collected(self) -> Collected:
+        """The equations in coordinates of the joints."""
+        c, kept, parts = self._bodies, self._bodies.keeping(self.rows), self._coordinates
+        turns = {s.sx.element_hash() for link in self.links for s in _turns(link)}
+        others = [self._own[k][1] for k in self._others]
+        return replace(
+            kept,
+            q=_stacked([part.q for part in parts]),
+            v=_stacked([part.v for part in parts]),
+            qdot=_stacked([part.rate for part in parts]),
+            q_names=tuple(name for part in parts for name in part.q_names),
+            v_names=tuple(name for part in parts for name in part.v_names),
+            block_sizes=(*self.tree.sizes, *(c.block_sizes[k] for k in self._others)),
+            states=tuple(
+                replace(s, rate=self.expression(s.rate), value=self.expression(s.value))
+                for s in c.states
+                if s.sx.element_hash() not in turns
+            ),
+            M=ca.diagcat(self.loads.M, *[self.expression(c.M[at, at]) for at in others]),
+            Q=_stacked([self.loads.Q, *[self.expression(c.Q[at]) for at in others]]),
+            potential=self.expression(c.potential),
+            Phi=self.expression(kept.Phi),
+            Psi=self.expression(kept.Psi),
+            impacts=tuple((name, self.expression(gap), self.expression(law)) for name, gap, law in c.impacts),
+            assembly_cosines=ca.SX(0, 1),
+        )
+
+    def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
+        """q (n_q,) after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
+        moved, at_q, at_v = [], 0, 0
+        for part, body in zip(self._coordinates, self._owners, strict=True):
+            n_q, n_v = part.q.numel(), part.v.numel()
+            own, step = q[at_q : at_q + n_q], delta[at_v : at_v + n_v]
+            if body is not None:
+                moved.append(body.pose.retract(own, step))
+            elif n_q > n_v:
+                e = product(own, rotation_by(step))
+                moved.append(e / ca.norm_2(e))
+            else:
+                moved.append(own + step)
+            at_q, at_v = at_q + n_q, at_v + n_v
+        return _stacked(moved)
+
+    @property
+    def _owners(self) -> list[Body | None]:
+        """The bodies that own coordinates; None for joints."""
+        bodies = self._bodies.bodies
+        own = [bodies[link.body] if link.carrying is None else None for link in self.links]
+        return own + [bodies[k] for k in self._others]
+
+    @property
+    def kinetic_energy(self) -> ca.SX:
+        """Kinetic energy [J]."""
+        return self.expression(0.5 * ca.dot(self._bodies.v, self._bodies.M @ self._bodies.v))
+
+    @property
+    def power(self) -> ca.SX:
+        """Power of forces without potential, and of mass that joins or leaves [W]."""
+        return self.expression(self._bodies.power)
+
+    def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """M^-1 f (n_v,) of a system without rows, and no multipliers."""
+        n = self.tree.n_v
+        return ca.vertcat(self.loads.solve(f[:n]), self._of_others(f[n:])), g
+
+    @property
+    def accelerations(self) -> ca.SX:
+        """Accelerations (n_v,) of a system without rows."""
+        return ca.vertcat(self.loads.accelerations, self._of_others(self.collected.Q[self.tree.n_v :]))
+
+    @cached_property
+    def _of_others(self) -> MassBlocks:
+        c, n = self._bodies, self.tree.n_v
+        return MassBlocks(self.collected.M[n:, n:], [c.block_sizes[k] for k in self._others])
+
+    @cached_property
+    def of_bodies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Coordinates, velocities and first-order states of bodies as expressions of those of joints."""
+        c = self._bodies
+        s = ca.vertcat(*[state.sx for state in c.states]) if c.states else ca.SX(0, 1)
+        return self.expression(c.q), self.expression(c.v), self.expression(s)
+
+    @cached_property
+    def of_joints(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Coordinates, velocities and first-order states of joints as expressions of those of bodies."""
+        q, v = [], []
+        for link in self.links:
+            if link.carrying is None:
+                own = self._own_coordinates(link.body)
+                q, v = [*q, own.q], [*v, own.v]
+            else:
+                position, rates = _measured(self._bodies.bodies, link, link.carrying)
+                q, v = [*q, position], [*v, rates]
+        for k in self._others:
+            own = self._own_coordinates(k)
+            q, v = [*q, own.q], [*v, own.v]
+        return _stacked(q), _stacked(v), _stacked([state.sx for state in self.collected.states])
+
+@dataclass(frozen=True, eq=False)
+class _Coordinates:
+    """Coordinates q, velocities v, rates q' and their names."""
+
+    q: ca.SX
+    v: ca.SX
+    rate: ca.SX
+    q_names: tuple[str, ...]
+    v_names: tuple[str, ...]
+
+
+def _stacked(parts: Sequence[ca.SX]) -> ca.SX:
+    return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
+
+
+def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
+    """Links in an order in which those of one tree follow each other, each one after its carrier."""
+    root: dict[int | None, int | None] = {None: None}
+    for link in links:
+        carrier = None if link.carrying is None else link.carrying.carrier
+        root[link.body] = link.body if carrier is None else root[carrier]
+    first = list(dict.fromkeys(root[link.body] for link in links))
+    return tuple(sorted(links, key=lambda link: first.index(root[link.body])))
+
+
+def _of_body(body: Body, here: Placed) -> tuple[ca.SX, ca.SX]:
+    """Coordinates and velocities of a body from its place."""
+    if isinstance(body.pose, Planar):
+        return ca.vertcat(here.r[:2], here.angle), ca.vertcat(here.r_dot[:2], here.omega[2])
+    return ca.vertcat(here.r, here.quaternion), ca.vertcat(here.r_dot, here.omega)
+
+
+def _turns(link: Link) -> tuple[Symbol, ...]:
+    """The states that count the turns of the link's joint, if its angle is used."""
+    joint = None if link.carrying is None else link.carrying.joint
+    return joint.turn_states if isinstance(joint, AxisJoint) else ()
+
+
+def _measured(bodies: Sequence[Body], link: Link, by: Carrying) -> tuple[ca.SX, ca.SX]:
+    """Coordinates and velocities of a joint, as expressions of those of the bodies that it connects."""
+    motion, follower = by.motion, bodies[link.body].frame
+    carrier = Ground().frame if by.carrier is None else bodies[by.carrier].frame
+    A, B = carrier.R @ motion.carrier, follower.R @ motion.follower
+    shift = A.T @ (follower.r + follower.R @ by.on_body - carrier.r - carrier.R @ by.on_carrier)
+    turn = A.T @ B
+    planar = isinstance(bodies[link.body].pose, Planar)
+    own = ca.SX(4, 1) if planar else product(follower.q[3:7], quaternion_of(motion.follower))
+    e = _quaternion(carrier)
+    relative = product(conjugate(product(e, quaternion_of(motion.carrier))), own)
+    q = motion.measured(Relative(shift, turn, relative, follower.angle - carrier.angle if planar else None))
+    if _turns(link):
+        q[0] = cast(Any, by.joint).angle
+    foot = carrier.velocity + carrier.R @ ca.cross(carrier.omega, by.on_carrier)
+    tip = follower.velocity + follower.R @ ca.cross(follower.omega, by.on_body)
+    spin = motion.carrier.T @ carrier.omega
+    speed = A.T @ (tip - foot) - ca.cross(spin, shift)
+    v = motion.rates(speed, motion.follower.T @ follower.omega - turn.T @ spin)
+    return q, ca.substitute(v, motion.q, q)
+
+
+def _quaternion(frame: Frame) -> ca.SX:
+    """Of a spatial body, a planar one, or the ground, (4,)."""
+    if frame.q.numel() > 3:
+        return frame.q[3:7]
+    return ca.vertcat(ca.cos(frame.angle / 2), 0, 0, ca.sin(frame.angle / 2))
