@@ -22,7 +22,7 @@ from symmb.mechanics import (
     Weld,
 )
 from symmb.model.binding import Binding
-from symmb.symbolic import product, quaternion_rate, rotation_matrix, rotation_z, triad, turn
+from symmb.symbolic import conjugate, product, quaternion_rate, rotation_matrix, rotation_z, triad, turn
 
 Z = ca.SX(ca.sparsify(ca.DM([0, 0, 1])))
 _QUARTER = ca.SX(ca.sparsify(ca.DM([[1, 0, 0], [0, 0, -1], [0, 1, 0]])))
@@ -121,11 +121,6 @@ class JointMotion:
         """The velocities (n,) of a motion with this speed and this spin. Columns of their matrices are orthogonal."""
         size = ca.sum1(self.speed_matrix**2 + self.spin_matrix**2).T
         return (self.speed_matrix.T @ speed + self.spin_matrix.T @ spin) / size
-
-
-def conjugate(e: ca.SX) -> ca.SX:
-    """The quaternion of the inverse rotation (4,)."""
-    return ca.vertcat(e[0], -e[1:])
 
 
 def quaternion_of(F: ca.SX) -> ca.SX:

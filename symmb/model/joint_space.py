@@ -10,11 +10,9 @@ import casadi as ca
 from symmb.mechanics import AxisJoint, Body, Frame, Ground, Joint, Particle, Planar, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
 from symmb.model.assembly import Collected
-from symmb.model.joint_motion import Relative, conjugate, quaternion_of
+from symmb.model.joint_motion import Relative, quaternion_of
 from symmb.model.spanning_tree import Carrying, Link, spanning_tree
-from symmb.symbolic import Symbol, product, rotation_by
-from symmb.symbolic.linear import MassBlocks
-from symmb.symbolic.nodes import with_nodes
+from symmb.symbolic import MassBlocks, Symbol, conjugate, product, rotation_by, with_nodes
 
 
 class JointSpace:
@@ -73,8 +71,9 @@ class JointSpace:
             if isinstance(body.pose, Spatial):
                 pairs = zip(body.frame.R.nonzeros(), ca.densify(here.rotation).nonzeros(), strict=True)
                 nodes |= {a.element_hash(): b for a, b in pairs}
-            if _turns(link):
+            for state in _turns(link):
                 nodes[cast(Any, link.carrying.joint).angle.element_hash()] = link.carrying.motion.q[0]
+                old, new = [*old, state.sx], [*new, link.carrying.motion.q[0]]
         return nodes, ca.vertcat(*old), ca.densify(ca.vertcat(*new))
 
     @cached_property

@@ -6,6 +6,7 @@ The files sympy_in, sympy_out and latex are the only ones that know SymPy.
 from symmb.symbolic.batch import batch, so_far
 from symmb.symbolic.geometry import (
     Z,
+    conjugate,
     is_zero,
     product,
     quaternion_rate,
@@ -22,6 +23,7 @@ from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import jet_function, jets
 from symmb.symbolic.latex import latex
 from symmb.symbolic.linear import (
+    MassBlocks,
     general_solver,
     independent,
     is_singular,
@@ -30,6 +32,7 @@ from symmb.symbolic.linear import (
     symmetric_solver,
     vanishing_rows,
 )
+from symmb.symbolic.nodes import with_nodes
 from symmb.symbolic.pickling import reduction
 from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching
 from symmb.symbolic.symbols import Kind, Symbol, TruthValueError, ddt, declare, is_time, lookup, rate, symbols_in, t

@@ -107,6 +107,11 @@ def product(a: ca.SX, b: ca.SX) -> ca.SX:
     return ca.vertcat(a[0] * b[0] - ca.dot(av, bv), a[0] * bv + b[0] * av + ca.cross(av, bv))
 
 
+def conjugate(e: ca.SX) -> ca.SX:
+    """The quaternion of the inverse rotation, (4,)."""
+    return ca.vertcat(e[0], -e[1:4])
+
+
 def rotation_by(delta: ca.SX) -> ca.SX:
     """Unit quaternion of the rotation vector delta (3,) [rad], exact to the sixth order in its length, (4,).
 
