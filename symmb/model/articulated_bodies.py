@@ -4,7 +4,7 @@ Every body has working axes W and an origin. A body that a joint carries has the
 one parallel to the world's. Accelerations (a, alpha) are those of the origin, in working axes; forces (f, n) act there.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -69,7 +69,9 @@ class Placed:
 
 
 _I, _O = ca.SX.eye(3), ca.SX(3, 1)
-GROUND = Placed(_I, _I, _O, _O, _O, _O, ca.SX(0), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), _I, _O, ca.SX(6, 1), ca.SX(6, 0))
+GROUND = Placed(
+    _I, _I, _O, _O, _O, _O, ca.SX(0), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), _I, _O, ca.SX(6, 1), ca.SX(6, 0)
+)
 
 
 def free(body: Body) -> Placed:
@@ -103,7 +105,7 @@ def carried(body: Body, by: Carrying, carrier: Placed) -> Placed:
     joint_axes = carrier.body_axes.T @ motion.carrier
     angle = carrier.angle + motion.angle if planar else ca.SX(0)
     if planar:
-        axes, turn, own = _I, _I, _I
+        axes, turn = _I, _I
         body_axes = rotation_z(angle).T
         to_joint = body_axes.T @ motion.follower  # the joint's frame on the follower, in W
     else:
@@ -179,7 +181,7 @@ class ArticulatedBodies:
             sizes = [*sizes, own.stop - own.start] if alone else [*sizes[:-1], sizes[-1] + own.stop - own.start]
         return tuple(sizes)
 
-    def loads(self, M: Sequence[ca.SX], Q: Sequence[ca.SX]) -> "Loads":
+    def loads(self, M: Mapping[int, ca.SX], Q: Mapping[int, ca.SX]) -> "Loads":
         """Inertia and forces of the bodies, from their (6, 6) and (6,) at centres of mass, in world and body axes."""
         inertia = {link.body: self._inertia(link, M[link.body]) for link in self.links}
         force = {link.body: self._force(link, M[link.body], Q[link.body]) for link in self.links}
@@ -207,7 +209,7 @@ class Loads:
         self._tree, self._inertia, self._force = tree, inertia, force
 
     @cached_property
-    def _drift(self) -> dict[int, ca.SX]:
+    def _drift(self) -> dict[int | None, ca.SX]:
         """Accelerations (6,) where those of the joints are 0."""
         A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
         for link, here, carrier in self._walk():
@@ -243,13 +245,14 @@ class Loads:
         F = {body: force - self._inertia[body] @ self._drift[body] for body, force in self._force.items()}
         Q = ca.SX(self._tree.n_v, 1)
         for link, here, carrier in reversed(self._walk()):
-            Q[self._tree.columns[link.body]] = here.H.T @ F[link.body]
+            if here.H.shape[1]:
+                Q[self._tree.columns[link.body]] = here.H.T @ F[link.body]
             if carrier is not None:
                 F[carrier] = F[carrier] + _to_carrier(here, F[link.body])
         return ca.densify(Q)
 
     @cached_property
-    def _articulated(self) -> dict[int, tuple[ca.SX, ca.SX, ca.SX]]:
+    def _articulated(self) -> dict[int, tuple[ca.SX, Callable[[ca.SX], ca.SX], ca.SX]]:
         """For each body U = M H, a solver of H' M H z = r, and its inertia (6, 6) without what the joint lets move."""
         M, parts = dict(self._inertia), {}
         for link, here, carrier in reversed(self._walk()):
@@ -278,12 +281,11 @@ class Loads:
         F, along = dict(forces), {}
         for link, here, carrier in reversed(self._walk()):
             U, invert, rest = self._articulated[link.body]
-            own = f[self._tree.columns[link.body]] + here.H.T @ F[link.body]
-            along[link.body] = own
+            left = F[link.body] - rest @ bias[link.body]
+            if U.shape[1]:
+                own = f[self._tree.columns[link.body]] + here.H.T @ F[link.body]
+                along[link.body], left = own, left - U @ invert(own)
             if carrier is not None:
-                left = F[link.body] - rest @ bias[link.body]
-                if U.shape[1]:
-                    left -= U @ invert(own)
                 F[carrier] = F[carrier] + _to_carrier(here, left)
         A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
         result = ca.SX(self._tree.n_v, 1)

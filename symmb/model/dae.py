@@ -319,4 +319,3 @@ def _functions(
         values = [next(reduced) for _ in parts]
         functions[name] = ca.Function(name, [x for _, x in inputs], values, [n for n, _ in inputs], list(parts))
     return functions
-

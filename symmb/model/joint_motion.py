@@ -22,7 +22,16 @@ from symmb.mechanics import (
     Weld,
 )
 from symmb.model.binding import Binding
-from symmb.symbolic import conjugate, product, quaternion_rate, rotation_matrix, rotation_z, triad, turn
+from symmb.symbolic import (
+    conjugate,
+    product,
+    quaternion_rate,
+    rotation_matrix,
+    rotation_z,
+    symmetric_solver,
+    triad,
+    turn,
+)
 
 Z = ca.SX(ca.sparsify(ca.DM([0, 0, 1])))
 _QUARTER = ca.SX(ca.sparsify(ca.DM([[1, 0, 0], [0, 0, -1], [0, 1, 0]])))
@@ -118,9 +127,9 @@ class JointMotion:
         return ca.jtimes(self.spin, self.q, self.q_rate)
 
     def rates(self, speed: ca.SX, spin: ca.SX) -> ca.SX:
-        """The velocities (n,) of a motion with this speed and this spin. Columns of their matrices are orthogonal."""
-        size = ca.sum1(self.speed_matrix**2 + self.spin_matrix**2).T
-        return (self.speed_matrix.T @ speed + self.spin_matrix.T @ spin) / size
+        """The velocities (n,) of a motion with this speed and this spin."""
+        H = ca.vertcat(self.speed_matrix, self.spin_matrix)
+        return symmetric_solver(H.T @ H)(H.T @ ca.vertcat(speed, spin)) if H.shape[1] else ca.SX(0, 1)
 
 
 def quaternion_of(F: ca.SX) -> ca.SX:
@@ -162,9 +171,7 @@ def _about_two(q: ca.SX, u: ca.SX) -> _Turn:
     first, second = _about_z(q[0], u[0]), _about_z(q[1], u[1])
     between = product(quaternion_of(_QUARTER), second.quaternion)
     E = _QUARTER @ second.matrix
-    return _Turn(
-        first.matrix @ E, product(first.quaternion, between), E.T @ first.spin + second.spin, ca.SX(0)
-    )
+    return _Turn(first.matrix @ E, product(first.quaternion, between), E.T @ first.spin + second.spin, ca.SX(0))
 
 
 def _about_point(e: ca.SX, omega: ca.SX) -> _Turn:
@@ -196,10 +203,7 @@ _KINDS = {
     Revolute: _HINGE,
     Screw: _HINGE,
     Prismatic: _Kind(
-        ("displacement",),
-        ("displacement_rate",),
-        shift=lambda q: q * Z,
-        measured=lambda seen: seen.shift[2],
+        ("displacement",), ("displacement_rate",), shift=lambda q: q * Z, measured=lambda seen: seen.shift[2]
     ),
     Cylindrical: _Kind(
         ("angle", "displacement"),
@@ -217,10 +221,7 @@ _KINDS = {
     ),
     Universal: _Kind(("angle_a", "angle_b"), ("angle_a_rate", "angle_b_rate"), _about_two, measured=_angles),
     Spherical: _Kind(
-        ("e0", "e1", "e2", "e3"),
-        ("omega_x", "omega_y", "omega_z"),
-        _about_point,
-        measured=lambda seen: seen.quaternion,
+        ("e0", "e1", "e2", "e3"), ("omega_x", "omega_y", "omega_z"), _about_point, measured=lambda seen: seen.quaternion
     ),
     Weld: _Kind(),
 }

@@ -69,7 +69,7 @@ class JointSpace:
             old += [body.frame.q, body.frame.v]
             new += [q, v]
             if isinstance(body.pose, Spatial):
-                pairs = zip(body.frame.R.nonzeros(), ca.densify(here.rotation).nonzeros(), strict=True)
+                pairs = zip(*(ca.vertsplit(ca.vec(ca.densify(R))) for R in (body.frame.R, here.rotation)), strict=True)
                 nodes |= {a.element_hash(): b for a, b in pairs}
             for state in _turns(link):
                 nodes[cast(Any, link.carrying.joint).angle.element_hash()] = link.carrying.motion.q[0]
@@ -79,7 +79,9 @@ class JointSpace:
     @cached_property
     def loads(self) -> Loads:
         """Inertia and forces of the rigid bodies."""
-        c, M, Q = self._bodies, {}, {}
+        c = self._bodies
+        M: dict[int, ca.SX] = {}
+        Q: dict[int, ca.SX] = {}
         for link in self.links:
             S, (_, at) = c.bodies[link.body].frame.S, self._own[link.body]
             M[link.body] = self.expression(S @ c.M[at, at] @ S.T)
@@ -89,7 +91,6 @@ class JointSpace:
     @cached_property
     def _coordinates(self) -> list["_Coordinates"]:
         """The coordinates of each link, then of each other body."""
-        c = self._bodies
         parts = []
         for link in self.links:
             if link.carrying is not None:
@@ -201,6 +202,7 @@ class JointSpace:
             own = self._own_coordinates(k)
             q, v = [*q, own.q], [*v, own.v]
         return _stacked(q), _stacked(v), _stacked([state.sx for state in self.collected.states])
+
 
 @dataclass(frozen=True, eq=False)
 class _Coordinates:

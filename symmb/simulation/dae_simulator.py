@@ -28,8 +28,8 @@ from symmb.integrate import (
 )
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
-from symmb.simulation.formulation import Formulation, in_bodies, in_joints
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.formulation import Formulation, in_bodies, in_joints
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs
@@ -206,7 +206,9 @@ class DAESimulator:
     def noise(self) -> Array:
         """How far outputs may be off (n_y,): by errors of the solver's steps, and as far as the nominal run is."""
         p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
-        steps = noise_of_outputs(self._form.y, self._form.dae, self._form.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
+        steps = noise_of_outputs(
+            self._form.y, self._form.dae, self._form.start.states(p[None])[0][0], p, float(self.times[0]), rtol
+        )
         return np.maximum(steps, self._nominal[1].max(axis=0, initial=0.0))
 
     @cached_property
@@ -338,7 +340,9 @@ class DAESimulator:
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
-        return digest(symmb_version("symmb"), self._form.dae, self._form.start, self._form.y, repr(self.solver), self.times)
+        return digest(
+            symmb_version("symmb"), self._form.dae, self._form.start, self._form.y, repr(self.solver), self.times
+        )
 
     @property
     def expression(self) -> ca.Function:

@@ -65,7 +65,7 @@ def _sufficient(slopes: Array, first: int) -> list[int]:
 
 
 def _displacement(system: System, begin: ca.SX, end: ca.SX) -> ca.SX:
-    """Displacement (n_v,) from coordinates `begin` to coordinates `end` of the bodies, to first order, 0 where it is."""
+    """Displacement (n_v,) of the bodies from coordinates `begin` to coordinates `end`, to first order."""
     parts, at = [], 0
     for body, n_v in zip(system.bodies, system.block_sizes, strict=True):
         if isinstance(body.pose, Spatial):

@@ -30,7 +30,8 @@ def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
     if not expression.nnz():
         return expression
     known: dict[int, ca.SX] = dict(replacements)
-    for root in expression.nonzeros():
+    roots = ca.vertsplit(expression.nz[:])
+    for root in roots:
         pending = [root]
         while pending:
             node = pending[-1]
@@ -51,4 +52,4 @@ def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
                 known[key] = ca.SX.binary(node.op(), *new)
             else:
                 known[key] = ca.SX.unary(node.op(), *new)
-    return ca.SX(expression.sparsity(), ca.vertcat(*[known[e.element_hash()] for e in expression.nonzeros()]))
+    return ca.SX(expression.sparsity(), ca.vertcat(*[known[root.element_hash()] for root in roots]))
