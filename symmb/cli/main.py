@@ -122,6 +122,8 @@ def _stability(options: argparse.Namespace) -> None:
 
 def _equations(options: argparse.Namespace) -> None:
     system = load_scene(options.scene).system
+    if options.joint:
+        system = system.joint_space()
     print(system.latex() if options.latex else f"{system}\n\n{equations_text(system)}".rstrip())
 
 
@@ -230,6 +232,7 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
 
     equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
+    equations.add_argument("--joint", action="store_true", help="in coordinates of the joints that carry the bodies")
     equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
 
     view = command("view", "simulate the scene and draw the mechanism, to be looked at in a browser", _view)

@@ -23,7 +23,10 @@ from symmb.mechanics import (
 )
 from symmb.model.binding import Binding
 from symmb.symbolic import (
+    Kind,
+    Symbol,
     conjugate,
+    declare,
     product,
     quaternion_rate,
     rotation_matrix,
@@ -65,6 +68,7 @@ class JointMotion:
     spin : (3,)            angular velocity in axes of the follower's frame [rad/s]
     angle : scalar         of planar bodies, the follower's less the carrier's [rad]
     carrier, follower : (3, 3)              rotations of the frames, frame to body
+    records                what the symbols of q and u are
     measured : Relative -> (k,)             the coordinates of a position
     """
 
@@ -81,6 +85,7 @@ class JointMotion:
     carrier: ca.SX
     follower: ca.SX
     measured: Callable[[Relative], ca.SX]
+    records: tuple[Symbol, ...]
 
     def reversed(self) -> "JointMotion":
         """The same motion with carrier and follower exchanged."""
@@ -244,12 +249,13 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     if isinstance(joint, Screw):
         shift = bind(joint.pitch, f"{joint.title}: pitch") * q / (2 * ca.pi) * Z
     frame_a = triad(a)
+    q_rate = quaternion_rate(q, u) if kind is _KINDS[Spherical] else u
     return JointMotion(
         q_names=q_names,
         u_names=u_names,
         q=q,
         u=u,
-        q_rate=quaternion_rate(q, u) if kind is _KINDS[Spherical] else u,
+        q_rate=q_rate,
         shift=shift,
         turn=ca.sparsify(turned.matrix),
         quaternion=turned.quaternion,
@@ -258,6 +264,7 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
         carrier=ca.sparsify(frame_a),
         follower=ca.sparsify(triad(b) if isinstance(joint, Universal) else turn(a, b) @ frame_a),
         measured=kind.measured,
+        records=declare(q_names, Kind.COORDINATE, q, q_rate) + declare(u_names, Kind.VELOCITY, u),
     )
 
 

@@ -130,6 +130,7 @@ class JointSpace:
             Psi=self.expression(kept.Psi),
             impacts=tuple((name, self.expression(gap), self.expression(law)) for name, gap, law in c.impacts),
             assembly_cosines=ca.SX(0, 1),
+            n_declared_rows=kept.Phi.numel(),
         )
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
@@ -154,6 +155,11 @@ class JointSpace:
         bodies = self._bodies.bodies
         own = [bodies[link.body] if link.carrying is None else None for link in self.links]
         return own + [bodies[k] for k in self._others]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints that carry bodies."""
+        return tuple(link.carrying.joint.name for link in self.links if link.carrying is not None)
 
     @property
     def kinetic_energy(self) -> ca.SX:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from symmb.mechanics import Body, Constraint, Element, ForceElement, Spatial
+from symmb.mechanics import Body, Constraint, Element, ForceElement
 from symmb.model.assembly import Collected
 from symmb.symbolic import Kind, is_time, is_zero, lookup
 
@@ -20,6 +20,7 @@ def system_text(
     block_sizes: Sequence[int],
     Phi_t: ca.SX,
     power: ca.SX,
+    carrying: Sequence[str] | None = None,
 ) -> str:
     """A few lines: bodies, sizes, the structure of M, and parts that were left out.
 
@@ -29,6 +30,7 @@ def system_text(
     M : (n_v, n_v)                   mass matrix, with the sizes of its diagonal blocks
     Phi_t : (n_c, 1)                 partial time derivative of the position rows
     power : scalar                   power of the forces without potential [W]
+    carrying : names of the joints whose coordinates are those of the system; None if these are the bodies' own
     """
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
@@ -40,6 +42,7 @@ def system_text(
         *([f"impacts      {', '.join(name for name, *_ in c.impacts)}"] if c.impacts else []),
         *([f"sampled      {', '.join(f'{e.name} every {e.period:g} s' for e, _ in c.sampled)}"] if c.sampled else []),
         f"parameters   {', '.join(parameters) or 'none'}",
+        *([f"coordinates  of the joints {', '.join(carrying) or 'none'}"] if carrying is not None else []),
         f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
         + (f", {len(c.states)} first-order states" if c.states else "")
@@ -75,8 +78,8 @@ def _mass_structure(M: ca.SX, block_sizes: Sequence[int]) -> str:
 
 def _left_out(c: Collected, Phi_t: ca.SX, power: ca.SX) -> list[str]:
     out = []
-    if not any(isinstance(b.pose, Spatial) for b in c.bodies):
-        out.append("quaternions and N (no spatial body)")
+    if c.q.numel() == c.v.numel():
+        out.append("quaternions and N (no body turns freely in space)")
     if not c.row_names:
         out.append("Phi, gamma and multipliers (no constraint)")
     if is_zero(Phi_t):

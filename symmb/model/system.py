@@ -370,6 +370,7 @@ class System:
             block_sizes=self.block_sizes,
             Phi_t=self.Phi_t,
             power=self.power,
+            carrying=None if self._joints is None else self._joints.names,
         )
 
 
