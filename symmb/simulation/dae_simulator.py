@@ -105,7 +105,8 @@ class DAESimulator:
             begin = time.perf_counter()
             pilots: dict[Solver, DAESimulator] = {}
             chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
-            self.__dict__ |= pilots[chosen].__dict__ | {"_reason": reason + (f"; {self._kinks}" if self._kinks else "")}
+            met = pilots[chosen]._kinks
+            self.__dict__ |= pilots[chosen].__dict__ | {"_reason": reason + (f"; {met}" if met else "")}
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
 
@@ -176,7 +177,7 @@ class DAESimulator:
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
         self.__dict__ = {
-            k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise", "_nominal")
+            k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise", "_nominal", "_kinks")
         }  # of another solver
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
