@@ -72,7 +72,7 @@ def collocation(problem: Problem, degree: int) -> Advance:
     w, p, t, h = (ca.MX.sym(n, k) for n, k in (("w", n_x + n_quad), ("p", problem.p.numel()), ("t", 1), ("h", 1)))
     x = w[:n_x]
     result = one(x0=x, z0=guess(x, p, t - h), p=ca.vertcat(p, t - h, h))
-    new = ca.vertcat(result["xf"], w[n_x:] + result["qf"])
+    new = ca.vertcat(result["xf"], w[n_x:] + result["qf"]) if n_quad else result["xf"]
     return Advance(_start_at_rest(problem), ca.Function("step", [w, p, t, h], [new]), n_x, n_quad)
 
 

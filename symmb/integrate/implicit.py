@@ -84,7 +84,7 @@ class _SchemeSolver(CompiledSolver):
                 project = ca.Function("project", [step.x, step.p, step.t], [step.projected], {"cse": True})
             return fixed_step_integration(implicit(step), times, control.longest, project)
 
-        if self.runs_in_lanes(dae) and dae.n_v:
+        if self.runs_in_lanes(dae) and dae.n_v + dae.n_s:
             return CompiledIntegration(self, dae, times, order, work, fixed_steps)
         return fixed_steps()
 

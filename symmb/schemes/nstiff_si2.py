@@ -55,9 +55,9 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     else:
         rows = (here.independent(ca.vertcat(positions, tau * at.Phi_dot()[n_c:, :]) / row_scales, z_lam, row_scales),)
     residual = ca.vertcat(
-        tau**2 / energy * of_v * at.unbalance(rate[n_q : n_q + n_v], lam),
-        tau / of_q * (at.qdot - rate[:n_q] + towards),
-        tau * (at.sdot - rate[n_q + n_v :]),
+        tau**2 / energy * of_v * at.unbalance(rate[n_q : n_q + n_v, :], lam),
+        tau / of_q * (at.qdot - rate[:n_q, :] + towards),
+        tau * (at.sdot - rate[n_q + n_v :, :]),
         *rows,
     )
     power = at.power(lam) if n_quad else ca.SX(0, 1)

@@ -75,9 +75,9 @@ def simulate(
         solver, reason = runs.solver, runs.reason
         runs.run(solver)
     else:
-        stiff = runs.starts_stiff
+        stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
         solver, reason = choose(
-            for_one_run(stiff, kinks(runs.simulator.dae, runs.simulator.times) is not None), runs.judge
+            for_one_run(stiff, ends or kinks(runs.simulator.dae, runs.simulator.times) is not None), runs.judge
         )
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
     run, trajectory = runs.done[solver]
