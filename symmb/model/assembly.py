@@ -22,6 +22,7 @@ from symmb.mechanics import (
     Parameters,
     Particle,
     Sampled,
+    Spatial,
     Stop,
 )
 from symmb.model.binding import Binding

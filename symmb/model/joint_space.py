@@ -71,7 +71,7 @@ class JointSpace:
             if isinstance(body.pose, Spatial):
                 pairs = zip(*(ca.vertsplit(ca.vec(ca.densify(R))) for R in (body.frame.R, here.rotation)), strict=True)
                 nodes |= {a.element_hash(): b for a, b in pairs}
-            for state in _turns(link):
+            for state in self._turns(link):
                 nodes[cast(Any, link.carrying.joint).angle.element_hash()] = link.carrying.motion.q[0]
                 old, new = [*old, state.sx], [*new, link.carrying.motion.q[0]]
         return nodes, ca.vertcat(*old), ca.densify(ca.vertcat(*new))
@@ -87,6 +87,13 @@ class JointSpace:
             M[link.body] = self.expression(S @ c.M[at, at] @ S.T)
             Q[link.body] = self.expression(S @ c.Q[at])
         return self.tree.loads(M, Q)
+
+    def _turns(self, link: Link) -> tuple[Symbol, ...]:
+        """The states of the system that count the turns of the link's joint."""
+        joint = None if link.carrying is None else link.carrying.joint
+        known = {state.sx.element_hash() for state in self._bodies.states}
+        states = joint.turn_states if isinstance(joint, AxisJoint) else ()
+        return tuple(state for state in states if state.sx.element_hash() in known)
 
     @cached_property
     def _coordinates(self) -> list["_Coordinates"]:
@@ -108,7 +115,7 @@ class JointSpace:
     def collected(self) -> Collected:
         """The equations in coordinates of the joints."""
         c, kept, parts = self._bodies, self._bodies.keeping(self.rows), self._coordinates
-        turns = {s.sx.element_hash() for link in self.links for s in _turns(link)}
+        turns = {s.sx.element_hash() for link in self.links for s in self._turns(link)}
         others = [self._own[k][1] for k in self._others]
         return replace(
             kept,
@@ -202,7 +209,7 @@ class JointSpace:
                 own = self._own_coordinates(link.body)
                 q, v = [*q, own.q], [*v, own.v]
             else:
-                position, rates = _measured(self._bodies.bodies, link, link.carrying)
+                position, rates = _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
                 q, v = [*q, position], [*v, rates]
         for k in self._others:
             own = self._own_coordinates(k)
@@ -242,13 +249,7 @@ def _of_body(body: Body, here: Placed) -> tuple[ca.SX, ca.SX]:
     return ca.vertcat(here.r, here.quaternion), ca.vertcat(here.r_dot, here.omega)
 
 
-def _turns(link: Link) -> tuple[Symbol, ...]:
-    """The states that count the turns of the link's joint, if its angle is used."""
-    joint = None if link.carrying is None else link.carrying.joint
-    return joint.turn_states if isinstance(joint, AxisJoint) else ()
-
-
-def _measured(bodies: Sequence[Body], link: Link, by: Carrying) -> tuple[ca.SX, ca.SX]:
+def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bool) -> tuple[ca.SX, ca.SX]:
     """Coordinates and velocities of a joint, as expressions of those of the bodies that it connects."""
     motion, follower = by.motion, bodies[link.body].frame
     carrier = Ground().frame if by.carrier is None else bodies[by.carrier].frame
@@ -260,7 +261,7 @@ def _measured(bodies: Sequence[Body], link: Link, by: Carrying) -> tuple[ca.SX, 
     e = _quaternion(carrier)
     relative = product(conjugate(product(e, quaternion_of(motion.carrier))), own)
     q = motion.measured(Relative(shift, turn, relative, follower.angle - carrier.angle if planar else None))
-    if _turns(link):
+    if counts_turns:
         q[0] = cast(Any, by.joint).angle
     foot = carrier.velocity + carrier.R @ ca.cross(carrier.omega, by.on_carrier)
     tip = follower.velocity + follower.R @ ca.cross(follower.omega, by.on_body)

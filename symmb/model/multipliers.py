@@ -1,5 +1,7 @@
 """Multipliers of the constraints, and reactions of joints."""
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from symmb._errors import DeclarationError
@@ -27,7 +29,22 @@ class Reaction:
         self.tx, self.ty, self.tz = ca.vertsplit(torque)
 
 
-def joint_reaction(joint: Joint, rows: ca.SX, lam: ca.SX) -> Reaction:
+def reaction(joints: Sequence[Joint], name: str, Phi: ca.SX, lam: Multipliers) -> Reaction:
+    """Reaction of the joint of that name, from the position rows (n_c,) and the multipliers of a system."""
+    known = {joint.name: joint for joint in joints}
+    if not isinstance(name, str):
+        raise DeclarationError(f"The name of a joint is a text, got {name!r}.{did_you_mean(name, known)}")
+    if name not in known:
+        hint = f" Its multipliers are system.lam({name!r})." if name in lam.rows else did_you_mean(name, known)
+        raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
+    if name not in lam.rows:
+        raise DeclarationError(
+            f"Joint {name!r} has no multipliers in joint space. Take the reaction of the system of bodies."
+        )
+    return _joint_reaction(known[name], Phi[lam.rows[name]], lam(name))
+
+
+def _joint_reaction(joint: Joint, rows: ca.SX, lam: ca.SX) -> Reaction:
     """Reaction of a joint with position rows (n,) and multipliers (n,), by the virtual power of the rows."""
     onto_b = not isinstance(joint.point_b.body, Ground)
     point = joint.point_b if onto_b else joint.point_a

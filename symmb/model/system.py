@@ -17,7 +17,6 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
 from symmb._options import require_instance
 from symmb._types import Expr
 from symmb.mechanics import Body, Element, Ground, Joint, Parameters
@@ -25,14 +24,14 @@ from symmb.model.assembly import Collected, collect
 from symmb.model.binding import Binding
 from symmb.model.box import Box
 from symmb.model.joint_space import JointSpace
-from symmb.model.multipliers import Multipliers, Reaction, joint_reaction
+from symmb.model.multipliers import Multipliers, Reaction, reaction
 from symmb.model.summary import system_text
-from symmb.model.typeset import displays, system_html
+from symmb.model.typeset import Typeset
 from symmb.model.validation import sign_faults
-from symmb.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, t, to_sympy
+from symmb.symbolic import Symbol, is_zero, rate, reduction, saddle_solver, t
 
 
-class System:
+class System(Typeset):
     """Bodies, constraints and forces with their equations of motion.
 
     Parameters
@@ -69,29 +68,26 @@ class System:
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
         """A copy with additional first-order states, which outputs need."""
-        copy = object.__new__(System)
-        copy.parameters, copy.elements = self.parameters, self.elements
-        copy.collected, copy._added = self.collected.with_states(states), (*self._added, *states)
-        copy.nullity, copy._joints = self.nullity, self._joints
+        copy = self._with(self.collected.with_states(states), self.nullity, self._joints)
+        copy._added = (*self._added, *states)
         copy.lam, copy.vdot = self.lam, self.vdot  # outputs may contain these symbols
         return copy
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
-        """A copy with some constraint rows only, given by their numbers, and new multipliers.
+        """A copy with the rows of these numbers, of which `nullity` combinations vanish, and new multipliers."""
+        return self._with(self.collected.keeping(rows), nullity, self._joints)
 
-        Of these rows, so many combinations vanish wherever the constraints hold as `nullity` says.
-        """
+    def _with(self, collected: Collected, nullity: int, joints: JointSpace | None) -> "System":
         copy = object.__new__(System)
-        copy.parameters, copy.elements = self.parameters, self.elements
-        copy.collected, copy._added, copy.nullity = self.collected.keeping(rows), self._added, nullity
-        copy._joints = self._joints
+        copy.parameters, copy.elements, copy._added = self.parameters, self.elements, self._added
+        copy.collected, copy.nullity, copy._joints = collected, nullity, joints
         return copy
 
     def joint_space(self) -> "System":
         """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
 
-        A spanning tree of joints carries the bodies. Rows of joints that close loops stay, as do bodies that no joint
-        carries, flexible bodies and particles.
+        A spanning tree of joints carries the bodies. Rows of joints that close loops stay. Bodies that no joint
+        carries, flexible bodies and particles keep their coordinates.
 
         Examples
         --------
@@ -99,14 +95,11 @@ class System:
         >>> rod = mb.Body("rod", mass=3.0, inertia=1.0)
         >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-1, 0))
         >>> system = mb.System(rod, pin, mb.Torque("motor", rod, 8.0)).joint_space()
-        >>> system.q, system.M, system.Q, system.Phi.numel()
-        (SX([pin.angle]), SX(4), SX([8]), 0)
+        >>> system.q, system.M, system.Q
+        (SX(pin.angle), SX(4), SX(8))
         """
-        copy = object.__new__(System)
-        copy.parameters, copy.elements, copy._added, copy.nullity = self.parameters, self.elements, self._added, 0
-        copy._joints = JointSpace(self.collected, [e for e in self.elements if isinstance(e, Joint)])
-        copy.collected = copy._joints.collected
-        return copy
+        joints = JointSpace(self.collected, [e for e in self.elements if isinstance(e, Joint)])
+        return self._with(joints.collected, 0, joints)
 
     @property
     def joints(self) -> "JointSpace":
@@ -117,7 +110,7 @@ class System:
 
     @property
     def bind(self) -> Binding:
-        """Converts expressions of the system's symbols (numbers, SX or SymPy) into SX. All symbols must be known."""
+        """Converts expressions of the system's symbols (numbers, SX or SymPy) into SX."""
         return self.collected.bind
 
     @property
@@ -235,8 +228,8 @@ class System:
     @cached_property
     def Phi_dot(self) -> ca.SX:
         """Rates of all rows, [Phi_v v + Phi_s s' + Phi_t; Psi], (n_c + n_psi,)."""
-        along_s = ca.jtimes(self.Phi, self.s, self.s_rate) if self.s.numel() else 0
-        return ca.densify(ca.vertcat(ca.jtimes(self.Phi, self.q, self.qdot) + self.Phi_t + along_s, self.Psi))
+        x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
+        return ca.densify(ca.vertcat(ca.jtimes(self.Phi, x, rates) + self.Phi_t, self.Psi))
 
     @cached_property
     def G(self) -> ca.SX:
@@ -246,8 +239,8 @@ class System:
     @cached_property
     def gamma(self) -> ca.SX:
         """Right side of G v' = gamma, (n_c + n_psi,): minus the change of the rows' rates without accelerations."""
-        along_s = ca.jtimes(self.Phi_dot, self.s, self.s_rate) if self.s.numel() else 0
-        return ca.densify(-(ca.jtimes(self.Phi_dot, self.q, self.qdot) + along_s + ca.jacobian(self.Phi_dot, t)))
+        x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
+        return ca.densify(-(ca.jtimes(self.Phi_dot, x, rates) + ca.jacobian(self.Phi_dot, t)))
 
     @cached_property
     def block_sizes(self) -> tuple[int, ...]:
@@ -270,8 +263,7 @@ class System:
         return self.solve(self.Q, self.gamma)[0]
 
     def retract(self, delta: ca.SX) -> ca.SX:
-        """Coordinates (n_q,) after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the
-        norm 1."""
+        """Coordinates (n_q,) after a small displacement (n_v,), a velocity times a time. Quaternions keep norm 1."""
         return self.collected.retract(delta) if self._joints is None else self._joints.retract(self.q, delta)
 
     @property
@@ -303,14 +295,7 @@ class System:
         ------
         DeclarationError       if there is no such joint between two bodies
         """
-        joints = {e.name: e for e in self.elements if isinstance(e, Joint)}
-        if not isinstance(name, str) or name not in joints:
-            known = did_you_mean(name, joints)
-            if not isinstance(name, str):
-                raise DeclarationError(f"The name of a joint is a text, got {name!r}.{known}")
-            hint = f" Its multipliers are system.lam({name!r})." if name in self.lam.rows else known
-            raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
-        return joint_reaction(joints[name], self.Phi[self.collected.rows[name]], self.lam(name))
+        return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
 
     @cached_property
     def positive(self) -> tuple[tuple[str, ...], ca.Function]:
@@ -322,29 +307,12 @@ class System:
         """Masses and lengths that are not positive at a corner of the box."""
         return sign_faults(*self.positive, self.parameters, box)
 
-    @cached_property
-    def _symbols(self) -> tuple[list[ca.SX], list[str]]:
-        c = self.collected
-        return (
-            ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t)),
-            [*self.parameters, *c.q_names, *c.v_names, *(s.name for s in c.states), *c.row_names, "t"],
-        )
-
-    def to_sympy(self, *names: str) -> dict:
-        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
-        requested = names or self.parts
-        return {name: to_sympy(getattr(self, name), *self._symbols) for name in requested}
-
-    def latex(self) -> str:
-        """The equations in LaTeX, one display for each part that the scene has."""
-        return "\n\n".join(rf"\[ {tex} \]" for tex in displays(self._own_parts, *self._symbols).values())
-
-    def _repr_html_(self) -> str:
-        return system_html(repr(self), self._own_parts, *self._symbols)
-
     @property
-    def _own_parts(self) -> dict[str, ca.SX]:
-        return {name: getattr(self, name) for name in self.parts}
+    def names(self) -> dict[str, ca.SX]:
+        """All symbols by name: parameters, coordinates, velocities, states, multipliers and time."""
+        c = self.collected
+        names = (*self.parameters, *c.q_names, *c.v_names, *(s.name for s in c.states), *c.row_names, "t")
+        return dict(zip(names, ca.vertsplit(ca.vertcat(self.p, self.q, self.v, self.s, self.lam, t)), strict=True))
 
     @cached_property
     def parts(self) -> tuple[str, ...]:

@@ -1,12 +1,13 @@
 """A system and a scene as HTML, for notebooks: equations typeset, and tables."""
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 import casadi as ca
 
 from symmb import _html as html
 from symmb._types import Expr
-from symmb.symbolic import latex
+from symmb.symbolic import latex, to_sympy
 
 _MOST_NODES, _LONGEST = 1000, 6000
 """Operations of a part, and characters of its LaTeX, up to which it is typeset: larger ones cannot be read."""
@@ -15,18 +16,40 @@ _LONGEST_CELL = 80
 _GREEK = {"Phi": r"\Phi", "Phi_q": r"\Phi_q", "Phi_t": r"\Phi_t", "Psi": r"\Psi", "gamma": r"\gamma"}
 
 
-def displays(parts: Mapping[str, ca.SX], symbols: Sequence[ca.SX], names: Sequence[str]) -> dict[str, str]:
-    """LaTeX of the parts of the equations, by name, each as `part = ...`."""
-    return {name: f"{_GREEK.get(name, name)} = {latex(part, symbols, names)}" for name, part in parts.items()}
+class Typeset(ABC):
+    """Equations as SymPy matrices, in LaTeX and in HTML, by the names of their parts, which are attributes."""
 
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[str, ...]:
+        """The parts that there are."""
 
-def system_html(text: str, parts: Mapping[str, ca.SX], symbols: Sequence[ca.SX], names: Sequence[str]) -> str:
-    """What a system has in words, and its equations; large parts are left to `latex()`."""
-    small = {name: part for name, part in parts.items() if ca.n_nodes(part) <= _MOST_NODES}
-    formulas = {name: tex for name, tex in displays(small, symbols, names).items() if len(tex) <= _LONGEST}
-    large = ", ".join(name for name in parts if name not in formulas)
-    note = f"{large}: too large to be read here. system.latex() gives all parts, system.{large.split(',')[0]} each."
-    return html.page(html.text(text), *map(html.formula, formulas.values()), html.text(note if large else ""))
+    @property
+    @abstractmethod
+    def names(self) -> dict[str, ca.SX]:
+        """All symbols by name."""
+
+    def to_sympy(self, *names: str) -> dict:
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
+        symbols = self.names
+        return {name: to_sympy(getattr(self, name), [*symbols.values()], [*symbols]) for name in names or self.parts}
+
+    def latex(self) -> str:
+        """The equations in LaTeX, one display for each part that the scene has."""
+        return "\n\n".join(rf"\[ {self._display(name)} \]" for name in self.parts)
+
+    def _display(self, name: str) -> str:
+        """A part in LaTeX, as `part = ...`."""
+        symbols = self.names
+        return f"{_GREEK.get(name, name)} = {latex(getattr(self, name), [*symbols.values()], [*symbols])}"
+
+    def _repr_html_(self) -> str:
+        small = [name for name in self.parts if ca.n_nodes(getattr(self, name)) <= _MOST_NODES]
+        formulas = {name: tex for name in small if len(tex := self._display(name)) <= _LONGEST}
+        large = ", ".join(name for name in self.parts if name not in formulas)
+        note = f"{large}: too large to be read here. system.latex() gives all parts, system.{large.split(',')[0]} each."
+        text = html.text(repr(self))
+        return html.page(text, *map(html.formula, formulas.values()), html.text(note if large else ""))
 
 
 def scene_html(

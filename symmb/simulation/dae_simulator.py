@@ -29,7 +29,7 @@ from symmb.integrate import (
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
-from symmb.simulation.formulation import Formulation, in_bodies, in_joints
+from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs
@@ -74,12 +74,8 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        bodies = in_bodies(scene)
+        bodies, self._joints, self._coordinates = formulations(scene)
         self.dae, self.start, self.y = bodies.dae, bodies.start, bodies.y
-        joints = in_joints(scene, bodies) if scene.coordinates != "body" else None
-        if joints is not None and scene.coordinates is None and joints.operations >= bodies.operations:
-            joints = None
-        self._bodies, self._joints = bodies, joints
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._seconds = time.perf_counter() - begin
@@ -105,8 +101,9 @@ class DAESimulator:
             begin = time.perf_counter()
             pilots: dict[Solver, DAESimulator] = {}
             chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
-            met = pilots[chosen]._kinks
-            self.__dict__ |= pilots[chosen].__dict__ | {"_reason": reason + (f"; {met}" if met else "")}
+            pilot = pilots[chosen]
+            parts = [reason, str(pilot._kinks or ""), self._coordinates if pilot._form is self._joints else ""]
+            self.__dict__ |= pilot.__dict__ | {"_reason": "; ".join(filter(None, parts))}
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
 
@@ -341,9 +338,8 @@ class DAESimulator:
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
-        return digest(
-            symmb_version("symmb"), self._form.dae, self._form.start, self._form.y, repr(self.solver), self.times
-        )
+        form = self._form
+        return digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
 
     @property
     def expression(self) -> ca.Function:

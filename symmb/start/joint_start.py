@@ -35,7 +35,17 @@ def start_in_joints(start: Start, bodies: System, joints: System, dae: DAE) -> S
     q_b = of_bodies(q, p)
     moved = _displacement(bodies, start.reference(p, ca.DM(start.q_nominal)), q_b)
     listed = (moved / start.dae.displacement_scales)[list(start.held)]
-    loops = dae.Phi(*resting(dae, q), p, start.t0) / dae.row_scales[: dae.n_c] if dae.Phi is not None else ca.SX(0, 1)
+    residuals = None
+    if start.joint_residuals is not None:
+        values = start.joint_residuals(q_b, ca.SX(start.dae.n_v, 1), p)
+        listed = ca.vertcat(listed, values[sorted(set(ca.jacobian(values, u).sparsity().row()))])
+        states = ca.Function("states", [joints.q, joints.v, p], [*space.of_bodies[:2]])
+        q_j, v_j = ca.SX.sym("q", dae.n_q), ca.SX.sym("v", dae.n_v)
+        listed_values = start.joint_residuals(*states(q_j, v_j, p), p)
+        residuals = ca.Function("listed", [q_j, v_j, p], [listed_values], {"cse": True})
+    loops = (
+        dae.Phi(*resting(dae, q, p), p, start.t0) / dae.row_scales[: dae.n_c] if dae.Phi is not None else ca.SX(0, 1)
+    )
     rows = ca.vertcat(listed, loops)
     slopes = ca.Function("slopes", [u, p], [ca.jacobian(rows, u)])(np.zeros(dae.n_v), at["p"]).full()
     chosen = _sufficient(slopes, listed.numel())
@@ -52,6 +62,7 @@ def start_in_joints(start: Start, bodies: System, joints: System, dae: DAE) -> S
         place=place,
         position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
         velocities=velocities,
+        joint_residuals=residuals,
         implied=ca.Function("implied", [u, p], [listed[others]], {"cse": True}) if others else None,
     )
 
