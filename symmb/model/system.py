@@ -7,8 +7,7 @@
 
 q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
 multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in
-body axes. M is block-diagonal, a block for each body. Parts that a scene
-does not need are left out: `print(system)` lists them.
+body axes. M is block-diagonal, a block for each body. Parts that a scene does not need are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -105,7 +104,7 @@ class System(Typeset):
     def joints(self) -> "JointSpace":
         """The joints that carry the bodies of a `joint_space`."""
         if self._joints is None:
-            raise DeclarationError("System: its coordinates are those of the bodies. Call joint_space() first.")
+            raise DeclarationError("System: its coordinates are those of bodies, not of joint_space().")
         return self._joints
 
     @property
@@ -269,9 +268,7 @@ class System(Typeset):
     @property
     def kinetic_energy(self) -> ca.SX:
         """v' M v / 2 [J]."""
-        if self._joints is not None:
-            return self._joints.kinetic_energy
-        return 0.5 * ca.dot(self.v, self.M @ self.v)
+        return 0.5 * ca.dot(self.v, self.M @ self.v) if self._joints is None else self._joints.kinetic_energy
 
     @property
     def potential_energy(self) -> ca.SX:
