@@ -39,7 +39,7 @@ class JointForce(ForceElement):
             yield f"{self.title}: {joint.title} has no angle and no displacement. {joint.without}"
         elif coordinate is None and joint.coordinate is None:
             yield f"{self.title}: {joint.title} turns and slides. Give coordinate='angle' or 'displacement'."
-        elif coordinate is not None and coordinate not in joint.handles:
+        elif coordinate is not None and not (isinstance(coordinate, str) and coordinate in joint.handles):
             known = " or ".join(map(repr, joint.handles))
             yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Give {known}."
         else:

@@ -67,7 +67,7 @@ def rod_scene() -> mb.Scene:
 SCENE = rod_scene()
 DECAY = mb.FunctionSimulator(lambda **p: np.exp(-p["l"] * T), {"l": 1.0}, T, ["x"])
 BOX = mb.Box(l=(0.95, 1.05))
-ROD, GROUND = SCENE.system.bodies[0], mb.Ground()
+ROD, GROUND, HINGE = SCENE.system.bodies[0], mb.Ground(), SCENE.system.elements[1]
 A, B = GROUND.point(0, 0), ROD.point(0.5, 0)
 BOUNDS = mb.propagate(DECAY, mb.PolynomialChaos(order=2), BOX)
 RUN = mb.simulate(SCENE)
@@ -77,11 +77,11 @@ COMPARISON = mb.compare(DECAY, [mb.Vertex()], BOX, mb.Scanning(3))
 BEAM = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), mb.Material(2e11, 7800.0, nu=0.3), elements=2)
 
 
-def in_a_scene(kind: type) -> Callable[..., mb.DAESimulator]:
-    """A function that declares an element, and derives the equations of a scene with it."""
+def in_a_scene(kind: type, *others: Any) -> Callable[..., mb.DAESimulator]:
+    """A function that declares an element, and derives the equations of a scene with it and others."""
 
     def derived(*args: Any, **options: Any) -> mb.DAESimulator:
-        system = mb.System(ROD, kind(*args, **options), parameters=SCENE.system.parameters)
+        system = mb.System(ROD, *others, kind(*args, **options), parameters=SCENE.system.parameters)
         return mb.DAESimulator(mb.Scene(system, times=T, guess={"rod.x": 0.5}))
 
     derived.__qualname__ = kind.__name__
@@ -126,6 +126,12 @@ CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
     (in_a_scene(mb.Force), ("force", B, (1.0, 0.0)), {}),
     (in_a_scene(mb.Torque), ("torque", ROD, 1.0), {}),
     (in_a_scene(mb.Gravity), (0.0, -9.81), {}),
+    (in_a_scene(mb.Actuator, HINGE), ("motor", HINGE, -ROD.theta), {"coordinate": "angle"}),
+    (in_a_scene(mb.Stop, HINGE), ("stop", HINGE, -1.0, 2.0, mb.KelvinVoigt(1e5, 10.0)), {"coordinate": "angle"}),
+    (in_a_scene(mb.Stop, HINGE), ("stop", HINGE, -1.0, 2.0), {"restitution": 0.5}),
+    (in_a_scene(mb.State), ("state",), {"rate": lambda z: -z + ROD.theta}),
+    (in_a_scene(mb.Sampled), ("held", 0.1), {"law": ROD.theta}),
+    (lambda **start: mb.DAESimulator(mb.Scene(SCENE.system, start={f"hinge.{k}": v for k, v in start.items()}, times=T)), (), {"angle": 0.1, "angle_rate": 2.0}),
     (mb.HuntCrossley, (1e5, 0.5, 0.1), {"exponent": 1.5}),
     (mb.KelvinVoigt, (1e5, 10.0), {}),
     (mb.Coulomb, (0.3, 1e-3), {"static": 0.4}),
