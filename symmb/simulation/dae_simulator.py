@@ -60,7 +60,7 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
-    reason : str                   why symmb chose this solver, if none was given
+    reason : str                   why symmb chose this solver, if none was given, and these coordinates
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     doubts : tuple of str          what cannot be trusted, from a nominal run and one at a tenth of the tolerance
@@ -74,7 +74,7 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        bodies, self._joints, self._coordinates = formulations(scene)
+        bodies, self._joints, self._why_joints = formulations(scene)
         self.dae, self.start, self.y = bodies.dae, bodies.start, bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
@@ -102,7 +102,7 @@ class DAESimulator:
             pilots: dict[Solver, DAESimulator] = {}
             chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
             pilot = pilots[chosen]
-            parts = [reason, str(pilot._kinks or ""), self._coordinates if pilot._form is self._joints else ""]
+            parts = [reason, str(pilot._kinks or ""), self._why_joints if pilot.coordinates == "joint" else ""]
             self.__dict__ |= pilot.__dict__ | {"_reason": "; ".join(filter(None, parts))}
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
@@ -110,8 +110,7 @@ class DAESimulator:
     @property
     def reason(self) -> str:
         """Why this solver was chosen; empty if it was given."""
-        _ = self.solver
-        return self._reason
+        return self._reason if self.solver else ""
 
     @property
     def setup_seconds(self) -> float:
@@ -127,6 +126,11 @@ class DAESimulator:
         return Formulation(self.dae, self.start, self.y)
 
     @property
+    def coordinates(self) -> str:
+        """Those in which the samples run: "joint" or "body"."""
+        return "joint" if self._form is self._joints else "body"
+
+    @property
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes. A scene without states is not integrated."""
         return self.solver.runs_in_lanes(self._form.dae) and not self._stateless
@@ -138,10 +142,8 @@ class DAESimulator:
 
     def _lanes(self, order: int = 0) -> AnyEngine | None:
         """The engine, if samples run in compiled lanes. If no compiler builds it, there are none from then on."""
-        if not self.compiled:
-            return None
         try:
-            return self.engine(order)
+            return self.engine(order) if self.compiled else None
         except NoCompilerError:
             return self.engine(order) if self.compiled else None
 
@@ -173,9 +175,8 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        self.__dict__ = {
-            k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise", "_nominal", "_kinks")
-        }  # of another solver
+        for of_another_solver in ("doubts", "noise", "_nominal", "_kinks"):
+            self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
@@ -204,9 +205,7 @@ class DAESimulator:
     def noise(self) -> Array:
         """How far outputs may be off (n_y,): by errors of the solver's steps, and as far as the nominal run is."""
         p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
-        steps = noise_of_outputs(
-            self._form.y, self._form.dae, self._form.start.states(p[None])[0][0], p, float(self.times[0]), rtol
-        )
+        steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
         return np.maximum(steps, self._nominal[1].max(axis=0, initial=0.0))
 
     @cached_property
@@ -217,9 +216,9 @@ class DAESimulator:
 
     def _rounding(self) -> Array:
         """Changes of outputs (n_y,) that rounding of states can make."""
-        P = self.dae.p_nominal[None]
-        X = self.integration().run(self._form.start.states(P)[0], P, 1)[0].X
-        return rounding_of_outputs(self._form.y, self._form.dae, X, P[0], self.times)
+        form, P = self._form, self.dae.p_nominal[None]
+        X = self.integration().run(form.start.states(P)[0], P, 1)[0].X
+        return rounding_of_outputs(form.y, form.dae, X, P[0], self.times)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
