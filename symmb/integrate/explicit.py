@@ -21,6 +21,7 @@ class _Explicit(CompiledSolver):
     stabilization: Stabilization
     projection_steps: ClassVar[int] = PROJECTION_STEPS
     """Newton steps of a projection."""
+    takes_any_coordinates: ClassVar[bool] = True
 
     def engine(
         self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None

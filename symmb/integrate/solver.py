@@ -42,6 +42,9 @@ class Solver(ABC):
     gives_derivatives: ClassVar[bool] = True
     """Whether Taylor coefficients of the motion can be integrated."""
 
+    takes_any_coordinates: ClassVar[bool] = False
+    """Whether it integrates accelerations alone, so that the coordinates of joints do as well as those of bodies."""
+
     @property
     def order(self) -> float:
         """Order of the method with a fixed step: the error falls as step**order."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib import import_module
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -41,6 +42,7 @@ class Scene:
     name : str             for tables and files
     equilibrium : bool     start in static equilibrium: coordinates that are not listed in start, modes included, are
                            solved for, anew for each parameter value
+    coordinates : str      "joint" or "body" for those in which studies run; default: those that need fewer operations
 
     Raises
     ------
@@ -55,11 +57,14 @@ class Scene:
     guess: Mapping[str, Expr] = field(default_factory=dict)
     name: str = "scene"
     equilibrium: bool = False
+    coordinates: Literal["joint", "body"] | None = None
 
     def __post_init__(self) -> None:
         require_instance("Scene", self.system, System, "a System")
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
+        if self.coordinates not in ("joint", "body", None):
+            faults.append(f'coordinates: {self.coordinates!r} is neither "joint" nor "body".')
         faults += [f"name {self.name!r}: {fault}" for fault in [name_fault(self.name)] if fault]
         attempts = [lambda: self.prescribed, lambda: self.guesses]
         if not untimely:  # coordinates that move uniformly need the start time

@@ -26,15 +26,15 @@ from symmb.integrate import (
     SwitchPasses,
     impacts_text,
 )
-from symmb.model import DAE, Scene, compile_dae, units_of
+from symmb.model import Scene, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
-from symmb.simulation.outputs import jet_outputs, output_function
+from symmb.simulation.outputs import jet_outputs
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies, require_able
-from symmb.start import Start, prepare_start
 from symmb.symbolic import batch
 
 S = TypeVar("S")
@@ -60,7 +60,7 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
-    reason : str                   why symmb chose this solver, if none was given
+    reason : str                   why symmb chose this solver, if none was given, and these coordinates
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     doubts : tuple of str          what cannot be trusted, from a nominal run and one at a tenth of the tolerance
@@ -74,14 +74,8 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        all_rows = compile_dae(scene.system)
-        self.start: Start = prepare_start(scene, all_rows)
-        dae = all_rows
-        if self.start.rows is not None:
-            dae = compile_dae(scene.system, self.start.rows, self.start.nullities)
-        scales = self.start.scales(dae, float(np.ptp(self.times)))
-        self.dae: DAE = replace(dae, scales=scales, sampling=self.start.dae.sampling)
-        self.y = output_function(self.dae, scene, scene.y)
+        bodies, self._joints, self._why_joints = formulations(scene)
+        self.dae, self.start, self.y = bodies.dae, bodies.start, bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._seconds = time.perf_counter() - begin
@@ -107,15 +101,16 @@ class DAESimulator:
             begin = time.perf_counter()
             pilots: dict[Solver, DAESimulator] = {}
             chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
-            self.__dict__ |= pilots[chosen].__dict__ | {"_reason": reason + (f"; {self._kinks}" if self._kinks else "")}
+            pilot = pilots[chosen]
+            parts = [reason, str(pilot._kinks or ""), self._why_joints if pilot.coordinates == "joint" else ""]
+            self.__dict__ |= pilot.__dict__ | {"_reason": "; ".join(filter(None, parts))}
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
 
     @property
     def reason(self) -> str:
         """Why this solver was chosen; empty if it was given."""
-        _ = self.solver
-        return self._reason
+        return self._reason if self.solver else ""
 
     @property
     def setup_seconds(self) -> float:
@@ -124,9 +119,21 @@ class DAESimulator:
         return self._seconds
 
     @property
+    def _form(self) -> Formulation:
+        """Equations, start and outputs in the coordinates in which the solver runs."""
+        if self._joints is not None and self.solver.takes_any_coordinates:
+            return self._joints
+        return Formulation(self.dae, self.start, self.y)
+
+    @property
+    def coordinates(self) -> str:
+        """Those in which the samples run: "joint" or "body"."""
+        return "joint" if self._form is self._joints else "body"
+
+    @property
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes. A scene without states is not integrated."""
-        return self.solver.runs_in_lanes(self.dae) and not self._stateless
+        return self.solver.runs_in_lanes(self._form.dae) and not self._stateless
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
@@ -135,10 +142,8 @@ class DAESimulator:
 
     def _lanes(self, order: int = 0) -> AnyEngine | None:
         """The engine, if samples run in compiled lanes. If no compiler builds it, there are none from then on."""
-        if not self.compiled:
-            return None
         try:
-            return self.engine(order)
+            return self.engine(order) if self.compiled else None
         except NoCompilerError:
             return self.engine(order) if self.compiled else None
 
@@ -170,9 +175,8 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        self.__dict__ = {
-            k: v for k, v in self.__dict__.items() if k not in ("doubts", "noise", "_nominal")
-        }  # of another solver
+        for of_another_solver in ("doubts", "noise", "_nominal", "_kinks"):
+            self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
@@ -212,16 +216,16 @@ class DAESimulator:
 
     def _rounding(self) -> Array:
         """Changes of outputs (n_y,) that rounding of states can make."""
-        P = self.dae.p_nominal[None]
-        X = self.integration().run(self.start.states(P)[0], P, 1)[0].X
-        return rounding_of_outputs(self.y, self.dae, X, P[0], self.times)
+        form, P = self._form, self.dae.p_nominal[None]
+        X = self.integration().run(form.start.states(P)[0], P, 1)[0].X
+        return rounding_of_outputs(form.y, form.dae, X, P[0], self.times)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
         solver, key = self.solver, (order, work)
         if key not in self._integrations:
             begin = time.perf_counter()
-            self._integrations[key] = solver.integration(self.dae, self.times, order=order, work=work)
+            self._integrations[key] = solver.integration(self._form.dae, self.times, order=order, work=work)
             self._seconds += time.perf_counter() - begin
         return self._integrations[key]
 
@@ -230,9 +234,9 @@ class DAESimulator:
         solver = cast(CompiledSolver, self.solver)
         if order not in self._engines:
             begin = time.perf_counter()
-            y = jet_outputs(self.y, order) if order else self.y
-            start = None if order else self.start
-            self._engines[order] = solver.engine(self.dae, self.times, y, order=order, start=start)
+            y = jet_outputs(self._form.y, order) if order else self._form.y
+            start = None if order else self._form.start
+            self._engines[order] = solver.engine(self._form.dae, self.times, y, order=order, start=start)
             self._seconds += time.perf_counter() - begin
         return self._engines[order]
 
@@ -241,19 +245,19 @@ class DAESimulator:
         with LOCK:
             P = np.ascontiguousarray(P, dtype=float)
             if (lanes := self._lanes()) is not None:
-                return CompiledEnsemble(self.dae, self.start, lanes, P, float(self.times[0]), self.threads)
+                return CompiledEnsemble(self._form.dae, self._form.start, lanes, P, float(self.times[0]), self.threads)
             if self._stateless:
-                return ensemble_of_expressions(self.dae, self.y, P, self.times, self.threads)
-            x0, reasons = self.start.states(P)
+                return ensemble_of_expressions(self._form.dae, self._form.y, P, self.times, self.threads)
+            x0, reasons = self._form.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
-            return ensemble_of_runs(self.dae, self.times, self._evaluate(self.y, runs, P), runs, P)
+            return ensemble_of_runs(self._form.dae, self.times, self._evaluate(self._form.y, runs, P), runs, P)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples block by block, and reduce each block."""
-        n_x, values = self.y.numel_in(0), len(self.times) * len(self.outputs)
+        n_x, values = self._form.y.numel_in(0), len(self.times) * len(self.outputs)
         block = block_size(n_x, values, self.compiled, reduction.trajectories)
         return stream(self, P, reduction, executor, progress, block)
 
@@ -280,7 +284,7 @@ class DAESimulator:
         with LOCK:
             directions = np.atleast_2d(np.asarray(directions, dtype=float))
             m = len(directions)
-            x0 = np.hstack(self.start.jets(np.asarray(p0, dtype=float), directions, order))
+            x0 = np.hstack(self._form.start.jets(np.asarray(p0, dtype=float), directions, order))
             P = np.hstack([np.tile(p0, (m, 1)), directions])
             shape = (m, len(self.times), order + 1, len(self.outputs))
             lanes = self._lanes(order)
@@ -295,7 +299,7 @@ class DAESimulator:
             for run in runs:
                 if run.message:
                     raise SimulationError(self._no_derivatives(p0, run.t_failed, run.message))
-            return self._evaluate(jet_outputs(self.y, order), runs, P).reshape(shape).transpose(2, 0, 1, 3)
+            return self._evaluate(jet_outputs(self._form.y, order), runs, P).reshape(shape).transpose(2, 0, 1, 3)
 
     def _no_derivatives(self, p0: Array, time: float, why: str) -> str:
         kink = self.kink(p0)
@@ -304,7 +308,7 @@ class DAESimulator:
 
     @cached_property
     def _kinks(self) -> Kinks | None:
-        return kinks(self.dae, self.times)
+        return kinks(self._form.dae, self.times)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
@@ -312,11 +316,11 @@ class DAESimulator:
             if self._kinks is None or not self._kinks.spoil_derivatives:
                 return None
             p0 = np.asarray(p0, dtype=float)
-            x0, _ = self.start.states(p0[None])
+            x0, _ = self._form.start.states(p0[None])
             X = self.integration().run(x0, p0[None], 1)[0].X
             first = self._kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p0, self.times[ok])
-            if self.dae.impacts is None:  # passes that cancel between two output times
-                first = np.fmin(first, SwitchPasses(self.dae, self.times).first(x0, p0[None]))
+            if self._form.dae.impacts is None:  # passes that cancel between two output times
+                first = np.fmin(first, SwitchPasses(self._form.dae, self.times).first(x0, p0[None]))
             return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
@@ -327,13 +331,14 @@ class DAESimulator:
         PropagationError       if the solver controls its step
         """
         P = np.ascontiguousarray(P, dtype=float)
-        x0, _ = self.start.states(P)
+        x0, _ = self._form.start.states(P)
         for i, x in self.integration().march(x0, P):
-            yield i, batch(self.y, x, P, self.times[i : i + 1])[0]
+            yield i, batch(self._form.y, x, P, self.times[i : i + 1])[0]
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
-        return digest(symmb_version("symmb"), self.dae, self.start, self.y, repr(self.solver), self.times)
+        form = self._form
+        return digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
 
     @property
     def expression(self) -> ca.Function:

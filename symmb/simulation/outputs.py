@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from symmb.model import DAE, Scene
+from symmb.model import DAE, Scene, System
 from symmb.symbolic import jets
 from symmb.symbolic import t as time_symbol
 
@@ -25,6 +25,27 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     if any(ca.which_depends(y, vdot, 1, True) or []):
         accelerations = dae.rhs(*at)[1]
     return ca.Function("y", [x, p, t], [declared(*at, multipliers, accelerations)], {"cse": True})
+
+
+def joint_output_function(dae: DAE, joint_dae: DAE, scene: Scene, system: System, y: ca.SX) -> ca.Function:
+    """(x, p, t) -> y for states x of joints; `system` is the scene's one in joint space, `dae` that of the bodies."""
+    joints, n = system.joints, joint_dae.n_q + joint_dae.n_v
+    x, p, t = ca.SX.sym("x", n + joint_dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    declared = joints.expression(ca.densify(y))
+    lam, vdot = ca.SX(scene.system.lam), scene.system.vdot
+    q, v, s = joints.of_bodies
+    at = (q, v, *([s] if dae.n_s else []), system.p, time_symbol)
+    multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
+    if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
+        multipliers = dae.forward(*at, dae.gamma(*at))[1]
+        if dae.distribute_multipliers is not None:
+            multipliers = dae.distribute_multipliers(*at, multipliers)
+    if any(ca.which_depends(y, vdot, 1, True) or []):
+        accelerations = dae.rhs(*at)[1]
+    declared = ca.substitute(declared, ca.vertcat(lam, vdot), ca.densify(ca.vertcat(multipliers, accelerations)))
+    own = ca.vertcat(system.q, system.v, system.s)
+    f = ca.Function("declared", [own, system.p, time_symbol], [declared])
+    return ca.Function("y", [x, p, t], [f(x, p, t)], {"cse": True})
 
 
 def jet_outputs(y: ca.Function, order: int) -> ca.Function:

@@ -38,7 +38,7 @@ class PilotRuns:
     def __init__(self, scene: Scene, parameters: Mapping[str, float], solver: Solver | None) -> None:
         begin = time.perf_counter()
         self.scene, self.parameters = scene, dict(parameters)
-        self.simulator = DAESimulator(scene, solver)
+        self.simulator = DAESimulator(replace(scene, coordinates="body"), solver)
         is_free = solver is None and self.simulator.dae.impacts is None
         self.solver, self.reason = (None, "") if is_free else (self.simulator.solver, self.simulator.reason)
         self.p = np.array(list(parameters.values()))

@@ -76,6 +76,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         redundant=() if rows is None else redundant_names(G, dae.rows),
         is_equilibrium=scene.equilibrium,
         doubts=tuple(start_doubts(scene, dae, positions.q0, v0, t0)),
+        held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
     )
     check_velocities(start, p0)
     if rows is not None:

@@ -37,7 +37,7 @@ class Start:
     stays independent.
     `joint_residuals`, a Function (q, v, p), is 0 where the listed `joint_values` hold.
     `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
-    doubtful at the nominal parameters.
+    doubtful at the nominal parameters. `held` are the numbers of the displacements that are not solved for.
     """
 
     dae: DAE
@@ -60,6 +60,8 @@ class Start:
     redundant: tuple[str, ...]
     is_equilibrium: bool
     doubts: tuple[str, ...]
+    held: tuple[int, ...]
+    implied: ca.Function | None = None  # u, p -> what must vanish besides the rows of the constraints
 
     @property
     def compiles(self) -> bool:
@@ -90,6 +92,8 @@ class Start:
         if self._sampled is not None:
             x = _repeat_rows(batch(self._sampled, x, P)[0], len(P))
         ok = ok & ~self._violates_rows(x, P)
+        if self.implied is not None:
+            ok = ok & (np.abs(_repeat_rows(batch(self.implied, u, P)[0], len(P))).max(axis=1) <= VIOLATION)
         reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
         values = _repeat_rows(batch(self.dae.positive, P)[0], len(P))
         for k, which in np.argwhere(~(values > 0))[::-1].tolist():  # the first fault of each sample remains
@@ -183,6 +187,8 @@ class Start:
         rows += [self.joint_residuals(*arguments[:2], p)] if self.joint_residuals is not None else []
         limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.state_scales)), ca.SX(1))
         tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
+        if self.implied is not None:
+            tests = ca.vertcat(tests, ca.fabs(self.implied(u, p)) <= VIOLATION)
         good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
         return newton, state + ca.if_else(good, 0, math.nan)
 

@@ -1,0 +1,92 @@
+"""The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb.model import DAE, Scene, System, compile_dae
+from symmb.simulation.outputs import joint_output_function, output_function
+from symmb.start import Start, prepare_start, start_in_joints
+
+_STAGE = 8
+"""Operations of a stage of an explicit step for each state: sums of slopes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Formulation:
+    """Equations, start and outputs in the same coordinates.
+
+    Attributes
+    ----------
+    dae : DAE
+    start : Start
+    y : (x, p, t) -> outputs (n_y,)
+    """
+
+    dae: DAE
+    start: Start
+    y: ca.Function
+
+    @property
+    def operations(self) -> int:
+        """Operations of a stage of an explicit step."""
+        return self.dae.rhs.n_instructions() + _STAGE * self.y.numel_in(0)
+
+
+def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, str]:
+    """A scene in coordinates of its bodies, in those of its joints if it runs in these, and why it does.
+
+    Raises
+    ------
+    AssemblyError              if the scene cannot be started
+    DeclarationError           if the scene asks for coordinates of joints that it cannot have
+    """
+    bodies = _in_bodies(scene)
+    if scene.coordinates == "body":
+        return bodies, None, ""
+    system = scene.system.joint_space()
+    obstacle = _obstacle(scene, bodies, system)
+    if obstacle and scene.coordinates == "joint":
+        raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {obstacle}.')
+    joints = None if obstacle else _in_joints(scene, bodies, system)
+    if joints is None or (scene.coordinates is None and joints.operations >= bodies.operations):
+        return bodies, None, ""
+    return (
+        bodies,
+        joints,
+        (f"coordinates of joints: {joints.operations} operations a stage, {bodies.operations} in those of bodies"),
+    )
+
+
+def _obstacle(scene: Scene, bodies: Formulation, system: System) -> str:
+    """Why coordinates of joints are not possible; empty if they are."""
+    if not any(link.carrying for link in system.joints.links):
+        return "no joint carries a body"
+    if bodies.start.rows is not None:
+        return "its constraints are redundant"
+    if scene.equilibrium:
+        return "it starts in static equilibrium, which is solved for in coordinates of bodies"
+    return "it has sampled values" if bodies.dae.sampling is not None else ""
+
+
+def _in_bodies(scene: Scene) -> Formulation:
+    dae = compile_dae(scene.system)
+    start = prepare_start(scene, dae)
+    if start.rows is not None:
+        dae = compile_dae(scene.system, start.rows, start.nullities)
+    dae = replace(_scaled(dae, start, scene), sampling=start.dae.sampling)
+    return Formulation(dae, start, output_function(dae, scene, scene.y))
+
+
+def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation:
+    dae = compile_dae(system)
+    start = start_in_joints(bodies.start, scene.system, system, dae)
+    return Formulation(
+        _scaled(dae, start, scene), start, joint_output_function(bodies.dae, dae, scene, system, scene.y)
+    )
+
+
+def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:
+    return replace(dae, scales=start.scales(dae, float(np.ptp(scene.times))))
