@@ -145,6 +145,8 @@ class JointSpace:
         moved, at_q, at_v = [], 0, 0
         for part, body in zip(self._coordinates, self._owners, strict=True):
             n_q, n_v = part.q.numel(), part.v.numel()
+            if not n_v:
+                continue
             own, step = q[at_q : at_q + n_q], delta[at_v : at_v + n_v]
             if body is not None:
                 moved.append(body.pose.retract(own, step))

@@ -80,9 +80,11 @@ def _in_bodies(scene: Scene) -> Formulation:
     return Formulation(dae, start, output_function(dae, scene, scene.y))
 
 
-def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation:
+def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation | None:
     dae = compile_dae(system)
-    start = start_in_joints(bodies.start, scene.system, system, dae)
+    start = start_in_joints(bodies.start, scene, system, dae)
+    if start is None:
+        return None
     return Formulation(
         _scaled(dae, start, scene), start, joint_output_function(bodies.dae, dae, scene, system, scene.y)
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.mechanics import Spatial
-from symmb.model import DAE, System
+from symmb.model import DAE, Scene, System
 from symmb.start.implicit_function import ImplicitMap
 from symmb.start.rank import independent_rows_and_columns
 from symmb.start.scales import resting, with_coarse_scales
@@ -15,13 +15,13 @@ from symmb.start.start import Start
 from symmb.symbolic import conjugate, product
 
 
-def start_in_joints(start: Start, bodies: System, joints: System, dae: DAE) -> Start:
+def start_in_joints(start: Start, scene: Scene, joints: System, dae: DAE) -> Start | None:
     """The start of the bodies, which is no equilibrium, in coordinates of the joints, for a system in joint space.
 
     Displacements of bodies that are listed, or that stay where they are, are held; with the rows of loops they
-    determine the coordinates of the joints.
+    determine the coordinates of the joints. None where they do not, as close to singular positions.
     """
-    space, p = joints.joints, bodies.p
+    bodies, space, p = scene.system, joints.joints, scene.system.p
     at = start.nominal()
     s_b = [at["s"]] if start.dae.n_s else []
     own = [bodies.q, bodies.v, *([bodies.s] if s_b else []), p]
@@ -37,8 +37,7 @@ def start_in_joints(start: Start, bodies: System, joints: System, dae: DAE) -> S
     listed = (moved / start.dae.displacement_scales)[list(start.held)]
     residuals = None
     if start.joint_residuals is not None:
-        values = start.joint_residuals(q_b, ca.SX(start.dae.n_v, 1), p)
-        listed = ca.vertcat(listed, values[sorted(set(ca.jacobian(values, u).sparsity().row()))])
+        listed = ca.vertcat(listed, *_values(scene, joints, q, q_b))
         states = ca.Function("states", [joints.q, joints.v, p], [*space.of_bodies[:2]])
         q_j, v_j = ca.SX.sym("q", dae.n_q), ca.SX.sym("v", dae.n_v)
         listed_values = start.joint_residuals(*states(q_j, v_j, p), p)
@@ -49,13 +48,15 @@ def start_in_joints(start: Start, bodies: System, joints: System, dae: DAE) -> S
     rows = ca.vertcat(listed, loops)
     slopes = ca.Function("slopes", [u, p], [ca.jacobian(rows, u)])(np.zeros(dae.n_v), at["p"]).full()
     chosen = _sufficient(slopes, listed.numel())
+    if len(chosen) < dae.n_v:
+        return None
     others = [k for k in range(listed.numel()) if k not in chosen]
     q_j = ca.SX.sym("q", dae.n_q)
     q_of = of_bodies(q_j, p)
     v = start.velocities(q_of, p)
     s = [start.dae.s_start(q_of, p)] if start.dae.s_start is not None else []
     velocities = ca.Function("velocities", [q_j, p], [measured(q_of, v, *s, p)[1]], {"cse": True})
-    return replace(
+    found = replace(
         start,
         dae=dae,
         q_nominal=q0,
@@ -65,6 +66,18 @@ def start_in_joints(start: Start, bodies: System, joints: System, dae: DAE) -> S
         joint_residuals=residuals,
         implied=ca.Function("implied", [u, p], [listed[others]], {"cse": True}) if others else None,
     )
+    return None if found.states(at["p"][None])[1][0] else found
+
+
+def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
+    """What is 0 where listed angles and displacements hold, with whole turns for those of joints that carry bodies."""
+    rows, names = [], joints.collected.q_names
+    for value in scene.prescribed.joints:
+        if value.name in names:
+            rows.append(q[names.index(value.name)] - value.value)
+        elif not value.is_rate:
+            rows.append(ca.substitute(value.row, scene.system.q, q_b))
+    return rows
 
 
 def _sufficient(slopes: Array, first: int) -> list[int]:
