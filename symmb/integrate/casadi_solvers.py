@@ -14,7 +14,7 @@ from symmb.integrate.integration import Integration
 from symmb.integrate.multistep import multistep_integration
 from symmb.integrate.problem import Problem, build_problem
 from symmb.integrate.solver import Solver
-from symmb.integrate.stabilization import Baumgarte, Projection, Stabilization
+from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.integrate.stabilized_index2 import stabilized_problem
 from symmb.model import DAE
 from symmb.symbolic import has_kinks
@@ -95,6 +95,10 @@ class CVODES(_Multistep):
     atol: float | None = None
     stiff: bool = False
     stabilization: Stabilization = None
+
+    @property
+    def takes_any_coordinates(self) -> bool:
+        return not isinstance(self.stabilization, AugmentedLagrangian)
 
     def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
         adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}

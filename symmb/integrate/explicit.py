@@ -11,7 +11,7 @@ from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSol
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.integrate.integration import Integration, stateless_integration
 from symmb.integrate.problem import PROJECTION_STEPS, build_problem
-from symmb.integrate.stabilization import Projection, Stabilization
+from symmb.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
 from symmb.integrate.step_ends import stops_in_time, switched
 from symmb.model import DAE
 from symmb.start import Start
@@ -21,7 +21,10 @@ class _Explicit(CompiledSolver):
     stabilization: Stabilization
     projection_steps: ClassVar[int] = PROJECTION_STEPS
     """Newton steps of a projection."""
-    takes_any_coordinates: ClassVar[bool] = True
+
+    @property
+    def takes_any_coordinates(self) -> bool:
+        return not isinstance(self.stabilization, AugmentedLagrangian)
 
     def engine(
         self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None

@@ -42,8 +42,10 @@ class Solver(ABC):
     gives_derivatives: ClassVar[bool] = True
     """Whether Taylor coefficients of the motion can be integrated."""
 
-    takes_any_coordinates: ClassVar[bool] = False
-    """Whether it integrates accelerations alone, so that the coordinates of joints do as well as those of bodies."""
+    @property
+    def takes_any_coordinates(self) -> bool:
+        """Whether it integrates accelerations alone, so that the coordinates of joints do as well as those of bodies."""
+        return False
 
     @property
     def order(self) -> float:

@@ -26,7 +26,7 @@ from symmb.integrate import (
     SwitchPasses,
     impacts_text,
 )
-from symmb.model import Scene, units_of
+from symmb.model import DAE, Scene, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.formulation import Formulation, formulations
@@ -35,6 +35,7 @@ from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies, require_able
+from symmb.start import Start
 from symmb.symbolic import batch
 
 S = TypeVar("S")
@@ -74,8 +75,7 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        bodies, self._joints, self._why_joints = formulations(scene)
-        self.dae, self.start, self.y = bodies.dae, bodies.start, bodies.y
+        self._bodies, self._joints, self._why_joints = formulations(scene)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._seconds = time.perf_counter() - begin
@@ -102,8 +102,11 @@ class DAESimulator:
             pilots: dict[Solver, DAESimulator] = {}
             chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
             pilot = pilots[chosen]
-            parts = [reason, str(pilot._kinks or ""), self._why_joints if pilot.coordinates == "joint" else ""]
-            self.__dict__ |= pilot.__dict__ | {"_reason": "; ".join(filter(None, parts))}
+            self.__dict__ |= pilot.__dict__ | {"_joints": self._joints}
+            if self.coordinates != pilot.coordinates:
+                self._use(chosen)
+            parts = [reason, str(self._kinks or ""), self._why_joints if self.coordinates == "joint" else ""]
+            self._reason = "; ".join(filter(None, parts))
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
 
@@ -119,21 +122,41 @@ class DAESimulator:
         return self._seconds
 
     @property
-    def _form(self) -> Formulation:
+    def formulation(self) -> Formulation:
         """Equations, start and outputs in the coordinates in which the solver runs."""
-        if self._joints is not None and self.solver.takes_any_coordinates:
-            return self._joints
-        return Formulation(self.dae, self.start, self.y)
+        return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self._bodies
 
     @property
     def coordinates(self) -> str:
         """Those in which the samples run: "joint" or "body"."""
-        return "joint" if self._form is self._joints else "body"
+        return "joint" if self.formulation is self._joints else "body"
 
     @property
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes. A scene without states is not integrated."""
-        return self.solver.runs_in_lanes(self._form.dae) and not self._stateless
+        return self.solver.runs_in_lanes(self.formulation.dae) and not self._stateless
+
+    @property
+    def dae(self) -> DAE:
+        """The equations of the bodies."""
+        return self._bodies.dae
+
+    @property
+    def start(self) -> Start:
+        """The start of the bodies."""
+        return self._bodies.start
+
+    @property
+    def y(self) -> ca.Function:
+        """(x, p, t) -> outputs (n_y,) for states x of the bodies."""
+        return self._bodies.y
+
+    def around(self, p: Array) -> "DAESimulator":
+        """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
+        copy = object.__new__(DAESimulator)
+        copy.__dict__ = {**self.__dict__, "_bodies": self._bodies.around(p)}
+        copy._joints = None if self._joints is None else self._joints.around(p)
+        return copy
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
@@ -181,6 +204,8 @@ class DAESimulator:
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
         pilots[solver] = copy = self.solved_by(solver)
+        if self._joints is not None and self._joints.dae.n_c:
+            copy._joints = None  # fewer steps in coordinates of joints may pass over singular positions of loops
         copy.prepare()
         P = self.dae.p_nominal[None]
         begin = time.perf_counter()
@@ -216,16 +241,16 @@ class DAESimulator:
 
     def _rounding(self) -> Array:
         """Changes of outputs (n_y,) that rounding of states can make."""
-        form, P = self._form, self.dae.p_nominal[None]
+        form, P = self.formulation, self.dae.p_nominal[None]
         X = self.integration().run(form.start.states(P)[0], P, 1)[0].X
-        return rounding_of_outputs(form.y, form.dae, X, P[0], self.times)
+        return rounding_of_outputs(self.y, *form.in_bodies(X, P[0]), P[0], self.times)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
         solver, key = self.solver, (order, work)
         if key not in self._integrations:
             begin = time.perf_counter()
-            self._integrations[key] = solver.integration(self._form.dae, self.times, order=order, work=work)
+            self._integrations[key] = solver.integration(self.formulation.dae, self.times, order=order, work=work)
             self._seconds += time.perf_counter() - begin
         return self._integrations[key]
 
@@ -234,9 +259,9 @@ class DAESimulator:
         solver = cast(CompiledSolver, self.solver)
         if order not in self._engines:
             begin = time.perf_counter()
-            y = jet_outputs(self._form.y, order) if order else self._form.y
-            start = None if order else self._form.start
-            self._engines[order] = solver.engine(self._form.dae, self.times, y, order=order, start=start)
+            y = jet_outputs(self.formulation.y, order) if order else self.formulation.y
+            start = None if order else self.formulation.start
+            self._engines[order] = solver.engine(self.formulation.dae, self.times, y, order=order, start=start)
             self._seconds += time.perf_counter() - begin
         return self._engines[order]
 
@@ -245,19 +270,19 @@ class DAESimulator:
         with LOCK:
             P = np.ascontiguousarray(P, dtype=float)
             if (lanes := self._lanes()) is not None:
-                return CompiledEnsemble(self._form.dae, self._form.start, lanes, P, float(self.times[0]), self.threads)
+                return CompiledEnsemble(self.formulation, lanes, P, float(self.times[0]), self.threads)
             if self._stateless:
-                return ensemble_of_expressions(self._form.dae, self._form.y, P, self.times, self.threads)
-            x0, reasons = self._form.start.states(P)
+                return ensemble_of_expressions(self.formulation, P, self.times, self.threads)
+            x0, reasons = self.formulation.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
-            return ensemble_of_runs(self._form.dae, self.times, self._evaluate(self._form.y, runs, P), runs, P)
+            return ensemble_of_runs(self.formulation, self.times, self._evaluate(self.formulation.y, runs, P), runs, P)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples block by block, and reduce each block."""
-        n_x, values = self._form.y.numel_in(0), len(self.times) * len(self.outputs)
+        n_x, values = self.formulation.y.numel_in(0), len(self.times) * len(self.outputs)
         block = block_size(n_x, values, self.compiled, reduction.trajectories)
         return stream(self, P, reduction, executor, progress, block)
 
@@ -284,7 +309,7 @@ class DAESimulator:
         with LOCK:
             directions = np.atleast_2d(np.asarray(directions, dtype=float))
             m = len(directions)
-            x0 = np.hstack(self._form.start.jets(np.asarray(p0, dtype=float), directions, order))
+            x0 = np.hstack(self.formulation.start.jets(np.asarray(p0, dtype=float), directions, order))
             P = np.hstack([np.tile(p0, (m, 1)), directions])
             shape = (m, len(self.times), order + 1, len(self.outputs))
             lanes = self._lanes(order)
@@ -299,7 +324,7 @@ class DAESimulator:
             for run in runs:
                 if run.message:
                     raise SimulationError(self._no_derivatives(p0, run.t_failed, run.message))
-            return self._evaluate(jet_outputs(self._form.y, order), runs, P).reshape(shape).transpose(2, 0, 1, 3)
+            return self._evaluate(jet_outputs(self.formulation.y, order), runs, P).reshape(shape).transpose(2, 0, 1, 3)
 
     def _no_derivatives(self, p0: Array, time: float, why: str) -> str:
         kink = self.kink(p0)
@@ -308,7 +333,7 @@ class DAESimulator:
 
     @cached_property
     def _kinks(self) -> Kinks | None:
-        return kinks(self._form.dae, self.times)
+        return kinks(self.formulation.dae, self.times)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
@@ -316,11 +341,11 @@ class DAESimulator:
             if self._kinks is None or not self._kinks.spoil_derivatives:
                 return None
             p0 = np.asarray(p0, dtype=float)
-            x0, _ = self._form.start.states(p0[None])
+            x0, _ = self.formulation.start.states(p0[None])
             X = self.integration().run(x0, p0[None], 1)[0].X
             first = self._kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p0, self.times[ok])
-            if self._form.dae.impacts is None:  # passes that cancel between two output times
-                first = np.fmin(first, SwitchPasses(self._form.dae, self.times).first(x0, p0[None]))
+            if self.formulation.dae.impacts is None:  # passes that cancel between two output times
+                first = np.fmin(first, SwitchPasses(self.formulation.dae, self.times).first(x0, p0[None]))
             return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
@@ -331,13 +356,13 @@ class DAESimulator:
         PropagationError       if the solver controls its step
         """
         P = np.ascontiguousarray(P, dtype=float)
-        x0, _ = self._form.start.states(P)
+        x0, _ = self.formulation.start.states(P)
         for i, x in self.integration().march(x0, P):
-            yield i, batch(self._form.y, x, P, self.times[i : i + 1])[0]
+            yield i, batch(self.formulation.y, x, P, self.times[i : i + 1])[0]
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
-        form = self._form
+        form = self.formulation
         return digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
 
     @property

@@ -12,10 +12,9 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.codegen import REASONS, FailedSamples
 from symmb.integrate import AnyEngine, Run
-from symmb.model import DAE
+from symmb.simulation.formulation import Formulation
 from symmb.simulation.lock import LOCK
 from symmb.simulation.simulator import BLOCK, Ensemble
-from symmb.start import Start, singularity
 from symmb.symbolic import batch
 
 IRREGULAR_OUTPUT = REASONS[1]
@@ -36,7 +35,7 @@ def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) 
     return _COMPILED_BLOCK * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
 
 
-def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
+def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
     """N runs with parameters P (N, d) and outputs Y (N, n_t, n_y) at times (n_t,) as an Ensemble."""
     ok = np.array([not run.message and bool(np.isfinite(y).all()) for run, y in zip(runs, Y, strict=True)], dtype=bool)
     t_failed = np.full(len(runs), math.nan)
@@ -45,27 +44,27 @@ def ensemble_of_runs(dae: DAE, times: Array, Y: Array, runs: list[Run], P: Array
         t_failed[k] = runs[k].t_failed if runs[k].message else first_irregular
     reasons = [run.message or IRREGULAR_OUTPUT for run in runs]
     events = None
-    if dae.impacts is not None:
+    if form.dae.impacts is not None:
         event_times = [[event.time for event in run.events] for run in runs]
         events = np.array([np.searchsorted(when, times, "right") for when in event_times], dtype=np.intp)
-    texts = failure_texts(dae, P, t_failed, reasons, lambda k: (runs[k].X, times))
+    texts = failure_texts(form, P, t_failed, reasons, lambda k: (runs[k].X, times))
     return Ensemble(Y, ok, t_failed, texts, events)
 
 
-def ensemble_of_expressions(dae: DAE, y: ca.Function, P: Array, times: Array, threads: int) -> Ensemble:
-    """The outputs y of a scene without states, for N samples P (N, d), all in one call."""
+def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: int) -> Ensemble:
+    """The outputs of a scene without states, for N samples P (N, d), all in one call."""
     N, n_t = len(P), len(times)
     arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
-    Y = batch(y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
+    Y = batch(form.y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
     finite = np.asarray(np.isfinite(Y).all(axis=2), dtype=bool)
     ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
     t_failed = np.where(ok, np.nan, times[finite.argmin(axis=1)])
     no_states = np.zeros((0, 0)), times[:0]
-    return Ensemble(Y, ok, t_failed, failure_texts(dae, P, t_failed, [IRREGULAR_OUTPUT] * N, lambda k: no_states))
+    return Ensemble(Y, ok, t_failed, failure_texts(form, P, t_failed, [IRREGULAR_OUTPUT] * N, lambda k: no_states))
 
 
 def failure_texts(
-    dae: DAE, P: Array, t_failed: Array, reasons: Sequence[str], states: Callable[[int], tuple[Array, Array]]
+    form: Formulation, P: Array, t_failed: Array, reasons: Sequence[str], states: Callable[[int], tuple[Array, Array]]
 ) -> tuple[str, ...]:
     """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
 
@@ -73,12 +72,12 @@ def failure_texts(
     """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
-        values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(dae.p_names, P[k], strict=True))
+        values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(form.dae.p_names, P[k], strict=True))
         near = None
         if len(texts) < NAMED_SAMPLES:
             X, times = states(k)
             finite = np.isfinite(X).all(axis=1)
-            near = singularity(dae, X[finite], P[k], times[finite])
+            near = form.singularity(X[finite], P[k], times[finite])
         texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}{f'; {near}' if near else ''}")
     return tuple(texts)
 
@@ -87,8 +86,7 @@ def failure_texts(
 class CompiledEnsemble:
     """An Ensemble from the engine. It computes trajectories or extremes at their first use."""
 
-    dae: DAE
-    start: Start
+    form: Formulation
     engine: AnyEngine
     P: Array
     t_start: float
@@ -96,7 +94,7 @@ class CompiledEnsemble:
     events = None
 
     def __post_init__(self) -> None:
-        self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.start.states(self.P)[0]
+        self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.form.start.states(self.P)[0]
         self._failed: FailedSamples | None = None
 
     @property
@@ -140,8 +138,8 @@ class CompiledEnsemble:
         reasons = failed.reasons
         at_start = np.flatnonzero(self.t_failed == self.t_start)
         with LOCK:
-            start_faults = self.start.states(self.P[at_start])[1] if at_start.size else ()
+            start_faults = self.form.start.states(self.P[at_start])[1] if at_start.size else ()
         for k, fault in zip(at_start.tolist(), start_faults, strict=True):
             reasons[k] = fault or reasons[k]
-        X = failed.x_failed[:, : self.dae.n_q + self.dae.n_v + self.dae.n_s]
-        return failure_texts(self.dae, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))
+        X = failed.x_failed[:, : self.form.y.numel_in(0)]
+        return failure_texts(self.form, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))

@@ -6,12 +6,18 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._types import Array
+from symmb.integrate import Run
 from symmb.model import DAE, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
-from symmb.start import Start, prepare_start, start_in_joints
+from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
+from symmb.symbolic import batch
 
 _STAGE = 8
 """Operations of a stage of an explicit step for each state: sums of slopes."""
+_CHEAPER = 0.8
+"""Operations over those in coordinates of bodies up to which coordinates of joints are chosen: they take up to a fifth
+more steps for the same error (double pendulum, heavy top, four-bar)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,16 +29,43 @@ class Formulation:
     dae : DAE
     start : Start
     y : (x, p, t) -> outputs (n_y,)
+    bodies : InBodies          where the coordinates are those of joints
     """
 
     dae: DAE
     start: Start
     y: ca.Function
+    bodies: "InBodies | None" = None
+
+    def around(self, p: Array) -> "Formulation":
+        """The same for runs with parameters p (n_p,)."""
+        return replace(self, dae=replace(self.dae, p_nominal=p))
+
+    def singularity(self, X: Array, p: Array, times: Array) -> Singularity | None:
+        """The position of the bodies closest to a singular one among states X (m, n_x), if one is close."""
+        dae, X = self.in_bodies(X, p)
+        return singularity(dae, X, p, times)
+
+    def in_bodies(self, X: Array, p: Array) -> tuple[DAE, Array]:
+        """The equations of the bodies, and their states (m, n_x) for states X of this formulation."""
+        return (self.dae, X) if self.bodies is None else (self.bodies.dae, batch(self.bodies.states, X, p)[0])
+
+    def run_of_bodies(self, run: Run, p: Array) -> Run:
+        """A run with parameters p (n_p,) with the states of the bodies."""
+        return replace(run, X=self.in_bodies(run.X, p)[1])
 
     @property
     def operations(self) -> int:
         """Operations of a stage of an explicit step."""
         return self.dae.rhs.n_instructions() + _STAGE * self.y.numel_in(0)
+
+
+@dataclass(frozen=True, eq=False)
+class InBodies:
+    """The equations of the bodies, and their states as a Function (x, p) of the states x of the joints."""
+
+    dae: DAE
+    states: ca.Function
 
 
 def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, str]:
@@ -51,7 +84,7 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, str]:
     if obstacle and scene.coordinates == "joint":
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {obstacle}.')
     joints = None if obstacle else _in_joints(scene, bodies, system)
-    if joints is None or (scene.coordinates is None and joints.operations >= bodies.operations):
+    if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
         return bodies, None, ""
     return (
         bodies,
@@ -85,9 +118,10 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     start = start_in_joints(bodies.start, scene, system, dae)
     if start is None:
         return None
-    return Formulation(
-        _scaled(dae, start, scene), start, joint_output_function(bodies.dae, dae, scene, system, scene.y)
-    )
+    y = joint_output_function(bodies.dae, dae, scene, system, scene.y)
+    x = ca.vertcat(system.q, system.v, system.s)
+    of_bodies = ca.Function("bodies", [x, system.p], [ca.densify(ca.vertcat(*system.joints.of_bodies))], {"cse": True})
+    return Formulation(_scaled(dae, start, scene), start, y, InBodies(bodies.dae, of_bodies))
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:

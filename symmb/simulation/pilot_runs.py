@@ -38,12 +38,10 @@ class PilotRuns:
     def __init__(self, scene: Scene, parameters: Mapping[str, float], solver: Solver | None) -> None:
         begin = time.perf_counter()
         self.scene, self.parameters = scene, dict(parameters)
-        self.simulator = DAESimulator(replace(scene, coordinates="body"), solver)
+        self.p = np.array(list(parameters.values()))
+        self.simulator = DAESimulator(scene, solver).around(self.p)
         is_free = solver is None and self.simulator.dae.impacts is None
         self.solver, self.reason = (None, "") if is_free else (self.simulator.solver, self.simulator.reason)
-        self.p = np.array(list(parameters.values()))
-        # Steps follow the pulses of laws at these parameters.
-        self.simulator.dae = replace(self.simulator.dae, p_nominal=self.p)
         self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
         text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
         self.where = f" ({text})" if text else ""
@@ -54,16 +52,17 @@ class PilotRuns:
         """Run by a solver, and keep the trajectory."""
         begin = time.perf_counter()
         simulator = self.simulator.solved_by(solver)
-        dae, times = simulator.dae, simulator.times
+        form, times = simulator.formulation, simulator.times
+        dae, x0 = form.dae, self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
         is_close = solver.has_dense_output(dae)
         fine, outputs = refined(times) if is_close else (times, np.arange(len(times)))
         integration = solver.integration(dae, fine, work=dae.power is not None or dae.impacts is not None)
         built = time.perf_counter()
         try:
-            run = integration.run(self.x0, self.p[None])[0]
+            run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)
         except KeyboardInterrupt as interrupt:
             for run in runs_of(interrupt):
-                at_outputs = run.at(outputs)
+                at_outputs = form.run_of_bodies(run, self.p).at(outputs)
                 known = int(np.argmin([*np.isfinite(at_outputs.X).all(axis=1), False]))
                 some = self._trajectory(simulator, at_outputs, {}, built - begin, time.perf_counter() - built, known)
                 carry(interrupt, some if known > 1 else None)

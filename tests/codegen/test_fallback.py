@@ -54,7 +54,8 @@ def samples(simulator, n, share=0.02):
 
 def both(simulator, P):
     """Starts and engines that are given them, compiled and not, of a simulator."""
-    model, x0 = (simulator.dae, simulator.times, simulator.y), simulator.start.states(P)[0]
+    form = simulator.formulation
+    model, x0 = (form.dae, simulator.times, form.y), form.start.states(P)[0]
     compiled = simulator.solver.engine(*model)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("symmb.integrate.explicit.has_compiler", lambda: False)
