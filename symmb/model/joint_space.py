@@ -171,6 +171,11 @@ class JointSpace:
         return tuple(link.carrying.joint.name for link in self.links if link.carrying is not None)
 
     @property
+    def n_v(self) -> int:
+        """Number of velocities."""
+        return self.tree.n_v + sum(self._bodies.block_sizes[k] for k in self._others)
+
+    @property
     def kinetic_energy(self) -> ca.SX:
         """Kinetic energy [J]."""
         return self.expression(0.5 * ca.dot(self._bodies.v, self._bodies.M @ self._bodies.v))

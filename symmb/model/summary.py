@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb.mechanics import Body, Constraint, Element, ForceElement
 from symmb.model.assembly import Collected
+from symmb.model.joint_space import JointSpace
 from symmb.symbolic import Kind, is_time, is_zero, lookup
 
 
@@ -20,7 +21,8 @@ def system_text(
     block_sizes: Sequence[int],
     Phi_t: ca.SX,
     power: ca.SX,
-    carrying: Sequence[str] | None = None,
+    joints: JointSpace,
+    in_joints: bool,
 ) -> str:
     """A few lines: bodies, sizes, the structure of M, and parts that were left out.
 
@@ -30,7 +32,7 @@ def system_text(
     M : (n_v, n_v)                   mass matrix, with the sizes of its diagonal blocks
     Phi_t : (n_c, 1)                 partial time derivative of the position rows
     power : scalar                   power of the forces without potential [W]
-    carrying : names of the joints whose coordinates are those of the system; None if these are the bodies' own
+    joints : JointSpace              joints that carry bodies, and whether the coordinates are theirs
     """
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
@@ -42,11 +44,11 @@ def system_text(
         *([f"impacts      {', '.join(name for name, *_ in c.impacts)}"] if c.impacts else []),
         *([f"sampled      {', '.join(f'{e.name} every {e.period:g} s' for e, _ in c.sampled)}"] if c.sampled else []),
         f"parameters   {', '.join(parameters) or 'none'}",
-        *([f"coordinates  of the joints {', '.join(carrying) or 'none'}"] if carrying is not None else []),
+        f"coordinates  {_coordinates(joints, in_joints)}",
         f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
         + (f", {len(c.states)} first-order states" if c.states else "")
-        + f"; {c.v.numel() - len(c.row_names)} degrees of freedom if the rows are independent",
+        + f"; {c.v.numel() - len(c.row_names)} degree{'s' * (c.v.numel() - len(c.row_names) != 1)} of freedom if the rows are independent",
         f"M            {_mass_structure(M, block_sizes)}",
     ]
     if dropped:
@@ -54,6 +56,14 @@ def system_text(
     lines += [f"fell away    {x} moves uniformly, nothing touches it" for x, *_ in c.decoupled]
     lines.append(f"left out     {'; '.join(_left_out(c, Phi_t, power)) or 'nothing'}")
     return "System\n" + "\n".join("  " + line for line in lines)
+
+
+def _coordinates(joints: JointSpace, in_joints: bool) -> str:
+    if not joints.names:
+        return "of the bodies, which no joint carries"
+    if in_joints:
+        return f"of the joints {', '.join(joints.names)}"
+    return f"of the bodies; joint_space() has {joints.n_v} velocities and {len(joints.rows)} rows instead"
 
 
 def _kind(body: Body) -> str:

@@ -97,8 +97,12 @@ class System(Typeset):
         >>> system.q, system.M, system.Q
         (SX(pin.angle), SX(4), SX(8))
         """
-        joints = JointSpace(self.collected, [e for e in self.elements if isinstance(e, Joint)])
+        joints = self._carried
         return self._with(joints.collected, 0, joints)
+
+    @property
+    def _carried(self) -> JointSpace:
+        return JointSpace(self.collected, [e for e in self.elements if isinstance(e, Joint)])
 
     @property
     def joints(self) -> "JointSpace":
@@ -335,7 +339,8 @@ class System(Typeset):
             block_sizes=self.block_sizes,
             Phi_t=self.Phi_t,
             power=self.power,
-            carrying=None if self._joints is None else self._joints.names,
+            joints=self._joints or self._carried,
+            in_joints=self._joints is not None,
         )
 
 

@@ -105,7 +105,7 @@ class DAESimulator:
             self.__dict__ |= pilot.__dict__ | {"_joints": self._joints}
             if self.coordinates != pilot.coordinates:
                 self._use(chosen)
-            parts = [reason, str(self._kinks or ""), self._why_joints if self.coordinates == "joint" else ""]
+            parts = [reason, str(self._kinks or ""), self.why_coordinates]
             self._reason = "; ".join(filter(None, parts))
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
@@ -130,6 +130,11 @@ class DAESimulator:
     def coordinates(self) -> str:
         """Those in which the samples run: "joint" or "body"."""
         return "joint" if self.formulation is self._joints else "body"
+
+    @property
+    def why_coordinates(self) -> str:
+        """Why samples run in coordinates of joints; empty if they do not."""
+        return self._why_joints if self.coordinates == "joint" else ""
 
     @property
     def compiled(self) -> bool:

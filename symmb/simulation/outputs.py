@@ -29,22 +29,23 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
 
 def joint_output_function(dae: DAE, joint_dae: DAE, scene: Scene, system: System, y: ca.SX) -> ca.Function:
     """(x, p, t) -> y for states x of joints; `system` is the scene's one in joint space, `dae` that of the bodies."""
-    joints, n = system.joints, joint_dae.n_q + joint_dae.n_v
-    x, p, t = ca.SX.sym("x", n + joint_dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    joints, t = system.joints, time_symbol
+    own = ca.vertcat(system.q, system.v, system.s)
+    x, p = ca.SX.sym("x", own.numel()), ca.SX.sym("p", len(dae.p_names))
     declared = joints.expression(ca.densify(y))
     lam, vdot = ca.SX(scene.system.lam), scene.system.vdot
     q, v, s = joints.of_bodies
-    at = (q, v, *([s] if dae.n_s else []), system.p, time_symbol)
+    at = (q, v, *([s] if dae.n_s else []), system.p, t)
     multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
     if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
         multipliers = dae.forward(*at, dae.gamma(*at))[1]
         if dae.distribute_multipliers is not None:
             multipliers = dae.distribute_multipliers(*at, multipliers)
     if any(ca.which_depends(y, vdot, 1, True) or []):
-        accelerations = dae.rhs(*at)[1]
+        rates = joint_dae.rhs(*joint_dae.arguments(own, system.p, t))
+        accelerations = ca.jtimes(v, own, ca.vertcat(*rates))
     declared = ca.substitute(declared, ca.vertcat(lam, vdot), ca.densify(ca.vertcat(multipliers, accelerations)))
-    own = ca.vertcat(system.q, system.v, system.s)
-    f = ca.Function("declared", [own, system.p, time_symbol], [declared])
+    f = ca.Function("declared", [own, system.p, t], [declared])
     return ca.Function("y", [x, p, t], [f(x, p, t)], {"cse": True})
 
 
