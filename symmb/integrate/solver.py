@@ -44,7 +44,7 @@ class Solver(ABC):
 
     @property
     def takes_any_coordinates(self) -> bool:
-        """Whether it integrates accelerations alone, so that the coordinates of joints do as well as those of bodies."""
+        """Whether it integrates accelerations alone: coordinates of joints then do as well as those of bodies."""
         return False
 
     @property

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import casadi as ca
 
-from symmb.mechanics import AxisJoint, Body, Frame, Ground, Joint, Particle, Planar, Spatial
+from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
 from symmb.model.assembly import Collected
 from symmb.model.joint_motion import Relative, quaternion_of
@@ -23,7 +23,7 @@ class JointSpace:
     Parameters
     ----------
     c : Collected              the equations in coordinates of the bodies
-    joints : sequence of Joint
+    elements : sequence        of which the joints may carry bodies
 
     Attributes
     ----------
@@ -32,10 +32,11 @@ class JointSpace:
     collected : Collected                 the equations in coordinates of the joints
     """
 
-    def __init__(self, c: Collected, joints: Sequence[Joint]) -> None:
+    def __init__(self, c: Collected, elements: Sequence[Body | Element]) -> None:
         self._bodies = c
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
+        joints = [e for e in elements if isinstance(e, Joint)]
         self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind))
         self.tree = ArticulatedBodies(c.bodies, self.links)
         carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}

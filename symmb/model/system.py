@@ -97,12 +97,8 @@ class System(Typeset):
         >>> system.q, system.M, system.Q
         (SX(pin.angle), SX(4), SX(8))
         """
-        joints = self._carried
+        joints = JointSpace(self.collected, self.elements)
         return self._with(joints.collected, 0, joints)
-
-    @property
-    def _carried(self) -> JointSpace:
-        return JointSpace(self.collected, [e for e in self.elements if isinstance(e, Joint)])
 
     @property
     def joints(self) -> "JointSpace":
@@ -339,7 +335,7 @@ class System(Typeset):
             block_sizes=self.block_sizes,
             Phi_t=self.Phi_t,
             power=self.power,
-            joints=self._joints or self._carried,
+            joints=self._joints or JointSpace(self.collected, self.elements),
             in_joints=self._joints is not None,
         )
 

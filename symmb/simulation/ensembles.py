@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
-import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask

@@ -63,7 +63,7 @@ class PilotRuns:
         except KeyboardInterrupt as interrupt:
             for run in runs_of(interrupt):
                 at_outputs = form.run_of_bodies(run, self.p).at(outputs)
-                known = int(np.argmin([*np.isfinite(at_outputs.X).all(axis=1), False]))
+                known = int(np.argmin(np.append(np.isfinite(at_outputs.X).all(axis=1), False)))
                 some = self._trajectory(simulator, at_outputs, {}, built - begin, time.perf_counter() - built, known)
                 carry(interrupt, some if known > 1 else None)
             raise
