@@ -37,7 +37,6 @@ def system_text(
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
     dropped = c.n_declared_rows - c.Phi.numel()
-    freedom = c.v.numel() - len(c.row_names)
     lines = [
         f"bodies       {_count([_kind(b) for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
@@ -49,7 +48,7 @@ def system_text(
         f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
         + (f", {len(c.states)} first-order states" if c.states else "")
-        + f"; {freedom} degree{'s' * (freedom != 1)} of freedom if the rows are independent",
+        + f"; {c.v.numel() - len(c.row_names)} degrees of freedom if the rows are independent",
         f"M            {_mass_structure(M, block_sizes)}",
     ]
     if dropped:
@@ -64,7 +63,7 @@ def _coordinates(joints: JointSpace, in_joints: bool) -> str:
         return "of the bodies, which no joint carries"
     if in_joints:
         return f"of the joints {', '.join(joints.names)}"
-    return f"of the bodies; joint_space() has {joints.n_v} velocities and {len(joints.rows)} rows instead"
+    return f"of the bodies; joint_space() has n_v = {joints.n_v}, n_c = {len(joints.rows)}"
 
 
 def _kind(body: Body) -> str:

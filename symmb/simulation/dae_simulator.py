@@ -15,27 +15,23 @@ from symmb._options import require_instance
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
-from symmb.integrate import (
-    AnyEngine,
-    CompiledSolver,
-    DormandPrince,
-    EventDriven,
-    Integration,
-    Run,
-    Solver,
-    SwitchPasses,
-    impacts_text,
-)
-from symmb.model import DAE, Scene, units_of
+from symmb.integrate import AnyEngine, CompiledSolver, DormandPrince, EventDriven, Integration, Solver, impacts_text
+from symmb.model import Scene, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
-from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.ensembles import (
+    CompiledEnsemble,
+    block_size,
+    ensemble_of_expressions,
+    ensemble_of_runs,
+    outputs_along,
+)
+from symmb.simulation.first_kink import first_kink
 from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies, require_able
-from symmb.start import Start
 from symmb.symbolic import batch
 
 S = TypeVar("S")
@@ -75,7 +71,8 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        self._bodies, self._joints, self._why_joints = formulations(scene)
+        self._bodies, self._joints = formulations(scene)
+        self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._seconds = time.perf_counter() - begin
@@ -105,7 +102,7 @@ class DAESimulator:
             self.__dict__ |= pilot.__dict__ | {"_joints": self._joints}
             if self.coordinates != pilot.coordinates:
                 self._use(chosen)
-            parts = [reason, str(self._kinks or ""), self.why_coordinates]
+            parts = [reason, str(self._kinks or ""), self.formulation.why]
             self._reason = "; ".join(filter(None, parts))
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
@@ -132,34 +129,14 @@ class DAESimulator:
         return "joint" if self.formulation is self._joints else "body"
 
     @property
-    def why_coordinates(self) -> str:
-        """Why samples run in coordinates of joints; empty if they do not."""
-        return self._why_joints if self.coordinates == "joint" else ""
-
-    @property
     def compiled(self) -> bool:
         """Whether samples run in compiled lanes. A scene without states is not integrated."""
         return self.solver.runs_in_lanes(self.formulation.dae) and not self._stateless
 
-    @property
-    def dae(self) -> DAE:
-        """The equations of the bodies."""
-        return self._bodies.dae
-
-    @property
-    def start(self) -> Start:
-        """The start of the bodies."""
-        return self._bodies.start
-
-    @property
-    def y(self) -> ca.Function:
-        """(x, p, t) -> outputs (n_y,) for states x of the bodies."""
-        return self._bodies.y
-
     def around(self, p: Array) -> "DAESimulator":
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
-        copy = object.__new__(DAESimulator)
-        copy.__dict__ = {**self.__dict__, "_bodies": self._bodies.around(p)}
+        copy, bodies = object.__new__(DAESimulator), self._bodies.around(p)
+        copy.__dict__ = {**self.__dict__, "_bodies": bodies, "dae": bodies.dae}
         copy._joints = None if self._joints is None else self._joints.around(p)
         return copy
 
@@ -281,7 +258,8 @@ class DAESimulator:
             x0, reasons = self.formulation.start.states(P)
             runs = self.integration().run(x0, P, self.threads)
             runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
-            return ensemble_of_runs(self.formulation, self.times, self._evaluate(self.formulation.y, runs, P), runs, P)
+            Y = outputs_along(self.formulation.y, runs, P, self.times, self.threads)
+            return ensemble_of_runs(self.formulation, self.times, Y, runs, P)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
@@ -294,15 +272,6 @@ class DAESimulator:
     @property
     def _stateless(self) -> bool:
         return self.y.numel_in(0) == 0
-
-    def _evaluate(self, f: ca.Function, runs: list[Run], P: Array) -> Array:
-        """A Function of (x, p, t) along N runs, (N, n_t, n)."""
-        n_t, N = len(self.times), len(P)
-        X = np.concatenate([run.X for run in runs]) if runs else np.zeros((0, f.numel_in(0)))
-        if not f.numel_out(0) or not N:
-            return np.zeros((N, n_t, f.numel_out(0)))
-        arguments = (X, np.repeat(P, n_t, axis=0), np.tile(self.times, N)[:, None])
-        return batch(f, *arguments, threads=self.threads)[0].reshape(N, n_t, -1)
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
         """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), by larger runs.
@@ -329,7 +298,8 @@ class DAESimulator:
             for run in runs:
                 if run.message:
                     raise SimulationError(self._no_derivatives(p0, run.t_failed, run.message))
-            return self._evaluate(jet_outputs(self.formulation.y, order), runs, P).reshape(shape).transpose(2, 0, 1, 3)
+            Y = outputs_along(jet_outputs(self.formulation.y, order), runs, P, self.times, self.threads)
+            return Y.reshape(shape).transpose(2, 0, 1, 3)
 
     def _no_derivatives(self, p0: Array, time: float, why: str) -> str:
         kink = self.kink(p0)
@@ -345,12 +315,7 @@ class DAESimulator:
         with LOCK:
             if self._kinks is None or not self._kinks.spoil_derivatives:
                 return None
-            p0 = np.asarray(p0, dtype=float)
-            x0, _ = self.formulation.start.states(p0[None])
-            X = self.integration().run(x0, p0[None], 1)[0].X
-            first = self._kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p0, self.times[ok])
-            if self.formulation.dae.impacts is None:  # passes that cancel between two output times
-                first = np.fmin(first, SwitchPasses(self.formulation.dae, self.times).first(x0, p0[None]))
+            first = first_kink(self._kinks, self.formulation, self.integration(), np.asarray(p0, float), self.times)
             return None if np.isnan(first) else (first, str(self._kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:

@@ -30,12 +30,14 @@ class Formulation:
     start : Start
     y : (x, p, t) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
+    why : str                  why they are chosen; empty for those of bodies
     """
 
     dae: DAE
     start: Start
     y: ca.Function
     bodies: "InBodies | None" = None
+    why: str = ""
 
     def around(self, p: Array) -> "Formulation":
         """The same for runs with parameters p (n_p,)."""
@@ -68,8 +70,8 @@ class InBodies:
     states: ca.Function
 
 
-def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, str]:
-    """A scene in coordinates of its bodies, in those of its joints if it runs in these, and why it does.
+def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
+    """A scene in coordinates of its bodies, and in those of its joints if it runs in these.
 
     Raises
     ------
@@ -78,19 +80,17 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, str]:
     """
     bodies = _in_bodies(scene)
     if scene.coordinates == "body":
-        return bodies, None, ""
+        return bodies, None
     system = scene.system.joint_space()
     obstacle = _obstacle(scene, bodies, system)
-    if obstacle and scene.coordinates == "joint":
-        raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {obstacle}.')
     joints = None if obstacle else _in_joints(scene, bodies, system)
+    if joints is None and scene.coordinates == "joint":
+        why = obstacle or "they do not determine the start, which is close to a singular position"
+        raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
     if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
-        return bodies, None, ""
-    return (
-        bodies,
-        joints,
-        (f"coordinates of joints: {joints.operations} operations a stage, {bodies.operations} in those of bodies"),
-    )
+        return bodies, None
+    counts = f"{joints.operations} operations a stage, {bodies.operations} in those of bodies"
+    return bodies, replace(joints, why=f"coordinates of joints: {counts}")
 
 
 def _obstacle(scene: Scene, bodies: Formulation, system: System) -> str:

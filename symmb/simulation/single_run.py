@@ -80,7 +80,7 @@ def simulate(
             for_one_run(stiff, ends or kinks(runs.simulator.dae, runs.simulator.times) is not None), runs.judge
         )
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
-        reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).why_coordinates)))
+        reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
     switches = kinks(runs.simulator.dae, runs.simulator.times) if reason or run.message else None
     if run.message:
