@@ -136,6 +136,7 @@ class JointSpace:
             potential=self.expression(c.potential),
             Phi=self.expression(kept.Phi),
             Psi=self.expression(kept.Psi),
+            sampled=tuple((element, self.expression(law)) for element, law in c.sampled),
             impacts=tuple((name, self.expression(gap), self.expression(law)) for name, gap, law in c.impacts),
             assembly_cosines=ca.SX(0, 1),
             n_declared_rows=kept.Phi.numel(),

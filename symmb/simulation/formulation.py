@@ -82,26 +82,14 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
     if scene.coordinates == "body":
         return bodies, None
     system = scene.system.joint_space()
-    obstacle = _obstacle(scene, bodies, system)
-    joints = None if obstacle else _in_joints(scene, bodies, system)
+    joints = _in_joints(scene, bodies, system) if system.joints.names else None
     if joints is None and scene.coordinates == "joint":
-        why = obstacle or "they do not determine the start, which is close to a singular position"
+        why = "it starts close to a singular position" if system.joints.names else "no joint carries a body"
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
     if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
         return bodies, None
     counts = f"{joints.operations} operations a stage, {bodies.operations} in those of bodies"
     return bodies, replace(joints, why=f"coordinates of joints: {counts}")
-
-
-def _obstacle(scene: Scene, bodies: Formulation, system: System) -> str:
-    """Why coordinates of joints are not possible; empty if they are."""
-    if not any(link.carrying for link in system.joints.links):
-        return "no joint carries a body"
-    if bodies.start.rows is not None:
-        return "its constraints are redundant"
-    if scene.equilibrium:
-        return "it starts in static equilibrium, which is solved for in coordinates of bodies"
-    return "it has sampled values" if bodies.dae.sampling is not None else ""
 
 
 def _in_bodies(scene: Scene) -> Formulation:
@@ -114,10 +102,10 @@ def _in_bodies(scene: Scene) -> Formulation:
 
 
 def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation | None:
-    dae = compile_dae(system)
-    start = start_in_joints(bodies.start, scene, system, dae)
+    start = start_in_joints(bodies.start, scene, system)
     if start is None:
         return None
+    dae = start.dae
     y = joint_output_function(bodies.dae, dae, scene, system, scene.y)
     x = ca.vertcat(system.q, system.v, system.s)
     of_bodies = ca.Function("bodies", [x, system.p], [ca.densify(ca.vertcat(*system.joints.of_bodies))], {"cse": True})

@@ -45,6 +45,9 @@ def joint_output_function(dae: DAE, joint_dae: DAE, scene: Scene, system: System
         rates = joint_dae.rhs(*joint_dae.arguments(own, system.p, t))
         accelerations = ca.jtimes(v, own, ca.vertcat(*rates))
     declared = ca.substitute(declared, ca.vertcat(lam, vdot), ca.densify(ca.vertcat(multipliers, accelerations)))
+    if joint_dae.sampling is not None:  # at an instant, outputs have the new values
+        held = joint_dae.sampling.held(*joint_dae.arguments(own, system.p, t))
+        declared = ca.substitute(declared, system.s, held)
     f = ca.Function("declared", [own, system.p, t], [declared])
     return ca.Function("y", [x, p, t], [f(x, p, t)], {"cse": True})
 

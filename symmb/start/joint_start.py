@@ -1,33 +1,82 @@
 """The start of a scene in coordinates of its joints."""
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import casadi as ca
 import numpy as np
 
+from symmb._errors import AssemblyError
 from symmb._types import Array
 from symmb.mechanics import Spatial
-from symmb.model import DAE, Scene, System
+from symmb.model import DAE, Scene, System, compile_dae
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.rank import independent_rows_and_columns
+from symmb.start.rank import independent_rows, independent_rows_and_columns, lasting_rows
 from symmb.start.scales import resting, with_coarse_scales
-from symmb.start.start import Start
-from symmb.symbolic import conjugate, product
+from symmb.start.start import Start, function_jets, parameter_jets
+from symmb.symbolic import batch, conjugate, product
 
 
-def start_in_joints(start: Start, scene: Scene, joints: System, dae: DAE) -> Start | None:
-    """The start of the bodies, which is no equilibrium, in coordinates of the joints, for a system in joint space.
+def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
+    """The start of the bodies in coordinates of the joints, for a system in joint space.
+
+    None if the rows of loops are close to a singular position in coordinates of the joints alone.
+    """
+    bodies, p = scene.system, scene.system.p
+    x = ca.vertcat(bodies.q, bodies.v, bodies.s)
+    measured = ca.Function("measured", [x, p], [ca.densify(ca.vertcat(*joints.joints.of_joints))], {"cse": True})
+    states, (fault,) = start.states(start.dae.p_nominal[None])
+    q0 = measured(states[0], start.dae.p_nominal).full().ravel()[: joints.q.numel()]
+    try:
+        dae = _with_independent_rows(joints, q0, start.t0)
+    except AssemblyError:
+        return None
+    if dae.sampling is not None:
+        dae = replace(dae, sampling=replace(dae.sampling, begin=start.t0))
+    solved = None if start.is_equilibrium or fault else _solved(start, scene, joints, dae, measured, q0)
+    if solved is not None:
+        return solved
+    inherited = {field.name: getattr(start, field.name) for field in fields(start)}
+    return _StartOfBodies(**inherited | {"dae": dae, "q_nominal": q0}, bodies=start, measured=measured)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _StartOfBodies(Start):
+    """A start that is solved for in coordinates of the bodies; `measured` (x, p) -> x gives the states of the joints."""
+
+    bodies: Start
+    measured: ca.Function
+
+    @property
+    def compiles(self) -> bool:
+        return False
+
+    def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
+        x, reasons = self.bodies.states(P)
+        return batch(self.measured, x, P)[0], reasons
+
+    def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
+        P = parameter_jets(p, directions, order)
+        return function_jets(self.measured, [self.bodies.jets(p, directions, order), P])
+
+
+def _with_independent_rows(joints: System, q: Array, t0: float) -> DAE:
+    """The equations with coarse scales, and without the rows of loops that depend on others."""
+    dae = with_coarse_scales(compile_dae(joints), q, t0)
+    rows = independent_rows(dae, q, t0)
+    if rows is None:
+        return dae
+    sufficient, nullities = lasting_rows(dae, q, t0, rows)
+    return with_coarse_scales(compile_dae(joints, sufficient.tolist(), nullities), q, t0)
+
+
+def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.Function, q0: Array) -> Start | None:
+    """A start that is solved for in coordinates of the joints.
 
     Displacements of bodies that are listed, or that stay where they are, are held; with the rows of loops they
     determine the coordinates of the joints. None where they do not, as close to singular positions.
     """
     bodies, space, p = scene.system, joints.joints, scene.system.p
-    at = start.nominal()
-    s_b = [at["s"]] if start.dae.n_s else []
-    own = [bodies.q, bodies.v, *([bodies.s] if s_b else []), p]
-    measured = ca.Function("measured", own, [ca.densify(part) for part in space.of_joints])
-    q0 = measured(at["q"], at["v"], *s_b, at["p"])[0].full().ravel()
-    dae = with_coarse_scales(dae, q0, start.t0)
+    p_nominal = start.dae.p_nominal
     of_bodies = ca.Function("of_bodies", [joints.q, p], [space.of_bodies[0]], {"cse": True})
     u, scales = ca.SX.sym("u", dae.n_v), dae.displacement_scales
     q = dae.retract(ca.DM(q0), ca.DM(scales) * u)
@@ -46,27 +95,26 @@ def start_in_joints(start: Start, scene: Scene, joints: System, dae: DAE) -> Sta
         dae.Phi(*resting(dae, q, p), p, start.t0) / dae.row_scales[: dae.n_c] if dae.Phi is not None else ca.SX(0, 1)
     )
     rows = ca.vertcat(listed, loops)
-    slopes = ca.Function("slopes", [u, p], [ca.jacobian(rows, u)])(np.zeros(dae.n_v), at["p"]).full()
+    slopes = ca.Function("slopes", [u, p], [ca.jacobian(rows, u)])(np.zeros(dae.n_v), p_nominal).full()
     chosen = _sufficient(slopes, listed.numel())
     if len(chosen) < dae.n_v:
         return None
     others = [k for k in range(listed.numel()) if k not in chosen]
     q_j = ca.SX.sym("q", dae.n_q)
     q_of = of_bodies(q_j, p)
-    v = start.velocities(q_of, p)
-    s = [start.dae.s_start(q_of, p)] if start.dae.s_start is not None else []
-    velocities = ca.Function("velocities", [q_j, p], [measured(q_of, v, *s, p)[1]], {"cse": True})
+    s = start.dae.s_start(q_of, p) if start.dae.s_start is not None else ca.SX(0, 1)
+    x_j = measured(ca.vertcat(q_of, start.velocities(q_of, p), s), p)
     found = replace(
         start,
         dae=dae,
         q_nominal=q0,
         place=place,
         position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
-        velocities=velocities,
+        velocities=ca.Function("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]], {"cse": True}),
         joint_residuals=residuals,
         implied=ca.Function("implied", [u, p], [listed[others]], {"cse": True}) if others else None,
     )
-    return None if found.states(at["p"][None])[1][0] else found
+    return None if found.states(p_nominal[None])[1][0] else found
 
 
 def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:

@@ -194,23 +194,29 @@ class Start:
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
         """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at parameters p (n_p,)."""
-        m = len(directions)
-        P = [np.tile(p, (m, 1)), directions, *(np.zeros_like(directions) for _ in range(order - 1))][: order + 1]
+        m, P = len(directions), parameter_jets(p, directions, order)
         u = [np.zeros((m, self.place.numel_in(0)))] * (order + 1)
         if self.position is not None:
             u = self.position.jets(self.position.solve(P[0])[0], P)
-        q = _function_jets(self.place, [u, P])
-        x = [[a, b] for a, b in zip(q, _function_jets(self.velocities, [q, P]), strict=True)]
+        q = function_jets(self.place, [u, P])
+        x = [[a, b] for a, b in zip(q, function_jets(self.velocities, [q, P]), strict=True)]
         if self.dae.s_start is not None:
-            for parts, s in zip(x, _function_jets(self.dae.s_start, [q, P]), strict=True):
+            for parts, s in zip(x, function_jets(self.dae.s_start, [q, P]), strict=True):
                 parts.append(s)
         states = [np.hstack([_repeat_rows(part, m) for part in parts]) for parts in x]
-        return states if self._sampled is None else _function_jets(self._sampled, [states, P])
+        return states if self._sampled is None else function_jets(self._sampled, [states, P])
 
 
 def _repeat_rows(a: Array, N: int) -> Array:
     return a if len(a) == N else np.repeat(a, N, axis=0)
 
 
-def _function_jets(f: ca.Function, curves: Sequence[Sequence[Array]]) -> list[Array]:
+def parameter_jets(p: Array, directions: Array, order: int) -> list[Array]:
+    """Taylor coefficients of parameters p (n_p,) along directions (m, n_p), each (m, n_p)."""
+    zeros = [np.zeros_like(directions)] * (order - 1)
+    return [np.tile(p, (len(directions), 1)), directions, *zeros][: order + 1]
+
+
+def function_jets(f: ca.Function, curves: Sequence[Sequence[Array]]) -> list[Array]:
+    """Taylor coefficients of a Function along curves of its arguments, given by their coefficients."""
     return list(batch(jet_function(f, len(curves[0])), *[a for c in curves for a in c]))
