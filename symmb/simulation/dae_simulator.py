@@ -18,18 +18,12 @@ from symmb.events import Kinks, broken, kinks
 from symmb.integrate import AnyEngine, CompiledSolver, DormandPrince, EventDriven, Integration, Solver, impacts_text
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
-from symmb.simulation.ensembles import (
-    CompiledEnsemble,
-    block_size,
-    ensemble_of_expressions,
-    ensemble_of_runs,
-    outputs_along,
-)
+from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.first_kink import first_kink
 from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
-from symmb.simulation.outputs import jet_outputs
+from symmb.simulation.outputs import jet_outputs, outputs_along
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies, require_able
 from symmb.symbolic import batch
@@ -135,10 +129,22 @@ class DAESimulator:
 
     def around(self, p: Array) -> "DAESimulator":
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
-        copy, bodies = object.__new__(DAESimulator), self._bodies.around(p)
-        copy.__dict__ = {**self.__dict__, "_bodies": bodies, "dae": bodies.dae}
-        copy._joints = None if self._joints is None else self._joints.around(p)
+        bodies, joints = self._bodies.around(p), self._joints and self._joints.around(p)
+        return self._with(_bodies=bodies, dae=bodies.dae, _joints=joints)
+
+    def _with(self, **changes: object) -> "DAESimulator":
+        copy = object.__new__(DAESimulator)
+        copy.__dict__ = self.__dict__ | changes
         return copy
+
+    def cautious(self) -> "DAESimulator":
+        """The same simulator for judging solvers: in coordinates of bodies if there are loops and none are given.
+
+        In these, steps become short near singular positions. Longer ones may pass over them.
+        """
+        if self._joints is None or not self._joints.why or not self._joints.dae.n_c:
+            return self
+        return self._with(_joints=None)
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
@@ -170,8 +176,7 @@ class DAESimulator:
         """The same simulator with another solver."""
         if solver == self._solver:
             return self
-        copy = object.__new__(DAESimulator)
-        copy.__dict__ = {**self.__dict__, "_reason": ""}
+        copy = self._with(_reason="")
         copy._use(solver)
         return copy
 
@@ -185,9 +190,7 @@ class DAESimulator:
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
-        pilots[solver] = copy = self.solved_by(solver)
-        if self._joints is not None and self._joints.dae.n_c:
-            copy._joints = None  # fewer steps in coordinates of joints may pass over singular positions of loops
+        pilots[solver] = copy = self.cautious().solved_by(solver)
         copy.prepare()
         P = self.dae.p_nominal[None]
         begin = time.perf_counter()

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
-import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
@@ -33,15 +32,6 @@ def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) 
     if not compiled:
         return BLOCK
     return _COMPILED_BLOCK * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
-
-
-def outputs_along(y: ca.Function, runs: Sequence[Run], P: Array, times: Array, threads: int) -> Array:
-    """A Function y (x, p, t) along N runs with parameters P (N, d) at times (n_t,), (N, n_t, n_y)."""
-    n_t, N = len(times), len(P)
-    if not y.numel_out(0) or not N:
-        return np.zeros((N, n_t, y.numel_out(0)))
-    arguments = (np.concatenate([run.X for run in runs]), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
-    return batch(y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
 
 
 def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:

@@ -30,7 +30,7 @@ class Formulation:
     start : Start
     y : (x, p, t) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
-    why : str                  why they are chosen; empty for those of bodies
+    why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
     """
 
     dae: DAE
@@ -89,7 +89,7 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
     if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
         return bodies, None
     counts = f"{joints.operations} operations a stage, {bodies.operations} in those of bodies"
-    return bodies, replace(joints, why=f"coordinates of joints: {counts}")
+    return bodies, joints if scene.coordinates else replace(joints, why=f"coordinates of joints: {counts}")
 
 
 def _in_bodies(scene: Scene) -> Formulation:

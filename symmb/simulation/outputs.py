@@ -1,9 +1,14 @@
 """Outputs of a scene as CasADi Functions of state, parameters and time."""
 
-import casadi as ca
+from collections.abc import Sequence
 
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.integrate import Run
 from symmb.model import DAE, Scene, System
-from symmb.symbolic import jets
+from symmb.symbolic import batch, jets
 from symmb.symbolic import t as time_symbol
 
 
@@ -62,3 +67,12 @@ def jet_outputs(y: ca.Function, order: int) -> ca.Function:
     if order > 1:  # parameters p_0 + p_1 eps have no higher coefficients
         coefficients = ca.substitute(coefficients, ca.vertcat(*P[2:]), ca.SX.zeros(n_p * (order - 1)))
     return ca.Function("jets", [ca.vertcat(*X), ca.vertcat(*P[:2]), t], [coefficients], {"cse": True})
+
+
+def outputs_along(y: ca.Function, runs: Sequence[Run], P: Array, times: Array, threads: int) -> Array:
+    """A Function y (x, p, t) along N runs with parameters P (N, d) at times (n_t,), (N, n_t, n_y)."""
+    n_t, N = len(times), len(P)
+    if not y.numel_out(0) or not N:
+        return np.zeros((N, n_t, y.numel_out(0)))
+    arguments = (np.concatenate([run.X for run in runs]), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
+    return batch(y, *arguments, threads=threads)[0].reshape(N, n_t, -1)

@@ -39,7 +39,7 @@ class PilotRuns:
         begin = time.perf_counter()
         self.scene, self.parameters = scene, dict(parameters)
         self.p = np.array(list(parameters.values()))
-        self.simulator = DAESimulator(scene, solver).around(self.p)
+        self.simulator = DAESimulator(scene, solver).cautious().around(self.p)
         is_free = solver is None and self.simulator.dae.impacts is None
         self.solver, self.reason = (None, "") if is_free else (self.simulator.solver, self.simulator.reason)
         self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])

@@ -41,7 +41,7 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
 
 @dataclass(frozen=True, kw_only=True)
 class _StartOfBodies(Start):
-    """A start that is solved for in coordinates of the bodies; `measured` (x, p) -> x gives the states of the joints."""
+    """A start that is solved for in those of the bodies; `measured`, (x, p) -> x, gives the states of the joints."""
 
     bodies: Start
     measured: ca.Function
