@@ -6,6 +6,7 @@ Declarations are checked here, and all faults are reported at once.
 from symmb.model.box import Box
 from symmb.model.contact_equations import Impacts
 from symmb.model.dae import DAE, compile_dae, is_linear
+from symmb.model.joint_space import JointSpace
 from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
 from symmb.model.scene import Scene

@@ -1,12 +1,14 @@
 """The equations of motion in the coordinates of the joints that carry the bodies."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
 
 import casadi as ca
 
+from symmb._types import Array
 from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
 from symmb.model.assembly import Collected
@@ -34,6 +36,7 @@ class JointSpace:
 
     def __init__(self, c: Collected, elements: Sequence[Body | Element]) -> None:
         self._bodies = c
+        self._turned: list[int] = []  # bodies whose quaternions have the opposite sign
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
         joints = [e for e in elements if isinstance(e, Joint)]
@@ -56,7 +59,18 @@ class JointSpace:
     def expression(self, of_bodies: ca.SX) -> ca.SX:
         """An expression of coordinates of bodies in coordinates of joints. Multipliers and accelerations stay."""
         nodes, old, new = self._replacements
-        return ca.substitute(with_nodes(of_bodies, nodes), old, new)
+        e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
+        return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
+
+    def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
+        """The same joints, with quaternions of the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
+        own = {link.body: self._own[link.body][0] for link in self.links if link.carrying is not None}
+        spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
+        turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
+        other = copy(self)
+        other._turned = turned
+        other.__dict__.pop("of_bodies", None)
+        return other
 
     @cached_property
     def _replacements(self) -> tuple[dict[int, ca.SX], ca.SX, ca.SX]:

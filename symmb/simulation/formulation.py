@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.integrate import Run
-from symmb.model import DAE, Scene, System, compile_dae
+from symmb.model import DAE, JointSpace, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch
@@ -105,11 +105,19 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     start = start_in_joints(bodies.start, scene, system)
     if start is None:
         return None
-    dae = start.dae
-    y = joint_output_function(bodies.dae, dae, scene, system, scene.y)
     x = ca.vertcat(system.q, system.v, system.s)
-    of_bodies = ca.Function("bodies", [x, system.p], [ca.densify(ca.vertcat(*system.joints.of_bodies))], {"cse": True})
-    return Formulation(_scaled(dae, start, scene), start, y, InBodies(bodies.dae, of_bodies))
+    at = start.nominal()
+    found = _of_bodies(system.joints, x, system.p)(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
+    joints = system.joints.with_signs(found, bodies.start.nominal()["q"])
+    y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
+    return Formulation(
+        _scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, _of_bodies(joints, x, system.p))
+    )
+
+
+def _of_bodies(joints: JointSpace, x: ca.SX, p: ca.SX) -> ca.Function:
+    """(x, p) -> states of the bodies."""
+    return ca.Function("of_bodies", [x, p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:

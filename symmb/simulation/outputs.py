@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.integrate import Run
-from symmb.model import DAE, Scene, System
+from symmb.model import DAE, JointSpace, Scene, System
 from symmb.symbolic import batch, jets
 from symmb.symbolic import t as time_symbol
 
@@ -32,9 +32,11 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     return ca.Function("y", [x, p, t], [declared(*at, multipliers, accelerations)], {"cse": True})
 
 
-def joint_output_function(dae: DAE, joint_dae: DAE, scene: Scene, system: System, y: ca.SX) -> ca.Function:
+def joint_output_function(
+    dae: DAE, joint_dae: DAE, scene: Scene, system: System, joints: JointSpace, y: ca.SX
+) -> ca.Function:
     """(x, p, t) -> y for states x of joints; `system` is the scene's one in joint space, `dae` that of the bodies."""
-    joints, t = system.joints, time_symbol
+    t = time_symbol
     own = ca.vertcat(system.q, system.v, system.s)
     x, p = ca.SX.sym("x", own.numel()), ca.SX.sym("p", len(dae.p_names))
     declared = joints.expression(ca.densify(y))

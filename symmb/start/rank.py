@@ -114,6 +114,8 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[Indices,
     move from q (n_q,). Else they are all but those that can be left out there: each combination costs much.
     """
     scales, rank = _own_scales(dae, q, t0), len(rows)
+    if not rank:
+        return rows, (0, 0)
     walked = [_measured(dae, at, t0, scales) for at in _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE)]
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
