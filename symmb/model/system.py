@@ -187,7 +187,11 @@ class System(Typeset):
     @property
     def M(self) -> ca.SX:
         """Mass matrix, (n_v, n_v), block-diagonal by body [kg, kg m^2]."""
-        return self.collected.M
+        return self.collected.M if self._joints is None else self._joints.M
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,), the forces that accelerations a (n_v,) need."""
+        return self.M @ a if self._joints is None or self.G.shape[0] else self._joints.inertial(a)
 
     @property
     def Q(self) -> ca.SX:
