@@ -1,7 +1,7 @@
 """Vectorised C of a graph of values: a statement for each value, which is a vector with a lane for each sample."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -110,7 +110,7 @@ class Emitter:
     def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
         """One C function in pieces of at most _CHUNK statements, which pass values to each other through w."""
         schedule = self._schedule(outputs, parameters_only)
-        self.n_carried = max(self.n_carried, len(schedule.carried))
+        self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
         out = "c" if parameters_only else "out"
@@ -139,8 +139,7 @@ class Emitter:
             for a in nodes[k].arguments:
                 if a in last_use:
                     last_use[a] = max(last_use[a], piece[k])
-        carried = {k: i for i, k in enumerate(k for k in order if last_use[k] > piece[k])}
-        return _Schedule(order, piece, carried, twins)
+        return _Schedule(order, piece, _carried(order, piece, last_use), twins)
 
     def _piece(
         self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
@@ -154,7 +153,7 @@ class Emitter:
             return self._operand(a, schedule, piece, parameters_only)
 
         lines = []
-        for k in (k for k in schedule.order if schedule.piece[k] == piece):
+        for k in schedule.order[piece * _CHUNK : (piece + 1) * _CHUNK]:
             operands = [text(a) for a in self._graph.nodes[k].arguments]
             twin = schedule.twins.get(k)
             if twin is None or schedule.piece[twin] != piece:
@@ -199,6 +198,25 @@ class Emitter:
         if node.operation in _CALLS:
             return f"{_CALLS[node.operation]}({', '.join(f'each({a})' for a in arguments)})"
         raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+
+
+def _carried(order: Sequence[int], piece: Mapping[int, int], last_use: Mapping[int, int]) -> dict[int, int]:
+    """Places of the values that later pieces use. A place is taken again after the piece of its last use."""
+    places: dict[int, int] = {}
+    free: list[int] = []
+    released: dict[int, list[int]] = {}
+    now = count = 0
+    for k in order:
+        if piece[k] > now:
+            free += released.pop(now, [])
+            now = piece[k]
+        if last_use[k] > now:
+            if not free:
+                free.append(count)
+                count += 1
+            places[k] = free.pop()
+            released.setdefault(last_use[k], []).append(places[k])
+    return places
 
 
 def _literal(value: float) -> str:

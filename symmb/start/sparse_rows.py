@@ -9,11 +9,11 @@ import numpy as np
 from symmb._types import Array, Indices
 
 LARGE = 150
-"""Rows and columns from which on sparse factors take less time than dense ones."""
+"""Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
 _CLEAR = 1e-5
 """Pivot of a row of norm 1, or its reciprocal, beyond which elimination leaves doubt about rank."""
 _STRONG = 0.3
-"""Share of the largest entry of a row that a pivot has at least; among these the one that fills fewest rows is taken."""
+"""Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest rows is taken."""
 _REGULAR = 1e-11
 """Ratio of pivots of A A' above which the rows of A count as independent."""
 
