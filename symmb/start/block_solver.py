@@ -67,19 +67,22 @@ class BlockSolver:
     """
 
     def __init__(self, sparsity: ca.Sparsity) -> None:
-        n = sparsity.size1()
+        n = self._n = sparsity.size1()
         row, column = (np.array(indices, dtype=np.intp) for indices in sparsity.get_triplet())
         self._row = row
-        _, rows, columns, row_starts, column_starts, *_ = sparsity.btf()
-        if row_starts != column_starts:  # singular by structure
-            rows = columns = list(range(n))
-            row_starts = [0, n]
+        self._blocks: list[_Block] = []
+        if not n:
+            return
+        if ca.sprank(ca.DM(sparsity, 1)) == n:
+            _, rows, columns, starts, *_ = sparsity.btf()
+        else:  # singular by structure
+            rows, columns, starts = [*range(n)], [*range(n)], [0, n]
         place = np.argsort(np.array(columns, dtype=np.intp))
         in_row = np.argsort(np.array(rows, dtype=np.intp))
-        self._blocks: list[_Block] = []
-        of_row = np.searchsorted(row_starts, in_row[row], side="right") - 1
-        by_block = np.split(np.argsort(of_row, kind="stable"), np.cumsum(np.bincount(of_row, minlength=1))[:-1])
-        for begin, end, entries in zip(row_starts[:-1], row_starts[1:], by_block, strict=True):
+        of_row = np.searchsorted(starts, in_row[row], side="right") - 1
+        counts = np.bincount(of_row, minlength=len(starts) - 1)
+        by_block = np.split(np.argsort(of_row, kind="stable"), np.cumsum(counts)[:-1])
+        for begin, end, entries in zip(starts[:-1], starts[1:], by_block, strict=True):
             inside = place[column[entries]] >= begin
             own, others = entries[inside], entries[~inside]
             sums = np.zeros((len(others), end - begin))
@@ -109,6 +112,6 @@ class BlockSolver:
 
     def row_sizes(self, A: Array) -> Array:
         """Sums of absolute entries of each row, (N, n)."""
-        sizes = np.zeros((sum(len(block.rows) for block in self._blocks), len(A)))
+        sizes = np.zeros((self._n, len(A)))
         np.add.at(sizes, self._row, np.abs(A).T)
         return sizes.T

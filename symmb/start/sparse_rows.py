@@ -13,7 +13,7 @@ LARGE = 150
 _CLEAR = 1e-5
 """Pivot of a row of norm 1, or its reciprocal, beyond which elimination leaves doubt about rank."""
 _STRONG = 0.3
-"""Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest rows is taken."""
+"""Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest is taken."""
 _REGULAR = 1e-11
 """Ratio of pivots of A A' above which the rows of A count as independent."""
 
