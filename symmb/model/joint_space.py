@@ -191,7 +191,8 @@ class JointSpace:
     def inertial(self, a: ca.SX) -> ca.SX:
         """M a (n_v,) for accelerations a (n_v,)."""
         n = self.tree.n_v
-        return ca.vertcat(self.loads.inertial(a[:n]), self._inertia_of_others @ a[n:])
+        others = [self._inertia_of_others @ a[n:]] if self._others else []
+        return ca.vertcat(self.loads.inertial(a[:n]), *others)
 
     def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         """M^-1 f (n_v,) of a system without rows, and no multipliers."""
