@@ -104,7 +104,7 @@ def test_parts_of_a_large_model_are_compiled_on_their_own(monkeypatch, tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("symmb.codegen.emit._PART", 2)
     assert np.array_equal(values(Engine, outputs, x0, p), whole)
-    (library,) = tmp_path.rglob("*.so")
+    assert len([*tmp_path.rglob("*.so")]) == 1
     expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.5).full().T
     assert_allclose(values(Engine, outputs, x0, p)[:, 0], expected, rtol=1e-12)
 
