@@ -250,9 +250,8 @@ class Loads:
         """M a (n_v,) for accelerations a (n_v,), without the many entries of M."""
         A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
         for link, here, carrier in self._walk():
-            A[link.body] = _from_carrier(here, A[carrier])
-            if here.H.shape[1]:
-                A[link.body] = A[link.body] + here.H @ a[self._tree.columns[link.body]]
+            own = here.H @ a[self._tree.columns[link.body]] if here.H.shape[1] else ca.SX(6, 1)
+            A[link.body] = _from_carrier(here, A[carrier]) + own
         return self._along_joints({body: inertia @ A[body] for body, inertia in self._inertia.items()})
 
     def _along_joints(self, forces: dict[int, ca.SX]) -> ca.SX:

@@ -169,11 +169,6 @@ class JointSpace:
         return tuple(link.carrying.joint.name for link in self.links if link.carrying is not None)
 
     @property
-    def kinetic_energy(self) -> ca.SX:
-        """Kinetic energy [J]."""
-        return self.expression(0.5 * ca.dot(self._bodies.v, self._bodies.M @ self._bodies.v))
-
-    @property
     def power(self) -> ca.SX:
         """Power of forces without potential, and of mass that joins or leaves [W]."""
         return self.expression(self._bodies.power)

@@ -191,7 +191,7 @@ class System(Typeset):
 
     def inertial(self, a: ca.SX) -> ca.SX:
         """M a (n_v,), the forces that accelerations a (n_v,) need."""
-        return self.M @ a if self._joints is None or self.G.shape[0] else self._joints.inertial(a)
+        return self.M @ a if self._joints is None else self._joints.inertial(a)
 
     @property
     def Q(self) -> ca.SX:
@@ -272,7 +272,7 @@ class System(Typeset):
     @property
     def kinetic_energy(self) -> ca.SX:
         """v' M v / 2 [J]."""
-        return 0.5 * ca.dot(self.v, self.M @ self.v) if self._joints is None else self._joints.kinetic_energy
+        return 0.5 * ca.dot(self.v, self.inertial(self.v))
 
     @property
     def potential_energy(self) -> ca.SX:
@@ -331,16 +331,9 @@ class System(Typeset):
         return tuple(name for name, there in has.items() if there)
 
     def __repr__(self) -> str:
-        return system_text(
-            self.collected,
-            self.elements,
-            self.parameters,
-            M=self.M,
-            block_sizes=self.block_sizes,
-            Phi_t=self.Phi_t,
-            power=self.power,
-            carrying=None if self._joints is None else self._joints.names,
-        )
+        of, sizes = (self.collected, self.elements, self.parameters), self.block_sizes
+        joints = None if self._joints is None else self._joints.names
+        return system_text(*of, M=self.M, block_sizes=sizes, Phi_t=self.Phi_t, power=self.power, carrying=joints)
 
 
 def _restored(
