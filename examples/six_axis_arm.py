@@ -23,7 +23,7 @@ p = mb.Parameters(load=5.0, links=1.0)
 elements, end = [mb.Gravity(0, 0, -9.81)], mb.Ground().point(0, 0, 0)
 for k, (stiffness, damping) in enumerate(GAINS):
     mass = p.links * MASSES[k] if k < 5 else p.load
-    link = mb.Body(f"link{k}", mass, [0.02 * mass] * 3, mb.Spatial(), com=[x / 2 for x in ENDS[k]])
+    link = mb.Body(f"link{k}", mass, [0.02 * mass] * 3, mb.Spatial(), com=tuple(x / 2 for x in ENDS[k]))
     joint = mb.Revolute(f"j{k}", end, link.point(0, 0, 0), axis=AXES[k])
     law = stiffness * (TARGETS[f"j{k}.angle"] - joint.angle) - damping * joint.angle_rate
     elements += [link, joint, mb.Actuator(f"motor{k}", joint, law)]

@@ -6,6 +6,8 @@ import hashlib
 import itertools
 import os
 import platform
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,6 +22,7 @@ from symmb._cleanup import run_program, temporary_folder
 from symmb._errors import SymmbError, SymmbWarning
 from symmb.codegen import cache
 from symmb.codegen.c_source import C_FOLDER, c_source
+from symmb.codegen.threads import cores
 
 R = TypeVar("R")
 
@@ -135,8 +138,27 @@ def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
     text, library_path = folder / "model.c", folder / "model.so"
     text.write_text(source, encoding="utf-8")
     seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * len(source) / 1e6
-    _compile([compiler.path, str(text), "-o", str(library_path), *compiler.flags, "-lm"], library_path, folder, seconds)
+    parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
+    command = [compiler.path, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
+    if parts > 1:
+        command = ["/bin/sh", "-c", _in_parts(text, library_path, compiler, parts)]
+    _compile(command, library_path, folder, seconds)
     return library_path
+
+
+def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int) -> str:
+    """A shell script that compiles the parts of a model side by side, as many as there are cores, and joins them."""
+    objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
+    compile_each = [
+        shlex.join([compiler.path, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
+        for k, name in enumerate(objects)
+    ]
+    count = min(cores(), parts)
+    lines = [f"({' && '.join(compile_each[k::count])}) & p{k}=$!" for k in range(count)]
+    waits = [f"wait $p{k} || exit 1" for k in range(count)]
+    return "\n".join(
+        [*lines, *waits, shlex.join([compiler.path, *objects, "-o", str(library_path), *compiler.flags, "-lm"])]
+    )
 
 
 def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:

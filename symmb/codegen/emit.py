@@ -1,7 +1,7 @@
 """Vectorised C of a graph of values: a statement for each value, which is a vector with a lane for each sample."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -12,6 +12,9 @@ from symmb.symbolic import operation_name
 
 _CHUNK = 400
 """Statements in one C function: compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
+
+_PART = 50
+"""Pieces of functions that a compiler takes together: the parts of a large model are compiled side by side."""
 
 _FORMS = {
     ca.OP_ASSIGN: "{0}",
@@ -75,6 +78,7 @@ class Emitter:
         self._graph, self._place = graph, place
         self._parameter_values: dict[int, int] = {}  # node -> place in c
         self._functions: list[str] = []
+        self._pieces: list[str] = []
         self.n_carried = 0  # most values that the pieces of a function pass to each other
 
     def function(self, name: str, outputs: Iterable[int]) -> None:
@@ -87,10 +91,12 @@ class Emitter:
         inputs = [nodes[k] for k in self._needed(outputs) if nodes[k].operation == INPUT]
         return sorted(self._place[node.index] for node in inputs if node.source == 0)
 
-    def source(self) -> tuple[str, int]:
-        """All functions, `prepare(p, c)` among them, and the size of c."""
-        prepare = self._source("prepare", list(self._parameter_values), parameters_only=True)
-        return "\n".join([*self._functions, prepare]), len(self._parameter_values)
+    def source(self) -> tuple[list[str], str, int]:
+        """The pieces of all functions, in parts, the functions, `prepare(p, c)` among them, and the size of c."""
+        self._functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
+        parts = ["\n".join(self._pieces[at : at + _PART]) for at in range(0, len(self._pieces), _PART)]
+        heads = [f"{piece.partition(' {')[0]};" for piece in self._pieces]
+        return parts, "\n".join([*heads, *self._functions]), len(self._parameter_values)
 
     def _needed(self, outputs: Iterable[int]) -> set[int]:
         """The given nodes and all nodes on which they depend."""
@@ -108,20 +114,19 @@ class Emitter:
         return node.operation != CONSTANT and node.depends == frozenset([1])
 
     def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
-        """One C function in pieces of at most _CHUNK statements, which pass values to each other through w."""
+        """One C function; its pieces of at most _CHUNK statements pass values to each other through w."""
         schedule = self._schedule(outputs, parameters_only)
-        self.n_carried = max(self.n_carried, len(schedule.carried))
+        self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
         out = "c" if parameters_only else "out"
-        pieces = []
         for piece in range(schedule.n_pieces):
             lines = self._piece(schedule, piece, outputs, out, parameters_only)
-            head = f"PRIVATE NOINLINE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
-            pieces.append("\n".join([f"{head} {{", "  (void)w;", *lines, "}"]))
+            head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
+            self._pieces.append("\n".join([f"{head} {{", "  (void)w;", *lines, "}"]))
         calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(schedule.n_pieces)]
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
-        return "\n".join([*pieces, f"PRIVATE void {name}({head}) {{", *calls, "}"])
+        return "\n".join([f"PRIVATE void {name}({head}) {{", *calls, "}"])
 
     def _schedule(self, outputs: list[int], parameters_only: bool) -> "_Schedule":
         nodes = self._graph.nodes
@@ -139,8 +144,7 @@ class Emitter:
             for a in nodes[k].arguments:
                 if a in last_use:
                     last_use[a] = max(last_use[a], piece[k])
-        carried = {k: i for i, k in enumerate(k for k in order if last_use[k] > piece[k])}
-        return _Schedule(order, piece, carried, twins)
+        return _Schedule(order, piece, _carried(order, piece, last_use), twins)
 
     def _piece(
         self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
@@ -154,7 +158,7 @@ class Emitter:
             return self._operand(a, schedule, piece, parameters_only)
 
         lines = []
-        for k in (k for k in schedule.order if schedule.piece[k] == piece):
+        for k in schedule.order[piece * _CHUNK : (piece + 1) * _CHUNK]:
             operands = [text(a) for a in self._graph.nodes[k].arguments]
             twin = schedule.twins.get(k)
             if twin is None or schedule.piece[twin] != piece:
@@ -199,6 +203,25 @@ class Emitter:
         if node.operation in _CALLS:
             return f"{_CALLS[node.operation]}({', '.join(f'each({a})' for a in arguments)})"
         raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+
+
+def _carried(order: Sequence[int], piece: Mapping[int, int], last_use: Mapping[int, int]) -> dict[int, int]:
+    """Places of the values that later pieces use. A place is taken again after the piece of its last use."""
+    places: dict[int, int] = {}
+    free: list[int] = []
+    released: dict[int, list[int]] = {}
+    now = count = 0
+    for k in order:
+        if piece[k] > now:
+            free += released.pop(now, [])
+            now = piece[k]
+        if last_use[k] > now:
+            if not free:
+                free.append(count)
+                count += 1
+            places[k] = free.pop()
+            released.setdefault(last_use[k], []).append(places[k])
+    return places
 
 
 def _literal(value: float) -> str:

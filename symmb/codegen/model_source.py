@@ -205,12 +205,13 @@ def _ensemble_source(
     emitter = Emitter(graph, place)
     for name, values in nodes.items():
         emitter.function(name, values)
-    model, n_c = emitter.source()
+    parts, functions, n_c = emitter.source()
     explicit = "rates" in nodes
     used = emitter.used(nodes["outputs"]) if explicit else []
     if hysteresis:
         used = list(range(len(place)))  # steps may end anywhere
     sizes = {
+        "N_PARTS": len(parts),
         "N_X": len(place),
         "N_P": n_p,
         "N_C": n_c,
@@ -232,12 +233,20 @@ def _ensemble_source(
             c_source("lanes"),
             *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             f"PRIVATE const double hysteresis[] = {{{', '.join(map(repr, hysteresis or [0.0]))}}};",
-            model,
+            *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
+            _only_in(0),
+            functions,
             c_source("block", "projection"),
             *steps,
             c_source("ensemble"),
+            "#endif",
         ]
     )
+
+
+def _only_in(part: int) -> str:
+    """The line before what only a part of a model contains, if it is compiled in parts."""
+    return f"#if !defined(PART) || PART == {part}"
 
 
 def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:

@@ -201,8 +201,10 @@ def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[
     """Forces, right sides of constraints, first-order rates and sampled laws of (x, p, t), with symbols for these."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
-    M = ca.vertcat(*ca.vertsplit(ca.vec(dae.M(*at).nz[:])))
-    parts = [dae.Q(*at), *(entry for entry in ca.vertsplit(M) if ca.depends_on(entry, t))]
+    parts = [dae.Q(*at)]
+    if dae.n_v:
+        inertia = dae.inertia(*at, ca.DM([*range(1, dae.n_v + 1)]))  # of different accelerations
+        parts += [inertia[k] for k, moves in enumerate(ca.which_depends(inertia, t, 1, True)) if moves]
     if dae.gamma is not None:
         parts.append(dae.gamma(*at))
     if dae.n_s:

@@ -242,14 +242,27 @@ class Loads:
     @cached_property
     def Q(self) -> ca.SX:
         """Forces along the joints' velocities (n_v,), with those that velocities make."""
-        F = {body: force - self._inertia[body] @ self._drift[body] for body, force in self._force.items()}
-        Q = ca.SX(self._tree.n_v, 1)
+        return self._along_joints(
+            {body: force - self._inertia[body] @ self._drift[body] for body, force in self._force.items()}
+        )
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,) for accelerations a (n_v,), without the many entries of M."""
+        A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
+        for link, here, carrier in self._walk():
+            own = here.H @ a[self._tree.columns[link.body]] if here.H.shape[1] else ca.SX(6, 1)
+            A[link.body] = _from_carrier(here, A[carrier]) + own
+        return self._along_joints({body: inertia @ A[body] for body, inertia in self._inertia.items()})
+
+    def _along_joints(self, forces: dict[int, ca.SX]) -> ca.SX:
+        """What forces (6,) on the bodies do along the joints' velocities (n_v,)."""
+        F, along = dict(forces), ca.SX(self._tree.n_v, 1)
         for link, here, carrier in reversed(self._walk()):
             if here.H.shape[1]:
-                Q[self._tree.columns[link.body]] = here.H.T @ F[link.body]
+                along[self._tree.columns[link.body]] = here.H.T @ F[link.body]
             if carrier is not None:
                 F[carrier] = F[carrier] + _to_carrier(here, F[link.body])
-        return ca.densify(Q)
+        return ca.densify(along)
 
     @cached_property
     def _articulated(self) -> dict[int, tuple[ca.SX, Callable[[ca.SX], ca.SX], ca.SX]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import casadi as ca
@@ -44,6 +45,7 @@ class DAE:
     q_neutral : (n_q,)     zeros and identity rotations
     rhs                    -> q', v' [, s']
     M, Q                   mass matrix (n_v, n_v), forces (n_v,)
+    inertia                (..., a) -> M a, the forces that accelerations a (n_v,) need
     Phi, Phi_q, Phi_t      position rows (n_c,), Jacobian (n_c, n_q), partial rate (n_c,) with drives only
     Phi_dot, G, gamma      all rows' rates (n_r,), velocity Jacobian (n_r, n_v), right side of G v' = gamma (n_r,)
     forward                (..., gamma) -> v', lam: accelerations and multipliers for a given right side
@@ -73,7 +75,7 @@ class DAE:
     p_nominal: Array
     q_neutral: Array
     rhs: ca.Function
-    M: ca.Function
+    inertia: ca.Function
     Q: ca.Function
     Phi: ca.Function | None
     Phi_q: ca.Function | None
@@ -96,6 +98,13 @@ class DAE:
     scales: Scales = field(default_factory=Scales)
     s_rest: Array | None = None
     sampling: Sampling | None = None
+
+    @cached_property
+    def M(self) -> ca.Function:
+        """Mass matrix (n_v, n_v). It is formed at its first use: that of a long chain in joint space is full."""
+        names = self.inertia.name_in()
+        *x, a = [ca.SX.sym(name, self.inertia.size1_in(i)) for i, name in enumerate(names)]
+        return ca.Function("M", x, [ca.jacobian(self.inertia(*x, a), a)], names[:-1], ["M"])
 
     @property
     def n_q(self) -> int:
@@ -231,7 +240,8 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     """
     require_instance("compile_dae", system, System, "a System")
     reduced = system if rows is None else system.keeping(rows, nullities[0])
-    require_inertia(reduced.M, reduced.G, reduced.collected.v_names)
+    a = ca.SX.sym("a", reduced.v.numel())
+    require_inertia(ca.jacobian_sparsity(reduced.inertial(a), a), reduced.G, reduced.collected.v_names)
     c, (positive_names, positive) = reduced.collected, reduced.positive
     displacement = ca.SX.sym("delta", reduced.v.numel())
     moved = reduced.retract(displacement)
@@ -273,14 +283,14 @@ def _equations_of_motion(
     """The Functions of the states that the scene needs, by name, with those of redundant rows."""
     lam = ca.SX(system.lam)
     right = ca.SX.sym("gamma", lam.numel())
+    a = ca.SX.sym("a", system.v.numel())
     solve = system.solve if contacts is None else contacts.solve
-    vdot, multipliers = solve(system.Q, right)
     vdot_free = system.accelerations if contacts is None else contacts.solve(system.Q, system.gamma)[0]
-    delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
+    vdot, multipliers = solve(system.Q, right) if right.numel() else (vdot_free, right)
     power = system.power if contacts is None else system.power + contacts.power
     outputs: dict[str, dict[str, ca.SX]] = {
         "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if system.s.numel() else {})},
-        "M": {"M": system.M},
+        "inertia": {"Ma": ca.densify(system.inertial(a))},
         "Q": {"Q": system.Q},
         "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
         "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
@@ -292,11 +302,13 @@ def _equations_of_motion(
         outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
     if lam.numel():
         outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
+        delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
         outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
     if ca.sparsify(power).nnz():
         outputs["power"] = {"power": power}
     states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
     more_inputs = {
+        "inertia": ("a", a),
         "forward": ("gamma", right),
         "min_norm_correction": ("r", right),
         "power": ("lam", lam),

@@ -31,7 +31,7 @@ class JointSpace:
     ----------
     links : tuple of Link                 the rigid bodies, each one after its carrier
     rows : list of int                    numbers of the constraint rows that are left
-    collected : Collected                 the equations in coordinates of the joints
+    collected : Collected                 the equations in coordinates of the joints, with the mass matrix of the bodies
     """
 
     def __init__(self, c: Collected, elements: Sequence[Body | Element]) -> None:
@@ -128,10 +128,9 @@ class JointSpace:
 
     @cached_property
     def collected(self) -> Collected:
-        """The equations in coordinates of the joints."""
+        """The equations in coordinates of the joints, with the mass matrix of the bodies."""
         c, kept, parts = self._bodies, self._bodies.keeping(self.rows), self._coordinates
         turns = {s.sx.element_hash() for link in self.links for s in self._turns(link)}
-        others = [self._own[k][1] for k in self._others]
         return replace(
             kept,
             q=_stacked([part.q for part in parts]),
@@ -145,8 +144,7 @@ class JointSpace:
                 for s in c.states
                 if s.sx.element_hash() not in turns
             ),
-            M=ca.diagcat(self.loads.M, *[self.expression(c.M[at, at]) for at in others]),
-            Q=_stacked([self.loads.Q, *[self.expression(c.Q[at]) for at in others]]),
+            Q=_stacked([self.loads.Q, *[self.expression(c.Q[self._own[k][1]]) for k in self._others]]),
             potential=self.expression(c.potential),
             Phi=self.expression(kept.Phi),
             Psi=self.expression(kept.Psi),
@@ -192,14 +190,25 @@ class JointSpace:
         return self.tree.n_v + sum(self._bodies.block_sizes[k] for k in self._others)
 
     @property
-    def kinetic_energy(self) -> ca.SX:
-        """Kinetic energy [J]."""
-        return self.expression(0.5 * ca.dot(self._bodies.v, self._bodies.M @ self._bodies.v))
-
-    @property
     def power(self) -> ca.SX:
         """Power of forces without potential, and of mass that joins or leaves [W]."""
         return self.expression(self._bodies.power)
+
+    @cached_property
+    def M(self) -> ca.SX:
+        """Mass matrix (n_v, n_v). A long chain does without its many entries."""
+        return ca.diagcat(self.loads.M, self._inertia_of_others)
+
+    @cached_property
+    def _inertia_of_others(self) -> ca.SX:
+        at = [self._own[k][1] for k in self._others]
+        return ca.diagcat(*[self.expression(self._bodies.M[own, own]) for own in at]) if at else ca.SX(0, 0)
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,) for accelerations a (n_v,)."""
+        n = self.tree.n_v
+        others = [self._inertia_of_others @ a[n:]] if self._others else []
+        return ca.vertcat(self.loads.inertial(a[:n]), *others)
 
     def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
         """M^-1 f (n_v,) of a system without rows, and no multipliers."""
@@ -213,8 +222,7 @@ class JointSpace:
 
     @cached_property
     def _of_others(self) -> MassBlocks:
-        c, n = self._bodies, self.tree.n_v
-        return MassBlocks(self.collected.M[n:, n:], [c.block_sizes[k] for k in self._others])
+        return MassBlocks(self._inertia_of_others, [self._bodies.block_sizes[k] for k in self._others])
 
     @cached_property
     def of_bodies(self) -> tuple[ca.SX, ca.SX, ca.SX]:

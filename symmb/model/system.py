@@ -187,7 +187,11 @@ class System(Typeset):
     @property
     def M(self) -> ca.SX:
         """Mass matrix, (n_v, n_v), block-diagonal by body [kg, kg m^2]."""
-        return self.collected.M
+        return self.collected.M if self._joints is None else self._joints.M
+
+    def inertial(self, a: ca.SX) -> ca.SX:
+        """M a (n_v,), the forces that accelerations a (n_v,) need."""
+        return self.M @ a if self._joints is None else self._joints.inertial(a)
 
     @property
     def Q(self) -> ca.SX:
@@ -268,7 +272,7 @@ class System(Typeset):
     @property
     def kinetic_energy(self) -> ca.SX:
         """v' M v / 2 [J]."""
-        return 0.5 * ca.dot(self.v, self.M @ self.v) if self._joints is None else self._joints.kinetic_energy
+        return 0.5 * ca.dot(self.v, self.inertial(self.v))
 
     @property
     def potential_energy(self) -> ca.SX:
@@ -327,17 +331,10 @@ class System(Typeset):
         return tuple(name for name, there in has.items() if there)
 
     def __repr__(self) -> str:
-        return system_text(
-            self.collected,
-            self.elements,
-            self.parameters,
-            M=self.M,
-            block_sizes=self.block_sizes,
-            Phi_t=self.Phi_t,
-            power=self.power,
-            joints=self._joints or JointSpace(self.collected, self.elements),
-            in_joints=self._joints is not None,
-        )
+        of, sizes, is_own = (self.collected, self.elements, self.parameters), self.block_sizes, self._joints is not None
+        joints = self._joints or JointSpace(self.collected, self.elements)
+        parts = {"M": self.M, "Phi_t": self.Phi_t, "power": self.power}
+        return system_text(*of, **parts, block_sizes=sizes, joints=joints, in_joints=is_own)
 
 
 def _restored(

@@ -206,9 +206,9 @@ def _shown(value: ca.SX) -> str:
     return f" ({text})" if len(text) <= 40 else ""
 
 
-def require_inertia(M: ca.SX, G: ca.SX, v_names: Sequence[str]) -> None:
-    """DeclarationError if velocities have neither inertia in M (n_v, n_v) nor a row of G (n_r, n_v)."""
-    columns = ca.horzsplit(ca.vertcat(ca.DM(M.sparsity(), 1), ca.DM(G.sparsity(), 1)))
+def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
+    """DeclarationError if velocities have neither inertia, an entry of M (n_v, n_v), nor a row of G (n_r, n_v)."""
+    columns = ca.horzsplit(ca.vertcat(ca.DM(M, 1), ca.DM(G.sparsity(), 1)))
     free = [name for name, column in zip(v_names, columns, strict=True) if not column.nnz()]
     if free:
         raise DeclarationError(

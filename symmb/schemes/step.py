@@ -127,7 +127,7 @@ class At:
     def unbalance(self, vdot: ca.SX, lam: ca.SX) -> ca.SX:
         """M v' + G' lam - Q, (n_v,)."""
         a = self.arguments
-        f = self.dae.M(*a) @ vdot - self.dae.Q(*a)
+        f = self.dae.inertia(*a, vdot) - self.dae.Q(*a)
         return f + self.dae.G(*a).T @ lam if self.dae.G is not None else f
 
     def power(self, lam: ca.SX) -> ca.SX:

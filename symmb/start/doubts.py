@@ -10,6 +10,7 @@ from symmb.mechanics import Constraint, Weld
 from symmb.model import DAE, Scene
 from symmb.start.equilibrium import is_stable
 from symmb.start.rank import independent_rows_and_columns
+from symmb.start.sparse_rows import normal_solver
 
 _BALANCED = 1e-9
 """Unbalanced forces over the largest force, for displacements of the scene's size, that are rounding."""
@@ -43,7 +44,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
     """Whether forces balance at rest, but displacements on the constraints lead to forces that enlarge them."""
     scales = dae.displacement_scales
     forces = dae.Q(*at).full().ravel() * scales
-    lam = np.linalg.lstsq(G[rows].T, forces, rcond=None)[0] if len(rows) else np.zeros(0)
+    lam = _multipliers(G[rows], forces)
     terms = np.abs(forces) + np.abs(G[rows].T) @ np.abs(lam)
     if np.abs(forces - G[rows].T @ lam).max() > _BALANCED * terms.max():
         return False
@@ -60,3 +61,10 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
         residual -= G_moved.T @ ca.SX(ca.DM(lam))
     stiffness = ca.Function("stiffness", [delta], [ca.jacobian(residual, delta)])(np.zeros(dae.n_v)).full()
     return bool(np.isfinite(stiffness).all()) and not is_stable(stiffness, G[rows])
+
+
+def _multipliers(G: Array, forces: Array) -> Array:
+    """Multipliers (n_r,) whose forces on the rows G (n_r, n_v) are closest to the given ones (n_v,)."""
+    if (solve := normal_solver(G)) is None:
+        return np.asarray(np.linalg.lstsq(G.T, forces, rcond=None)[0], dtype=np.float64) if len(G) else np.zeros(0)
+    return solve(G @ forces)

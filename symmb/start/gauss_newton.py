@@ -10,6 +10,7 @@ from symmb._types import Array, Indices
 from symmb.model import DAE
 from symmb.start.labels import constraint_of_row
 from symmb.start.scales import rest_states
+from symmb.start.sparse_rows import normal_solver
 
 _TOLERANCE = 1e-9
 """Violation of Phi over the scene's size that an assembly may leave. tests/start/test_start.py"""
@@ -137,6 +138,8 @@ def _least_step(J: Array, r: Array) -> Array:
 
     Factors of J' are found faster than its singular values, which are needed only where rows depend on each other.
     """
+    if (solve := normal_solver(J)) is not None:
+        return np.asarray(J.T @ solve(r), dtype=np.float64)
     if J.shape[0] <= J.shape[1]:
         Q, R = np.linalg.qr(J.T)
         pivots = np.abs(np.diag(R))

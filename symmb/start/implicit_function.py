@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.symbolic import batch, jet_function
+from symmb.start.block_solver import BlockSolver
+from symmb.symbolic import batch, jet_function, nonzeros
 
 _FEW = 40
 """Symbols of a residual up to which its expressions are searched for common ones, which takes longer than it saves."""
@@ -50,44 +52,35 @@ class ImplicitMap:
         active = np.arange(len(w))
         ok = np.zeros(len(w), dtype=bool)
         for _ in range(iterations):
-            (r,), J = batch(self.residual, u[active], w[active]), self._matrices(u[active], w[active])
-            finite = np.isfinite(r).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+            r, J = batch(self.residual, u[active], w[active])[0], nonzeros(self.jacobian, u[active], w[active])
+            finite = np.isfinite(r).all(axis=1) & np.isfinite(J).all(axis=1)
             active, r, J = active[finite], r[finite], J[finite]
             if not active.size:
                 break
-            step = _solve_each(J, r)
+            step = self._blocks.solve(J, r)
             u[active] -= step
             # Quadratic convergence: a step below 1e-9 leaves an error at rounding level.
             done = np.abs(step).max(axis=1, initial=0.0) <= 1e-9 * np.maximum(
                 np.abs(u[active]).max(axis=1, initial=0.0), 1e-3
             )
             # Close to singular positions rounding of the residual makes steps that never become small.
-            done = done | (np.abs(r) <= ROUNDING * np.abs(J).sum(axis=2)).all(axis=1)
+            done = done | (np.abs(r) <= ROUNDING * self._blocks.row_sizes(J)).all(axis=1)
             ok[active[done]] = True
             active = active[~done]
             if not active.size:
                 break
         return u, ok
 
-    def _matrices(self, u: Array, w: Array) -> Array:
-        m = self.residual.numel_in(0)
-        return batch(self.jacobian, u, w)[0].reshape(-1, m, m)  # a single unknown comes as a column
+    @cached_property
+    def _blocks(self) -> BlockSolver:
+        return BlockSolver(self.jacobian.sparsity_out(0))
 
     def jets(self, u0: Array, w: Sequence[Array]) -> list[Array]:
         """Taylor coefficients u_0, ..., u_k along the curves with coefficients w_0, ..., w_k, each (N, n_w)."""
         order = len(w) - 1
         coefficients = jet_function(self.residual, order + 1)
-        J = self._matrices(u0, w[0])
+        J = nonzeros(self.jacobian, u0, w[0])
         u = [u0, *(np.zeros_like(u0) for _ in range(order))]
         for j in range(1, order + 1):  # coefficient j of R is linear in u_j, with the Jacobian at order 0
-            u[j] = -_solve_each(J, batch(coefficients, *u, *w)[j])
+            u[j] = -self._blocks.solve(J, batch(coefficients, *u, *w)[j])
         return u
-
-
-def _solve_each(J: Array, r: Array) -> Array:
-    if not r.shape[1]:
-        return r
-    try:
-        return np.asarray(np.linalg.solve(J, r[:, :, None])[:, :, 0], dtype=np.float64)
-    except np.linalg.LinAlgError:  # a singular sample must not affect the others
-        return np.array([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(J, r, strict=True)], dtype=np.float64)

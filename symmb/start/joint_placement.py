@@ -10,9 +10,11 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.mechanics import AxisJoint, Planar
 from symmb.model import DAE, Scene
+from symmb.start.joint_tree import GROUND
 from symmb.start.joint_values import of_positions
 from symmb.symbolic import product
 
+_ANGULAR = ("omega", "omega_x", "omega_y", "omega_z")
 Values = Mapping[str, float]
 """Values of the handles of a joint at the nominal parameters."""
 
@@ -27,12 +29,20 @@ class JointPlacement:
 
     def moved(self, q: Array, body: int, carrier: int) -> Array | None:
         """Coordinates q (n_q,) after a body is moved to the joint with its carrier; None if that has no value."""
-        bodies = self.scene.system.bodies
-        for joint, values in self._joints.items():
-            ends = [next((k for k, b in enumerate(bodies) if b is end.owner), -1) for end in joint.bodies()]
-            if set(ends) == {body, carrier} and self._turns_freely(body):
-                return self._placed(q, joint, values, body, moves_b=ends[1] == body)
-        return None
+        joint = self._joint_between.get(frozenset((body, carrier)))
+        if joint is None or not self._turns_freely(body):
+            return None
+        moves_b = joint.bodies()[1].owner is self.scene.system.bodies[body]
+        return self._placed(q, joint, self._joints[joint], body, moves_b)
+
+    @cached_property
+    def _joint_between(self) -> dict[frozenset[int], AxisJoint]:
+        """The first joint with values between two bodies."""
+        numbers = {id(body): k for k, body in enumerate(self.scene.system.bodies)}
+        joints: dict[frozenset[int], AxisJoint] = {}
+        for joint in self._joints:
+            joints.setdefault(frozenset(numbers.get(id(end.owner), GROUND) for end in joint.bodies()), joint)
+        return joints
 
     @cached_property
     def _joints(self) -> dict[AxisJoint, dict[str, float]]:
@@ -48,8 +58,13 @@ class JointPlacement:
 
     def _turns_freely(self, body: int) -> bool:
         name = self.scene.system.bodies[body].name
-        turns = [i for i, v in enumerate(self.dae.v_names) if v.rpartition(".")[0] == name and "omega" in v]
+        turns = [self._numbers[v] for part in _ANGULAR if (v := f"{name}.{part}") in self._numbers]
         return bool(turns) and bool(np.isin(turns, self.free).all())
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        """Numbers of the coordinates and of the velocities."""
+        return {name: k for names in (self.dae.q_names, self.dae.v_names) for k, name in enumerate(names)}
 
     def _placed(self, q: Array, joint: AxisJoint, values: Values, body: int, moves_b: bool) -> Array:
         """Turn the body until the axes are parallel, then about the axis, and move it last."""
@@ -69,22 +84,31 @@ class JointPlacement:
 
     def _frames(self, joint: AxisJoint, q: Array) -> tuple[float, Array, Array, Array]:
         """The angle of a joint that turns, its frames (3, 3), and the vector from point a to point b (3,)."""
-        system = self.scene.system
-        angle = joint.angle if joint.turns else ca.SX(0)
-        states = [s for s in ca.symvar(angle) if s.name() == f"{joint.name}.angle"]
-        angle = ca.substitute(angle, ca.vertcat(*states), ca.SX.zeros(len(states), 1)) if states else angle
-        f = ca.Function("frames", [system.q, system.p], [angle, *joint.frames, joint.d])
-        value, A, B, d = (part.full() for part in f(q, self.dae.p_nominal))
+        f, numbers = self._functions[joint]
+        value, A, B, d = (part.full() for part in f(q[numbers], self.dae.p_nominal))
         return float(value[0, 0]), A, B, d.ravel()
+
+    @cached_property
+    def _functions(self) -> dict[AxisJoint, tuple[ca.Function, list[int]]]:
+        """For each joint a Function (q, p) -> angle, frames and distance, and the numbers of its coordinates q."""
+        system, functions = self.scene.system, {}
+        numbers = {q.element_hash(): k for k, q in enumerate(ca.vertsplit(system.q))} if system.q.numel() else {}
+        for joint in self._joints:
+            angle = joint.angle if joint.turns else ca.SX(0)
+            states = [s for s in ca.symvar(angle) if s.name() == f"{joint.name}.angle"]
+            angle = ca.substitute(angle, ca.vertcat(*states), ca.SX.zeros(len(states), 1)) if states else angle
+            parts = [angle, *joint.frames, joint.d]
+            used = sorted({h for s in ca.symvar(ca.veccat(*parts)) if (h := numbers.get(s.element_hash())) is not None})
+            functions[joint] = ca.Function("frames", [system.q[used], system.p], parts), used
+        return functions
 
     def _turned(self, q: Array, body: int, turn: Array) -> Array:
         """Coordinates after a body turns by a rotation vector in world axes (3,) [rad]."""
         element, q = self.scene.system.bodies[body], q.copy()
-        names = self.dae.q_names
         if isinstance(element.pose, Planar):
-            q[names.index(f"{element.name}.theta")] += turn[2]
+            q[self._numbers[f"{element.name}.theta"]] += turn[2]
             return q
-        at = names.index(f"{element.name}.e0")
+        at = self._numbers[f"{element.name}.e0"]
         angle = float(np.linalg.norm(turn))
         e = ca.vertcat(np.cos(angle / 2), np.sinc(angle / 2 / np.pi) / 2 * turn)
         q[at : at + 4] = np.asarray(ca.DM(product(ca.SX(e), ca.SX(q[at : at + 4])))).ravel()
@@ -94,8 +118,8 @@ class JointPlacement:
         """Coordinates after a body moves by a vector (3,) [m], along the coordinates that are not listed."""
         name, q = self.scene.system.bodies[body].name, q.copy()
         for part, distance in zip("xyz", shift.tolist(), strict=True):
-            if f"{name}.v{part}" in self.dae.v_names and self.dae.v_names.index(f"{name}.v{part}") in self.free:
-                q[self.dae.q_names.index(f"{name}.{part}")] += distance
+            if self._numbers.get(f"{name}.v{part}", -1) in self.free:
+                q[self._numbers[f"{name}.{part}"]] += distance
         return q
 
 

@@ -89,8 +89,12 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
         listed = ca.vertcat(listed, *_values(scene, joints, q, q_b))
         states = ca.Function("states", [joints.q, joints.v, p], [*space.of_bodies[:2]])
         q_j, v_j = ca.SX.sym("q", dae.n_q), ca.SX.sym("v", dae.n_v)
-        listed_values = start.joint_residuals(*states(q_j, v_j, p), p)
-        residuals = ca.Function("listed", [q_j, v_j, p], [listed_values], {"cse": True})
+        at_bodies = start.joint_residuals(*states(q_j, v_j, p), p)
+        own = dict(zip((*dae.q_names, *dae.v_names), ca.vertsplit(ca.vertcat(q_j, v_j)), strict=True))
+        values = [
+            own[v.name] - v.value if v.name in own else at_bodies[k] for k, v in enumerate(scene.prescribed.joints)
+        ]
+        residuals = ca.Function("listed", [q_j, v_j, p], [ca.densify(ca.vertcat(*values))], {"cse": True})
     loops = (
         dae.Phi(*resting(dae, q, p), p, start.t0) / dae.row_scales[: dae.n_c] if dae.Phi is not None else ca.SX(0, 1)
     )
@@ -131,6 +135,8 @@ def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
 def _sufficient(slopes: Array, first: int) -> list[int]:
     """Numbers of independent rows: of the first ones, and as many of the others as determine the unknowns."""
     listed, _ = independent_rows_and_columns(slopes[:first])
+    if len(listed) == slopes.shape[1]:
+        return listed.tolist()
     V = np.linalg.svd(slopes[listed])[2][len(listed) :] if len(listed) else np.eye(slopes.shape[1])
     loops, _ = independent_rows_and_columns(slopes[first:] @ V.T)
     return [*listed.tolist(), *(first + loops).tolist()]

@@ -11,6 +11,7 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE, is_linear
 from symmb.start.scales import evaluate_at_rest, length_of
+from symmb.start.sparse_rows import LARGE, determining_columns
 from symmb.symbolic import batch
 
 RANK_TOLERANCE = 1e-9
@@ -34,6 +35,8 @@ def independent_rows_and_columns(A: Array) -> tuple[Indices, Indices]:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
     scale = np.linalg.norm(A, axis=1)
     scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
+    if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
+        return np.arange(len(A), dtype=np.intp), columns
     rank = int(np.linalg.matrix_rank(scaled, tol=RANK_TOLERANCE * max(A.shape)))
     rows = _pivots(scaled.T, rank)
     return rows, _pivots(scaled[rows], rank)

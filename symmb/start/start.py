@@ -121,7 +121,8 @@ class Start:
             length = float(distances(dae, x, span)[linear].max(initial=0.0))
         length = power_of_two(length)
         scaled = replace(dae, scales=Scales(length)).displacement_scales
-        energy = power_of_two(float((np.diag(dae.M(*x).full()) * scaled**2).max(initial=0.0)))
+        inertia = np.diag(batch(dae.inertia, *map(np.atleast_1d, x), np.eye(dae.n_v))[0]) if dae.n_v else np.zeros(0)
+        energy = power_of_two(float((inertia * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)
         states, rate = sizes_of_parts(dae, x, G, span, Scales(length).size)
         return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states, rate)

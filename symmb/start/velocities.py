@@ -133,11 +133,21 @@ class _Rates:
             connected.append(numbers if is_relative else numbers | {GROUND})
         return connected
 
+    @cached_property
+    def _rows_of(self) -> list[list[int]]:
+        """The rows that restrict each body."""
+        rows: list[list[int]] = [[] for _ in self.scene.system.bodies]
+        for i, bodies in enumerate(self.connected):
+            for body in bodies - {GROUND}:
+                rows[body].append(i)
+        return rows
+
     def moved(self, v: ca.SX, group: Group) -> ca.SX | None:
         """Velocities v (n_v,) with those of a group; None if the constraints ask the base to move otherwise."""
         members = frozenset(group.bodies)
         columns = np.flatnonzero(np.isin(self.body_of, group.bodies)).tolist()
-        rows = [i for i, bodies in enumerate(self.connected) if bodies & members and bodies <= members | {group.base}]
+        near = sorted({i for body in members for i in self._rows_of[body]})
+        rows = [i for i in near if self.connected[i] <= members | {group.base}]
         listed = [i for i in columns if i in self.listed]
         v = ca.SX(v)
         v[columns] = self._carried(v, group)

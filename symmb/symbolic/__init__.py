@@ -3,7 +3,7 @@
 The files sympy_in, sympy_out and latex are the only ones that know SymPy.
 """
 
-from symmb.symbolic.batch import batch, so_far
+from symmb.symbolic.batch import batch, nonzeros, so_far
 from symmb.symbolic.geometry import (
     Z,
     conjugate,

@@ -39,11 +39,21 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
     ------
     RuntimeError             if a sample fails, which integrators may
     """
+    return tuple(_shaped(f, i, values) for i, values in enumerate(_results(f, arguments, threads)))
+
+
+def nonzeros(f: ca.Function, *arguments: Array) -> Array:
+    """The entries (N, n) of the first result of `batch`, in the order of its sparsity, without the zeros between."""
+    return _results(f, arguments, 1)[0]
+
+
+def _results(f: ca.Function, arguments: Sequence[Array], threads: int) -> list[Array]:
+    """Entries of each output, (N, n)."""
     N = max((len(a) for a in arguments if a.ndim == 2), default=1)
     results = [np.zeros((N, f.nnz_out(i))) for i in range(f.n_out())]
     arrays = [np.broadcast_to(a, (N, f.numel_in(i))) for i, a in enumerate(arguments)]
     _evaluate(_mapped(f, N, threads) if N > 1 else f, arrays, results)
-    return tuple(_shaped(f, i, values) for i, values in enumerate(results))
+    return results
 
 
 def so_far(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:

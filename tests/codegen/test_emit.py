@@ -93,6 +93,22 @@ def test_long_functions_are_cut_and_carry_their_values(kind):
     assert_allclose(values(kind, outputs, x0, p, [0.25])[:, 0], expected, rtol=1e-12)
 
 
+def test_parts_of_a_large_model_are_compiled_on_their_own(monkeypatch, tmp_path):
+    """The same values as from one file, and again from the cache."""
+    a, b = X[0], X[1]
+    for k in range(900):
+        a, b = b, ca.sin(a) + b * P[k % 2] / (k + 1)
+    outputs = ca.vertcat(a, b, T, P[0])
+    x0, p = RNG.uniform(0.9, 1.1, (3, 2)), RNG.uniform(0.5, 2, (3, 2))
+    whole = values(Engine, outputs, x0, p)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("symmb.codegen.emit._PART", 2)
+    assert np.array_equal(values(Engine, outputs, x0, p), whole)
+    assert len([*tmp_path.rglob("*.so")]) == 1
+    expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.5).full().T
+    assert_allclose(values(Engine, outputs, x0, p)[:, 0], expected, rtol=1e-12)
+
+
 @both
 def test_sines_and_cosines_of_any_angle(kind):
     """Near multiples of pi / 2, where digits cancel, on both sides of the limit of the reduction, and infinite."""

@@ -24,6 +24,13 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 #define NOINLINE __attribute__((noinline))
 #define PRIVATE static __attribute__((unused)) /* a function of this file that a model may do without */
 
+/* A function of a model, whose parts are compiled on their own where PART is the number of one of them. */
+#ifdef PART
+#define PIECE __attribute__((noinline, visibility("hidden")))
+#else
+#define PIECE PRIVATE NOINLINE
+#endif
+
 PRIVATE inline V zero(void) { return (V){0}; }
 PRIVATE inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
 #define each(a) ((a) - zero()) /* a number in each lane; unlike by adding 0, -0 stays, and compilers see that lanes do */
