@@ -55,6 +55,15 @@ def test_mean_and_deviation_are_those_of_a_conditional_normal_distribution():
     assert least <= (-process.mean(places)[:, 0] - 2 * process.deviation(places)).min()
 
 
+def test_errors_at_runs_that_are_left_out_are_those_of_the_other_runs():
+    Y = np.stack([np.cos(2 * X @ np.ones(4)), X[:, 0] > 0.3], axis=1)
+    errors = GaussianProcess(KERNEL, X, Y).left_out_errors()
+    for k in range(len(X)):
+        others = np.arange(len(X)) != k
+        mean = GaussianProcess(KERNEL, X[others], Y[others]).mean(X[k : k + 1])
+        assert_allclose(errors[k], Y[k] - mean[0], atol=1e-9)
+
+
 def bounds_of(f, d):
     names = [f"p{i}" for i in range(d)]
     simulator = mb.FunctionSimulator(
@@ -111,3 +120,18 @@ def test_moments_of_a_surface_are_those_of_its_expansion():
     assert_allclose(bounds.moments().mean[0], expected, rtol=2e-2)
     assert_allclose(bounds.upper[0], [np.exp(1.5), np.cosh(1.5) + 1, 1.0], rtol=2e-3)
     assert_allclose(bounds.lower[0], [np.exp(-1.5), 0.0, 1.0], atol=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("steps", "rates"), [((0.26, 0.65), (0.6, 0.2, 0.6, 0.6)), ((0.5, 0.3), (1, 0.5, 0.3, 0.2))])
+def test_a_surface_that_jumps_is_doubtful(steps, rates):
+    """The latest runs lie at the extremes, on one side of the jump: they alone show no error."""
+    names = [f"p{i}" for i in range(len(rates))]
+
+    def f(**p):
+        u = (np.array(list(p.values())) + 1) / 2
+        return [[0.0 if (u[:2] > steps).any() else np.exp(u @ rates)]]
+
+    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["f"])
+    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width"):
+        mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))

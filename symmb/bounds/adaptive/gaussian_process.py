@@ -151,6 +151,10 @@ class GaussianProcess:
     def _weights(self) -> Array:
         return self._inverse_root.T @ (self._inverse_root @ self.Y)
 
+    def left_out_errors(self) -> Array:
+        """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
+        return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
+
     def mean(self, points: Array) -> Array:
         """(M, m)."""
         return np.sum(self.kernel.parts(points, self.points)[0], axis=0) @ self._weights

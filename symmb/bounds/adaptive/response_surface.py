@@ -14,6 +14,7 @@ from symmb.bounds.adaptive.constants import (
     DOUBTFUL_SHARE,
     FEWEST_SPREAD,
     LATEST,
+    LEFT_OUT_SAFETY,
     OBSERVED_SHARE,
     PLATEAU,
     REFIT,
@@ -37,7 +38,8 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
     those of the mean and some standard deviations, and at points that are spread over the box. The
     estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
-    showed. Where it remains large the bounds are those that runs attained.
+    showed, and, if the runs do not suffice, what runs show that are left out. Where it remains large the bounds are
+    those that runs attained.
 
     Parameters
     ----------
@@ -64,6 +66,8 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
         is_enough = n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
         if is_enough or len(runs) >= most or not runs.left:
+            if not is_enough:
+                estimate = np.maximum(estimate, _left_out(surface, data.noise))
             return data.range(runs, surface, (places[:, 0], ends), attained, estimate)._replace(is_enough=is_enough)
         spread = quasi_random_points(n_spread + SPREAD, d)[n_spread:]
         n_spread += SPREAD
@@ -149,6 +153,15 @@ def _is_plateau(data: _Responses, attained: Array) -> Mask:
     inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
     shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING_WIDTH * np.ptp(attained, axis=0)
     return np.asarray(shared.sum(axis=1) >= PLATEAU)
+
+
+def _left_out(surface: GaussianProcess, noise: Array) -> Array:
+    """Errors (m,) beyond noise (m,) of a surface that does not converge: those at runs that are left out one by one.
+
+    The latest runs may all lie on one side of a jump, where the surface is right.
+    """
+    errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
+    return LEFT_OUT_SAFETY * np.sqrt(np.mean(np.square(errors), axis=0))
 
 
 def _rms(a: Array) -> float:
