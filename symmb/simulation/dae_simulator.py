@@ -51,7 +51,7 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
-    reason : str                   why symmb chose this solver, if none was given, and these coordinates
+    reason : str                   why symmb chose this solver and these coordinates; empty if they were given
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     doubts : tuple of str          what cannot be trusted, from a nominal run and one at a tenth of the tolerance
@@ -96,15 +96,15 @@ class DAESimulator:
             self.__dict__ |= pilot.__dict__ | {"_joints": self._joints}
             if self.coordinates != pilot.coordinates:
                 self._use(chosen)
-            parts = [reason, str(self._kinks or ""), self.formulation.why]
-            self._reason = "; ".join(filter(None, parts))
+            self._reason = "; ".join(filter(None, (reason, str(self._kinks or ""))))
             self._seconds += time.perf_counter() - begin
         return cast(Solver, self._solver)
 
     @property
     def reason(self) -> str:
-        """Why this solver was chosen; empty if it was given."""
-        return self._reason if self.solver else ""
+        """Why this solver and these coordinates were chosen; empty if they were given."""
+        why = self.formulation.why
+        return "; ".join(filter(None, (self._reason, why)))
 
     @property
     def setup_seconds(self) -> float:
