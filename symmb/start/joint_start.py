@@ -108,9 +108,10 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     q_of = of_bodies(q_j, p)
     s = start.dae.s_start(q_of, p) if start.dae.s_start is not None else ca.SX(0, 1)
     x_j = measured(ca.vertcat(q_of, start.velocities(q_of, p), s), p)
+    s_start = ca.Function("s_start", [q_j, p], [x_j[dae.n_q + dae.n_v :]], {"cse": True}) if dae.n_s else None
     found = replace(
         start,
-        dae=dae,
+        dae=replace(dae, s_start=s_start),
         q_nominal=q0,
         place=place,
         position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
