@@ -42,7 +42,7 @@ class Scene:
     name : str             for tables and files
     equilibrium : bool     start in static equilibrium: coordinates that are not listed in start, modes included, are
                            solved for, anew for each parameter value
-    coordinates : str      "joint" or "body" for those in which studies run; default: those that need fewer operations
+    coordinates : str      "joint" or "body" for those in which it runs; default: those that need fewer operations
 
     Raises
     ------
