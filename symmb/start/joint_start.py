@@ -41,7 +41,7 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
 
 @dataclass(frozen=True, kw_only=True)
 class _StartOfBodies(Start):
-    """A start that is solved for in those of the bodies; `measured`, (x, p) -> x, gives the states of the joints."""
+    """A start that is solved for in coordinates of bodies. `measured`, (x, p) -> x, gives the states of joints."""
 
     bodies: Start
     measured: ca.Function
@@ -84,17 +84,8 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     q_b = of_bodies(q, p)
     moved = _displacement(bodies, start.reference(p, ca.DM(start.q_nominal)), q_b)
     listed = (moved / start.dae.displacement_scales)[list(start.held)]
-    residuals = None
     if start.joint_residuals is not None:
         listed = ca.vertcat(listed, *_values(scene, joints, q, q_b))
-        states = ca.Function("states", [joints.q, joints.v, p], [*space.of_bodies[:2]])
-        q_j, v_j = ca.SX.sym("q", dae.n_q), ca.SX.sym("v", dae.n_v)
-        at_bodies = start.joint_residuals(*states(q_j, v_j, p), p)
-        own = dict(zip((*dae.q_names, *dae.v_names), ca.vertsplit(ca.vertcat(q_j, v_j)), strict=True))
-        values = [
-            own[v.name] - v.value if v.name in own else at_bodies[k] for k, v in enumerate(scene.prescribed.joints)
-        ]
-        residuals = ca.Function("listed", [q_j, v_j, p], [ca.densify(ca.vertcat(*values))], {"cse": True})
     loops = (
         dae.Phi(*resting(dae, q, p), p, start.t0) / dae.row_scales[: dae.n_c] if dae.Phi is not None else ca.SX(0, 1)
     )
@@ -116,10 +107,21 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
         place=place,
         position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
         velocities=ca.Function("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]], {"cse": True}),
-        joint_residuals=residuals,
+        joint_residuals=None if start.joint_residuals is None else _residuals(start.joint_residuals, scene, joints),
         implied=ca.Function("implied", [u, p], [listed[others]], {"cse": True}) if others else None,
     )
     return None if found.states(p_nominal[None])[1][0] else found
+
+
+def _residuals(of_bodies: ca.Function, scene: Scene, joints: System) -> ca.Function:
+    """(q, v, p) -> 0 where the listed values of joints hold, from a Function of coordinates of bodies."""
+    states = (joints.q, joints.v, joints.p)
+    q, v, _ = joints.joints.of_bodies
+    at_bodies = of_bodies(q, v, joints.p)
+    names = (*joints.collected.q_names, *joints.collected.v_names)
+    own = dict(zip(names, ca.vertsplit(ca.vertcat(joints.q, joints.v)), strict=True))
+    values = [own[v.name] - v.value if v.name in own else at_bodies[k] for k, v in enumerate(scene.prescribed.joints)]
+    return ca.Function("listed", [*states], [ca.densify(ca.vertcat(*values))], {"cse": True})
 
 
 def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
