@@ -153,7 +153,7 @@ class BlockSwitches:
         before = self._on_sides(end, c, t, sides, raised)
         margin = _REVERSAL * self._hysteresis  # a switch beyond it has jumped with another one: it does not come back
         sticks = changed & falls & (before[:m] < margin) & (0.1 * h * before[m:] < -margin)
-        u = before if x is end else self._on_sides(x, c, t, sides, raised)
+        u = self._on_sides(x, c, t, sides, raised)
         # The projection moves the state, and another switch may begin to act: it is passed if it falls only.
         aim = np.where(u[m:] > 0, self._hysteresis, np.minimum(before[:m], self._hysteresis))
         lift = np.where(before[:m] > -self._hysteresis, np.maximum(aim - u[:m], 0.0), 0.0)
