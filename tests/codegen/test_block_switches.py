@@ -9,7 +9,7 @@ from symmb.codegen.engine import StepEnds
 
 @pytest.mark.parametrize("moved", [1e-9, 1e-13, 0.0, -1e-13, -1e-9])
 def test_a_projection_does_not_turn_a_motion_back_at_a_switch(moved):
-    """A motion enters a stiff wall and leaves it within a part of a step. Gap and force are two switches at one place."""
+    """A motion is in a stiff wall for a part of a step. Its gap and its force are two switches at one place."""
 
     def switches(x, c, _t):
         gap, force = x, 1e6 * np.where(c[-2] > 0, x, 0 * x)
