@@ -107,7 +107,7 @@ class BlockSwitches:
         if self._switches is None:
             return False
         u, raised = self._u[:, lanes].copy(), self._raised[:, lanes]
-        beyond = u[:m] - raised > self._hysteresis
+        beyond = u[:m] - raised > raised
         u[:m] -= np.where(beyond, raised, 0.0)
         self._begin, self._raised[:, lanes] = u, np.where(beyond, 0.0, raised)
         at = x_new, c, np.repeat(t_new, self._width)
@@ -135,15 +135,28 @@ class BlockSwitches:
         self._u[:, lanes] = self._begin
 
     def change_sides(
-        self, x: Array, c: Array, t: Array, h: Array, lanes: Lanes, passed: Mask, which: Indices
+        self, end: Array, x: Array, c: Array, t: Array, h: Array, lanes: Lanes, passed: Mask, which: Indices
     ) -> tuple[Array, Mask]:
-        """Change the sides of the lanes that passed a switch. Returns the new c, and which lanes stick (b, width)."""
+        """Change the sides of the lanes that passed a switch at the end of a step, which is x on the constraints.
+
+        Returns
+        -------
+        array                  the new c
+        (b, width) mask        lanes that stick: a switch turns them back from both sides
+        """
         m, sides = len(self._sides), self._sides[:, lanes]
         changed = passed & (which == np.arange(m)[:, None])
+        falls = self._on_sides(end, c, t, sides, self._raised[:, lanes])[m:] < 0
         self._sides[:, lanes] = sides = np.where(changed, -sides, sides)
-        self._raised[:, lanes] = raised = np.where(changed, self._hysteresis, self._raised[:, lanes])
+        raised = np.where(changed, self._hysteresis, self._raised[:, lanes])
         c = self._prepare(x, self.parameters[:, lanes], t)
-        self._u[:, lanes] = u = self._on_sides(x, c, t, sides, raised)
+        before = self._on_sides(end, c, t, sides, raised)
         margin = _REVERSAL * self._hysteresis  # a switch beyond it has jumped with another one: it does not come back
-        sticks = changed & (u[:m] < margin) & (0.1 * h * u[m:] < -margin)
+        sticks = changed & falls & (before[:m] < margin) & (0.1 * h * before[m:] < -margin)
+        u = self._on_sides(x, c, t, sides, raised)
+        # The projection moves the state, and another switch may begin to act: it is passed if it falls only.
+        aim = np.where(u[m:] > 0, self._hysteresis, np.minimum(before[:m], self._hysteresis))
+        lift = np.where(before[:m] > -self._hysteresis, np.maximum(aim - u[:m], 0.0), 0.0)
+        self._raised[:, lanes] = raised + lift
+        self._u[:, lanes] = np.concatenate([u[:m] + lift, u[m:]])
         return c, sticks.any(axis=0).reshape(-1, self._width)

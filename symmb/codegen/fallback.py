@@ -245,7 +245,7 @@ class _BlockRuns:
         sticks, restarts, settles = (np.zeros(len(steps.live), dtype=bool) for _ in range(3))
         restarts[accepted] = passed.reshape(-1, WIDTH).any(axis=1)
         if restarts.any():
-            sticks[accepted] = self._change_sides(accepted, _by_lane(t_end), wide, passed, which)
+            sticks[accepted] = self._change_sides(accepted, end, _by_lane(t_end), wide, passed, which)
         settles[accepted] = (t_end >= switches.stop[blocks]) & (t_end < engine.times[-1])
         if settles.any():
             switches.find_stops(steps.t, steps.live[settles])
@@ -253,14 +253,14 @@ class _BlockRuns:
             self._restart(restarts | settles, settles)
         return sticks
 
-    def _change_sides(self, accepted: Mask, t: Array, h: Array, passed: Mask, which: Indices) -> Mask:
+    def _change_sides(self, accepted: Mask, end: Array, t: Array, h: Array, passed: Mask, which: Indices) -> Mask:
         """Change the sides of switches that lanes passed. Stops and returns the blocks with lanes that stick (b,)."""
         lanes, blocks = _lanes(accepted), self._steps.live[accepted]
         x, c = self._x[:, lanes], self._c[:, lanes]
         columns = (WIDTH * blocks[:, None] + np.arange(WIDTH)).ravel()
         for column, time in zip(columns[passed].tolist(), t[passed].tolist(), strict=True):
             self.passes[column].append(time)
-        self._c[:, lanes], stuck = self._switches.change_sides(x, c, t, h, lanes, passed, which)
+        self._c[:, lanes], stuck = self._switches.change_sides(end, x, c, t, h, lanes, passed, which)
         sticks: Mask = np.asarray(stuck.any(axis=1), dtype=bool)
         if sticks.any():
             self._stop(_without(accepted, ~sticks), stuck[sticks])

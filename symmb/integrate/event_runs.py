@@ -205,7 +205,7 @@ class EventRuns:
             t[rows] = steps.t[rows] + theta[rows] * steps.h[rows]
         self._store_outputs(lanes, steps, t)
         self._y[lanes], self._steps.t[lanes] = integration.projected(new, steps.p, t), t
-        self._change_sides(lanes[switches], steps.h[switches], number[switches])
+        self._change_sides(lanes[switches], new[switches], steps.h[switches], number[switches])
         self._resolve(lanes[has_event], located.closing[has_event], located.released[has_event])
 
     def _switch_passes(self, lanes: Indices, steps: Steps, new: Array, t: Array) -> tuple[Array, Indices]:
@@ -217,13 +217,14 @@ class EventRuns:
         share, _, number = self._switches.first_pass(steps.x[:, :n_x].T, F, c, steps.t, steps.h, lanes)
         return share, number
 
-    def _change_sides(self, lanes: Indices, h: Array, number: Indices) -> None:
-        """Go on behind switches of the state with the numbers (n,), which ended steps of length h (n,)."""
+    def _change_sides(self, lanes: Indices, new: Array, h: Array, number: Indices) -> None:
+        """Go on behind switches of the state with the numbers (n,), which ended steps of length h (n,) at new."""
         if not lanes.size:
             return
         control, every = self._steps, np.ones(len(lanes), dtype=bool)
         x, p, t = self._x(lanes), self._p(lanes), control.t[lanes]
-        _, sticks = self._switches.change_sides(x.T, p.T, t, h, lanes, every, number)
+        end = new[:, : self._integration.n_x].T
+        _, sticks = self._switches.change_sides(end, x.T, p.T, t, h, lanes, every, number)
         control.restart(t, self._first_steps(lanes), lanes)
         self._fail([(int(i), REASONS[FailureCode.STICKS]) for i in lanes[sticks[:, 0]]])
 

@@ -183,6 +183,7 @@ PRIVATE int run(Block *b, Study *s) {
     b->t = b->t_new;
     b->h = b->h_next;
     const int at_stop = b->t >= b->stop_time && find_stop(b, s);
+    if (z <= 1.0) raise_switches(b);
     if (at_stop) settle(b);
     if (at_stop || z <= 1.0) restart(b, s);
     else keep_switches(b);

@@ -75,8 +75,9 @@ PRIVATE int may_pass(Block *b) {
   EACH_PART(b) {
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
-      a->u[k] = choose(u > hysteresis[k], u, a->u[k]);
-      a->raised[k] = choose(u > hysteresis[k], zero(), a->raised[k]);
+      const M beyond = (M)(u > a->raised[k]);
+      a->u[k] = blend(beyond, u, a->u[k]);
+      a->raised[k] = blend(beyond, zero(), a->raised[k]);
     }
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
     for (int k = 0; k < N_S; ++k) {
@@ -163,11 +164,12 @@ PRIVATE double first_pass(Block *b) {
 }
 
 /* Moves x_new to the share z of the step, at t_new, and changes the sides of the switches that are passed there. Returns 0
-   if samples stick: a motion that a switch turns back at once passes it for ever. */
+   if samples stick: a switch that turns a motion back from both sides is passed for ever. */
 PRIVATE int change_sides(Block *b, Study *s, double z) {
   int moves = 1;
   EACH_PART(b) {
     state_at(a, each(z), a->x_new);
+    on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
     M passed[SIZE(N_S)];
     for (int k = 0; k < N_S; ++k) {
       passed[k] = (M)(a->when <= z) & (M)(a->which == (double)k);
@@ -180,7 +182,8 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u);
     for (int k = 0; k < N_S; ++k) {
       const V margin = each(REVERSAL * hysteresis[k]);
-      const M sticks = passed[k] & (M)(a->u[k] < margin) & (M)(0.1 * b->h * a->u[N_S + k] < -margin);
+      const M turned = (M)(a->u_new[N_S + k] < 0.0) & (M)(0.1 * b->h * a->u[N_S + k] < -margin);
+      const M sticks = passed[k] & turned & (M)(a->u[k] < margin);
       for (int l = 0; l < W; ++l)
         if (sticks[l] && (a - b->part) * W + l < b->live) {
           fail_sample(b, s, (a - b->part) * W + l, b->t_new, STICKS);
@@ -189,6 +192,23 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     }
   }
   return moves;
+}
+
+/* Raises the switches that are 0 behind a pass. The projection moves the state, and another switch may begin to act: it
+   is passed if it falls only. */
+PRIVATE void raise_switches(Block *b) {
+  EACH_PART(b) {
+    V before[SIZE(N_S)];
+    memcpy(before, a->u, sizeof before);
+    if (PROJECTED) on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
+    for (int k = 0; k < N_S; ++k) {
+      const V least = each(hysteresis[k]);
+      const V aim = choose(a->u[N_S + k] > 0.0, least, v_smaller(before[k], least));
+      const V lift = choose(before[k] > -least, v_larger(aim - a->u[k], zero()), zero());
+      a->raised[k] += lift;
+      a->u[k] += lift;
+    }
+  }
 }
 
 /* The switches at the end of a step are those at the beginning of the next one. */
@@ -201,6 +221,7 @@ PRIVATE void settle(Block *b) { (void)b; }
 PRIVATE int may_pass(Block *b) { (void)b; return 0; }
 PRIVATE double first_pass(Block *b) { (void)b; return 2.0; }
 PRIVATE int change_sides(Block *b, Study *s, double z) { (void)b, (void)s, (void)z; return 1; }
+PRIVATE void raise_switches(Block *b) { (void)b; }
 PRIVATE void keep_switches(Block *b) { (void)b; }
 #endif
 
