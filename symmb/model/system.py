@@ -94,8 +94,8 @@ class System(Typeset):
         >>> rod = mb.Body("rod", mass=3.0, inertia=1.0)
         >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-1, 0))
         >>> system = mb.System(rod, pin, mb.Torque("motor", rod, 8.0)).joint_space()
-        >>> system.q, system.M, system.Q
-        (SX(pin.angle), SX(4), SX(8))
+        >>> system.q, system.v, system.Phi.numel()
+        (SX(pin.angle), SX(pin.angle_rate), 0)
         """
         joints = JointSpace(self.collected, self.elements)
         return self._with(joints.collected, 0, joints)

@@ -103,8 +103,8 @@ class DAESimulator:
     @property
     def reason(self) -> str:
         """Why this solver and these coordinates were chosen; empty if they were given."""
-        why = self.formulation.why
-        return "; ".join(filter(None, (self._reason, why)))
+        _ = self.solver  # pilot runs choose it, and the coordinates
+        return "; ".join(filter(None, (self._reason, self.formulation.why)))
 
     @property
     def setup_seconds(self) -> float:

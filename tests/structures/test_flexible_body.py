@@ -65,7 +65,8 @@ def test_without_modes_it_is_the_rigid_body(pose: str) -> None:
             mb.Force("push", body.point(*whole.positions[1]), (3.0, ca.sin(5 * mb.t))),
         )
         spin = {"body.omega": 1.0 if planar else (1.0, 2.0, 3.0)}
-        return mb.simulate(mb.Scene(system, start=spin, times=np.linspace(0, 1, 11)), mb.DormandPrince(rtol=1e-12))
+        scene = mb.Scene(system, start=spin, times=np.linspace(0, 1, 11), coordinates="body")
+        return mb.simulate(scene, mb.DormandPrince(rtol=1e-12))
 
     inertia = float(about_c[2, 2]) if planar else (about_c + about_c.T) / 2
     rigid = swing(mb.Body("body", whole.mass, inertia, POSES[pose]()))
