@@ -116,12 +116,12 @@ class DAE:
         """Number of velocities."""
         return len(self.v_names)
 
-    @property
+    @cached_property
     def displacement_scales(self) -> Array:
         """Scales of displacements along v (n_v,) [m, rad]."""
         return self._sized(self.v_names)
 
-    @property
+    @cached_property
     def coordinate_scales(self) -> Array:
         """Scales of q (n_q,) [m, rad, -]."""
         return self._sized(self.q_names)

@@ -1,5 +1,7 @@
 """A first guess of positions: every body is put on the joint that connects it with the body that carries it."""
 
+from collections import defaultdict
+
 import casadi as ca
 import numpy as np
 
@@ -22,6 +24,10 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     body_of = np.repeat(np.arange(len(scene.system.bodies)), scene.system.block_sizes)
     guessed = {dae.q_names[i].rpartition(".")[0] for i in scene.guesses if dae.q_names[i][-2:] in (".x", ".y", ".z")}
     joints = JointPlacement(scene, dae, free)
+    rows_of = _rows_of(connected)
+    element_of = np.empty(dae.n_c, dtype=np.intp)
+    for number, where in enumerate(dae.rows.values()):
+        element_of[where] = number
     for body, carrier in JointTree(connected, range(len(scene.system.bodies))).carriers.items():
         moved = joints.moved(q, body, carrier)
         if moved is not None:
@@ -29,14 +35,14 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
             continue
         own = free[body_of[free] == body]
         shifts = np.array([i for i in own if dae.v_names[i][-3:] in (".vx", ".vy", ".vz")], dtype=np.intp)
-        driven = [i for i, bodies in enumerate(connected) if body in bodies and bodies <= {body, carrier, GROUND}]
-        joint = [i for i in driven if connected[i] == {body, carrier}]
-        targets = [np.array(some, dtype=np.intp) for some in (driven, joint)]
+        driven = [i for i in rows_of[body] if connected[i] <= {body, carrier, GROUND}]
+        joint = np.array([i for i in driven if connected[i] == {body, carrier}], dtype=np.intp)
+        targets = [np.array(driven, dtype=np.intp), joint]
         if scene.system.bodies[body].name in guessed:
             q = _placed(rows, q, targets, (own,))
         else:
-            single = [np.intersect1d(joint, np.arange(dae.n_c)[where]) for where in dae.rows.values()]
-            pins = sorted((some for some in single if some.size), key=len, reverse=True)
+            pins = [joint[element_of[joint] == number] for number in np.unique(element_of[joint])]
+            pins.sort(key=len, reverse=True)
             q = _placed(rows, q, pins, (shifts,))
             q = _placed(rows, q, targets, (shifts, own))
     return q
@@ -53,6 +59,15 @@ def _placed(rows: PositionRows, q: Array, targets: list[Indices], moves: tuple[I
             if reached.is_on_constraints:
                 return reached.q
     return q
+
+
+def _rows_of(connected: list[frozenset[int]]) -> dict[int, list[int]]:
+    """The numbers of the rows of each body."""
+    rows: dict[int, list[int]] = defaultdict(list)
+    for row, bodies in enumerate(connected):
+        for body in bodies:
+            rows[body].append(row)
+    return rows
 
 
 def _connected(scene: Scene, dae: DAE) -> list[frozenset[int]]:

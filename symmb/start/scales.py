@@ -10,6 +10,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scales, is_linear
+from symmb.symbolic import interpret
 
 Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
@@ -19,6 +20,8 @@ _PART_ROUNDING = 1e-12
 """Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
+_NO_STATE = -1
+"""Of numbers, parameters and time in place of a state."""
 _USUAL_RATE = 2.0**_STEP_BITS
 """Rates [1/s] of mechanisms with stiff springs and fast rotors, and its reciprocal those of slow machines: absolute
 tolerances of velocities stay in between."""
@@ -101,20 +104,31 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
 
 
 def _parts(dae: DAE) -> Indices:
-    """Numbers (n_x,) of the parts of the scene that do not act on each other; all 0 if there is only one."""
-    x, p, time = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-    labels = np.arange(x.numel())
-    if not labels.size:
-        return labels
-    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, time))))
-    row, column = (np.array(indices, dtype=np.intp) for indices in ca.jacobian_sparsity(rates, x).get_triplet())
-    before = None
-    while before is None or (labels != before).any():
-        before = labels.copy()
-        least = np.minimum(labels[row], labels[column])
-        np.minimum.at(labels, row, least)
-        np.minimum.at(labels, column, least)
-    return labels
+    """Numbers (n_x,) of the parts of the scene that do not act on each other.
+
+    States are in the same part if an operation of the rates joins them.
+    """
+    parents = list(range(dae.n_q + dae.n_v + dae.n_s))
+
+    def part(state: int) -> int:
+        while parents[state] != state:
+            parents[state] = state = parents[parents[state]]
+        return state
+
+    def joined(_: int, states: tuple[int, ...]) -> int:
+        parts = [part(state) for state in states if state != _NO_STATE]
+        least = min(parts, default=_NO_STATE)
+        for other in parts:
+            parents[other] = least
+        return least
+
+    numbers = iter(range(len(parents)))
+    inputs = [[next(numbers) for _ in range(n)] for n in (dae.n_q, dae.n_v, *([dae.n_s] if dae.n_s else []))]
+    rates = interpret(dae.rhs, [*inputs, [_NO_STATE] * len(dae.p_names), [_NO_STATE]], joined, lambda _: _NO_STATE)
+    for k, (of_inputs, of_rates) in enumerate(zip(inputs, rates, strict=True)):
+        for row, rate in zip(dae.rhs.sparsity_out(k).row(), of_rates, strict=True):
+            joined(0, (of_inputs[row], rate))
+    return np.array([part(state) for state in range(len(parents))], dtype=np.intp)
 
 
 def _is_linear(names: Sequence[str]) -> Mask:
