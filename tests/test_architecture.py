@@ -37,6 +37,7 @@ FLOORS = {
     "events": 7,
     "integrate": 8,
     "simulation": 9,
+    "linear": 10,
     "polynomials": 10,
     "nodes": 11,
     "bounds": 12,

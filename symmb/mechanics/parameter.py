@@ -47,6 +47,14 @@ class Parameters(Mapping[str, float]):
         self._symbols = ca.vertcat(*[ca.SX.sym(name) for name in nominal]) if nominal else ca.SX(0, 1)
         self._records = declare(nominal, Kind.PARAMETER, self._symbols)
 
+    def with_more(self, **nominal: float) -> "Parameters":
+        """These parameters, with the same symbols, and more behind them."""
+        more, both = Parameters(**nominal), object.__new__(Parameters)
+        both._nominal = self._nominal | more._nominal
+        both._symbols = ca.vertcat(self._symbols, more._symbols)
+        both._records = (*self._records, *more._records)
+        return both
+
     def __getattr__(self, name: str) -> ca.SX:
         names = list(self.__dict__.get("_nominal", ()))
         if name not in names:

@@ -68,9 +68,12 @@ class System(Typeset):
     def with_states(self, states: Sequence[Symbol]) -> "System":
         """A copy with additional first-order states, which outputs need."""
         copy = self._with(self.collected.with_states(states), self.nullity, self._joints)
-        copy._added = (*self._added, *states)
-        copy.lam, copy.vdot = self.lam, self.vdot  # outputs may contain these symbols
+        copy._added, copy.lam, copy.vdot = (*self._added, *states), self.lam, self.vdot  # outputs may contain the last
         return copy
+
+    def with_elements(self, more: Sequence[Element], parameters: Parameters) -> "System":
+        """A copy with more elements, and with parameters of which the first ones are this system's."""
+        return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
         """A copy with the rows of these numbers, of which `nullity` combinations vanish, and new multipliers."""
@@ -338,7 +341,7 @@ class System(Typeset):
 
 
 def _restored(
-    elements: tuple[Element, ...], parameters: Parameters, lam: ca.SX, vdot: ca.SX, added: tuple[Symbol, ...]
+    elements: tuple[Body | Element, ...], parameters: Parameters, lam: ca.SX, vdot: ca.SX, added: tuple[Symbol, ...]
 ) -> System:
     """A system from its pickle, whose outputs may contain multipliers and accelerations."""
     system = System(*elements, parameters=parameters)

@@ -4,8 +4,10 @@
 """
 
 from symmb.simulation.attained import Attained, attained_by_runs, note_attained
+from symmb.simulation.black_box import BlackBox
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.executors import WorkerPool
+from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.run_database import STATES, RunDatabase, opened
 from symmb.simulation.simulator import (
     Jets,
@@ -19,7 +21,7 @@ from symmb.simulation.simulator import (
     Simulator,
     run_blocks,
 )
-from symmb.simulation.single_run import simulate
+from symmb.simulation.single_run import parameter_values, simulate
 from symmb.simulation.stored_simulator import StoredSimulator
 from symmb.simulation.subject import require_scene, simulator_of
 from symmb.simulation.trajectory import Trajectory

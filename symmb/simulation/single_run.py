@@ -67,7 +67,7 @@ def simulate(
         scene = scene.with_times(times)
     if outputs is not None:
         scene = scene.with_outputs(outputs)
-    runs = PilotRuns(scene, _parameter_values(scene, {} if parameters is None else parameters), solver)
+    runs = PilotRuns(scene, parameter_values(scene, {} if parameters is None else parameters), solver)
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
         raise SimulationError(f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}.")
@@ -141,7 +141,7 @@ def _checked(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> Traject
     return replace(trajectory, error=np.abs(other.values - trajectory.values), run_doubts=doubts)
 
 
-def _parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
+def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
     """Nominal values, of which some are replaced."""
     nominal = scene.system.parameters
     if not isinstance(changes, Mapping):

@@ -1,0 +1,8 @@
+"""Linear equations of motion at a state: eigenvalues, modes, and how these depend on parameters.
+
+`linearize` gives one linearisation, `ModalSimulator` frequencies for samples of the parameters.
+"""
+
+from symmb.linear.critical import critical
+from symmb.linear.linearization import Linearization, Mode, linearize
+from symmb.linear.modal_simulator import ModalSimulator

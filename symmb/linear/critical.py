@@ -1,0 +1,122 @@
+"""The values of a parameter at which a scene becomes stable or unstable."""
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number
+from symmb._types import Array
+from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
+from symmb.linear.family import LinearFamily
+from symmb.model import Scene
+from symmb.simulation import BlackBox
+
+_VALUES = 65
+"""Values of the parameter at which stability is looked at: a stable range must be wider than their distance."""
+_ROUNDING = 1e-12
+"""Error of a critical value over the range, at which the search ends."""
+
+
+def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "CriticalSimulator":
+    """A simulator of the values of a parameter at which the least damping of a scene passes zero.
+
+    Its other parameters are those of the scene. So the critical values get bounds like any output.
+
+    Parameters
+    ----------
+    scene : Scene              one that starts in equilibrium, or in a steady motion, for every value in the range
+    parameter : str            such as a speed
+    range : (lower, upper)     values that are searched
+
+    Raises
+    ------
+    DeclarationError           if there is no such parameter, the range is empty, or stability does not change in it
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=9.0, load=1.0)
+    >>> rod = mb.Body("rod", mass=1.0, inertia=1.0)
+    >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 0))
+    >>> spring = mb.Torque("spring", rod, -p.k * rod.theta + p.load * rod.theta - rod.omega)
+    >>> buckling = critical(mb.Scene(mb.System(rod, pin, spring, parameters=p)), "load", (0.0, 20.0))
+    >>> buckling.run(np.array([[9.0], [4.0]])).Y.ravel().round(9)
+    array([9., 4.])
+    """
+    return CriticalSimulator(scene, parameter, range)
+
+
+class CriticalSimulator(BlackBox):
+    """What `critical` gives. With several critical values, outputs have numbers: v1, v2, ..."""
+
+    def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
+        self._family = LinearFamily(scene)
+        names = list(scene.system.parameters)
+        if parameter not in names:
+            raise DeclarationError(f"critical: no parameter {parameter!r}.{did_you_mean(str(parameter), names)}")
+        if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
+            raise DeclarationError(f"critical: range must be two numbers, lower and upper, got {range!r}.")
+        lower, upper = map(float, range)
+        if not lower < upper:
+            raise DeclarationError(f"critical: the lower end of the range must be below the upper one, got {range!r}.")
+        self._number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
+        self.name, self._parameter = scene.name, parameter
+        nominal = {name: value for name, value in scene.system.parameters.items() if name != parameter}
+        found = self._values(nominal)
+        if not found:
+            state = "unstable" if self._growth(self._rows(nominal)[:1])[0] > 0 else "not unstable"
+            raise DeclarationError(
+                f"critical: {scene.name} is {state} for every {parameter} looked at from {lower:g} to {upper:g}."
+            )
+        outputs = [parameter] if len(found) == 1 else [f"{parameter}{k + 1}" for k, _ in enumerate(found)]
+        noise = dict.fromkeys(outputs, _ROUNDING * (upper - lower))
+        self._declare(nominal, [0.0], outputs, noise)
+
+    def response(self, values: Mapping[str, float]) -> Any:
+        """The critical values (1, n_y)."""
+        found = self._values(values)
+        if len(found) != len(self.outputs):
+            raise SimulationError(f"stability changes at {len(found)} values of {self._parameter} in the range")
+        return np.array(found)[None]
+
+    def _values(self, others: Mapping[str, float]) -> list[float]:
+        P = self._rows(others)
+        return [self._root(P[k], P[k + 1]) for k in np.flatnonzero(np.diff(self._growth(P) > 0))]
+
+    def _rows(self, others: Mapping[str, float]) -> Array:
+        """Parameters (n, n_p) at the values of the grid."""
+        fixed = np.insert(np.array(list(others.values())), self._number, 0.0)
+        P = np.tile(fixed, (len(self._grid), 1))
+        P[:, self._number] = self._grid
+        return P
+
+    def _root(self, below: Array, above: Array) -> float:
+        from scipy.optimize import brentq
+
+        def growth(value: float) -> float:
+            p = below.copy()
+            p[self._number] = value
+            return float(self._growth(p[None])[0])
+
+        width = _ROUNDING * np.ptp(self._grid)
+        return cast(float, brentq(growth, below[self._number], above[self._number], xtol=width))
+
+    def _growth(self, P: Array) -> Array:
+        """The largest real part of an eigenvalue [1/s] if one grows, else the largest of those that decay, (N,)."""
+        A, _, reasons = self._family.matrices(P)
+        for p, reason in zip(P, reasons, strict=True):
+            if reason:
+                raise SimulationError(f"{reason} at {self._parameter} = {p[self._number]:g}")
+        return np.array([_growth(eigenvalues(one)) for one in A])
+
+    def __repr__(self) -> str:
+        return f"critical({self.name!r}, {self._parameter!r}, ({self._grid[0]:g}, {self._grid[-1]:g}))"
+
+
+def _growth(found: Eigenvalues) -> float:
+    real = found.values.real
+    growing, decaying = real[real > found.errors], real[real < -found.errors]
+    return float(growing.max(initial=0.0) or decaying.max(initial=-np.inf))

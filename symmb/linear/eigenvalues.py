@@ -1,0 +1,83 @@
+"""Eigenvalues of real matrices with the error that rounding leaves in them."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+
+_ROUNDING = 1e-13
+"""Relative error of the entries of a matrix: a few hundred roundings of the equations of motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenvalues:
+    """Eigenvalues of a real matrix by size, with positive imaginary parts before their conjugates.
+
+    Attributes
+    ----------
+    values : (n,) complex      [1/s]; those of free motions, along which nothing changes, are exactly 0
+    vectors : (n, n) complex   eigenvectors in columns
+    errors : (n,)              estimated errors of the values: rounding times the condition of each one [1/s]
+    """
+
+    values: Array
+    vectors: Array
+    errors: Array
+
+    @property
+    def oscillating(self) -> Mask:
+        """Which have a positive imaginary part (n,)."""
+        return self.values.imag > self.errors
+
+    def __getitem__(self, which: Indices) -> "Eigenvalues":
+        return Eigenvalues(self.values[which], self.vectors[:, which], self.errors[which])
+
+
+def eigenvalues(A: Array) -> Eigenvalues:
+    """The eigenvalues of A (n, n).
+
+    The null space of A is split off until what is left has none. So chains of free motions, as of a position and its
+    rate, have eigenvalues 0 and not the square root of rounding (Golub & Van Loan, Matrix Computations, sec. 7.6.5).
+    """
+    from scipy.linalg import matrix_balance
+
+    largest = np.abs(A).max(axis=1, keepdims=True, initial=0.0)
+    A = np.where(np.abs(A) <= _ROUNDING * largest, 0.0, A)  # balancing would magnify what is only rounding
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    found = _without_null_space(balanced, _ROUNDING * float(np.linalg.norm(balanced)))
+    found = found[np.argsort(np.abs(found.values), kind="stable")]  # LAPACK's pairs are conjugate to the last bit
+    return Eigenvalues(found.values, scale[:, None] * found.vectors, found.errors)
+
+
+def _without_null_space(A: Array, rounding: float) -> Eigenvalues:
+    """The eigenvalues of A, whose entries have errors of that size."""
+    n = len(A)
+    if not n:
+        return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
+    _, sizes, rows = np.linalg.svd(A)
+    null, others = rows[sizes <= n * rounding].T, rows[sizes > n * rounding].T
+    if not null.size:
+        return _regular(A, rounding)
+    rest = _without_null_space(others.T @ A @ others, rounding)
+    zero, lifted = np.zeros(null.shape[1]), (others @ rest.vectors).astype(complex)
+    moving = rest.values != 0
+    lifted[:, moving] += null @ (null.T @ A @ lifted[:, moving] / rest.values[moving])
+    vectors = np.hstack([null, lifted])
+    values = np.concatenate([zero, rest.values])
+    return Eigenvalues(values, vectors / np.linalg.norm(vectors, axis=0), np.concatenate([zero, rest.errors]))
+
+
+def _regular(A: Array, rounding: float) -> Eigenvalues:
+    """Those of a regular matrix.
+
+    The condition of an eigenvalue is |x| |y| / |y' x| for its right and left eigenvectors, and a double one changes by
+    the square root of a change of A (Golub & Van Loan, Matrix Computations, sec. 7.2.2 and 7.2.3).
+    """
+    from scipy.linalg import eig
+
+    values, y, x = cast(tuple[Array, ...], eig(A, left=True, right=True))
+    overlap = np.abs(np.einsum("ij,ij->j", y.conj(), x))
+    condition = np.minimum(1 / np.maximum(overlap, 1e-300), _ROUNDING**-0.5)
+    return Eigenvalues(values, x, rounding * condition)

@@ -1,0 +1,131 @@
+"""The state at which a scene is linearised."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._options import is_finite_number
+from symmb._types import Array, Indices
+from symmb.events import kinks
+from symmb.linear.linear_equations import LinearEquations, lifts
+from symmb.model import Scene
+from symmb.simulation import Formulation, Trajectory, parameter_values, require_scene
+
+_AHEAD = 1e-4
+"""Share of the shortest time of the equations by which a motion goes ahead and back to see whether they change."""
+_STEADY = 1e-6
+"""Relative change of A in the shortest time up to which it is constant: the difference above has 1e-8 and 1e-9 of its
+truncation and of rounding."""
+_ON = 1e-9
+"""Distance from a switch, in sizes of the states, below which a state is on it."""
+_ASIDE = 1e-7
+"""Distance on both sides of a switch, in the same sizes, at which derivatives are compared."""
+_SAME = 1e-4
+"""Relative difference up to which they agree: a force with a continuous slope changes it by 1e-7 and a factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearizationPoint:
+    """A state x (n_x,) of a formulation with parameters p (n_p,) at a time t [s]."""
+
+    x: Array
+    p: Array
+    t: float
+
+
+def point_of(
+    subject: Scene | Trajectory, time: float | None, parameters: Mapping[str, float] | None
+) -> tuple[Scene, dict[str, float], float, Array | None]:
+    """Scene, parameters, time, and the state of the bodies if the subject is a run."""
+    if not isinstance(subject, Trajectory):
+        require_scene(subject)
+        if time is not None:
+            raise DeclarationError("linearize: a scene is linearised at its start. Give time= with a run of simulate.")
+        return subject, parameter_values(subject, parameters or {}), float(subject.times[0]), None
+    if subject.scene is None:
+        raise DeclarationError("linearize: the run was read from a file. Give Trajectory.load the scene.")
+    if parameters is not None:
+        raise DeclarationError("linearize: a run has its own parameters. Give parameters= with a scene.")
+    time = float(subject.t[-1]) if time is None else time
+    if not is_finite_number(time) or not (subject.t == time).any():
+        raise DeclarationError(
+            f"linearize: time must be one of the run's {len(subject.t)} output times, "
+            f"{subject.t[0]:g} to {subject.t[-1]:g} s, got {time!r}."
+        )
+    return subject.scene, subject.parameters, float(time), subject.x[int(np.argmax(subject.t == time))]
+
+
+def started(scene: Scene, formulation: Formulation, p: Array, t: float, of_bodies: Array | None) -> LinearizationPoint:
+    """The point at the start of a formulation, or at a state of the bodies."""
+    if of_bodies is None:
+        X, (fault,) = formulation.start.states(p[None])
+        if fault:
+            raise SimulationError(f"linearize: {scene.name} does not start: {fault}.")
+        return LinearizationPoint(X[0], p, t)
+    if formulation.bodies is None:
+        return LinearizationPoint(of_bodies, p, t)
+    joints, system = scene.system.joint_space().joints, scene.system
+    states = [ca.vertcat(system.q, system.v, system.s), system.p]
+    measured = ca.Function("measured", states, [ca.densify(ca.vertcat(*joints.of_joints))])
+    return LinearizationPoint(measured(of_bodies, p).full().ravel(), p, t)
+
+
+def require_smooth(formulation: Formulation, point: LinearizationPoint, equations: LinearEquations) -> None:
+    """DeclarationError if the equations have no derivative at a point."""
+    dae, x = formulation.dae, point.x
+    if dae.sampling is not None:
+        raise DeclarationError(
+            "linearize: the scene has Sampled values, which change at instants. Write the law of the controller as an "
+            "expression without Sampled."
+        )
+    if dae.impacts is not None:
+        at = (*np.split(x, [dae.n_q, dae.n_q + dae.n_v]), point.p, point.t)
+        gaps = dae.impacts.gaps(*at)[0].full().ravel()
+        touching = gaps <= _ON * dae.scales.length
+        if touching.any():
+            name = dae.impacts.names[int(touching.argmax())]
+            raise DeclarationError(f"linearize: Impact {name!r} is closed at this state. An impact has no derivative.")
+    switches = kinks(dae, np.array([point.t]))
+    if switches is None:
+        return
+    f, states = switches.switches, ca.SX.sym("x", len(x))
+    p, t = ca.SX.sym("p", len(point.p)), ca.SX.sym("t")
+    slopes = ca.Function("slopes", [states, p, t], [ca.jacobian(f(states, p, t), states)])(x, point.p, point.t).full()
+    sizes = np.maximum(np.abs(x), np.concatenate([dae.state_sizes]))
+    values, slopes = f(x, point.p, point.t).full().ravel(), slopes * sizes
+    steep = np.linalg.norm(slopes, axis=1)
+    for k in np.flatnonzero((np.abs(values) <= _ON * steep) & (steep > 0)):
+        aside = _ASIDE * sizes * slopes[k] / steep[k]
+        blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
+        if np.abs(blocks.A[1] - blocks.A[0]).max() > _SAME * np.abs(blocks.A).max():
+            raise DeclarationError(
+                f"linearize: a switch of the equations ({', '.join(switches.names)}) lies at this very state, and the "
+                "forces have different slopes on both sides. Linearise a state beside it."
+            )
+
+
+def steadiness(equations: LinearEquations, point: LinearizationPoint, A: Array, free: Indices) -> tuple[str, ...]:
+    """The doubt that a motion through the point is not steady: its A changes."""
+    dae, x = equations.dae, point.x
+    at = (*np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)], point.p, point.t)
+    rates = np.concatenate([rate.full().ravel() for rate in dae.rhs(*at)])
+    fastest = max(
+        float(np.linalg.norm(A, 2)) if A.size else 0.0, float(np.abs(rates / dae.state_sizes).max(initial=0.0))
+    )
+    if not rates.any() or not A.size:
+        return ()
+    h = _AHEAD / fastest
+    there = []
+    for sign in (-1, 1):
+        blocks = equations.blocks((x + sign * h * rates)[None], point.p[None], point.t + sign * h)
+        there.append((blocks.A @ lifts(blocks, free))[0][free])
+    change = np.abs(there[1] - there[0]).max() / (2 * _AHEAD * np.abs(A).max(initial=1e-300))
+    if change <= _STEADY:
+        return ()
+    return (
+        "The state is neither an equilibrium nor a steady motion: A changes along the motion. Its eigenvalues tell "
+        "nothing about what comes later.",
+    )

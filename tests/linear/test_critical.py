@@ -1,0 +1,133 @@
+"""Stability limits: the Whipple bicycle against its published equations, and closed forms."""
+
+import itertools
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import bicycle
+
+WEAVE, CAPSIZE = 4.29238253634111, 6.02426201538837
+"""Critical speeds of the benchmark [m/s], Meijaard et al. (2007), section 7."""
+
+
+def published(v, w=1.02, c=0.08, lam=np.pi / 10, xB=0.3, hB=0.9, mB=85.0) -> np.ndarray:
+    """A (4, 4) of lean and steer, from M, C1, K0 and K2 of Meijaard et al. (2007), appendix A; z points down there."""
+    g, rR, mR, IRxx, IRyy = 9.81, 0.3, 2.0, 0.0603, 0.12
+    zB, IBxx, IBxz, IBzz = -hB, 9.2, 2.4, 2.8
+    xH, zH, mH, IHxx, IHxz, IHzz = 0.9, -0.7, 4.0, 0.05892, -0.00756, 0.00708
+    rF, mF, IFxx, IFyy = 0.35, 3.0, 0.1405, 0.28
+    mT = mR + mB + mH + mF
+    xT = (xB * mB + xH * mH + w * mF) / mT
+    zT = (-rR * mR + zB * mB + zH * mH - rF * mF) / mT
+    ITxx = IRxx + IBxx + IHxx + IFxx + mR * rR**2 + mB * zB**2 + mH * zH**2 + mF * rF**2
+    ITxz = IBxz + IHxz - mB * xB * zB - mH * xH * zH + mF * w * rF
+    ITzz = IRxx + IBzz + IHzz + IFxx + mB * xB**2 + mH * xH**2 + mF * w**2
+    mA = mH + mF
+    xA, zA = (xH * mH + w * mF) / mA, (zH * mH - rF * mF) / mA
+    IAxx = IHxx + IFxx + mH * (zH - zA) ** 2 + mF * (rF + zA) ** 2
+    IAxz = IHxz - mH * (xH - xA) * (zH - zA) + mF * (w - xA) * (rF + zA)
+    IAzz = IHzz + IFxx + mH * (xH - xA) ** 2 + mF * (w - xA) ** 2
+    s, k = np.sin(lam), np.cos(lam)
+    uA = (xA - w - c) * k - zA * s
+    IAll = mA * uA**2 + IAxx * s**2 + 2 * IAxz * s * k + IAzz * k**2
+    IAlx, IAlz = -mA * uA * zA + IAxx * s + IAxz * k, mA * uA * xA + IAxz * s + IAzz * k
+    mu, SF = c / w * k, IFyy / rF
+    ST, SA = IRyy / rR + SF, mA * uA + mu * mT * xT
+    M = np.array([[ITxx, IAlx + mu * ITxz], [IAlx + mu * ITxz, IAll + 2 * mu * IAlz + mu**2 * ITzz]])
+    K0 = np.array([[mT * zT, -SA], [-SA, -SA * s]])
+    K2 = np.array([[0, (ST - mT * zT) / w * k], [0, (SA + SF * s) / w * k]])
+    C1 = np.array(
+        [
+            [0, mu * ST + SF * k + ITxz / w * k - mu * mT * zT],
+            [-(mu * ST + SF * k), IAlz / w * k + mu * (SA + ITzz / w * k)],
+        ]
+    )
+    lower = -np.linalg.solve(M, np.hstack([g * K0 + v**2 * K2, v * C1]))
+    return np.vstack([np.hstack([np.zeros((2, 2)), np.eye(2)]), lower])
+
+
+def limits(**changes) -> list[float]:
+    """Weave and capsize speed of the published equations: bisection of what is stable from 2.5 to 9 m/s."""
+
+    def stable(v):
+        return np.linalg.eigvals(published(v, **changes)).real.max() < 0
+
+    grid = np.linspace(2.5, 9, 131)
+    flags = [stable(v) for v in grid]
+    found = []
+    for low, high, first, last in zip(grid, grid[1:], flags, flags[1:], strict=False):
+        if first != last:
+            while high - low > 1e-11:
+                middle = (low + high) / 2
+                low, high = (middle, high) if stable(middle) == first else (low, middle)
+            found.append((low + high) / 2)
+    return found
+
+
+def test_published_digits():
+    np.testing.assert_allclose(limits(), [WEAVE, CAPSIZE], rtol=1e-10)
+
+
+@pytest.mark.parametrize("v", [0.0, 1.0, 3.0, 5.0, 7.0, 10.0])
+def test_eigenvalues_of_the_bicycle(v):
+    lin = mb.linearize(bicycle.scene(), parameters={"v": v})
+    assert not lin.doubts
+    expected = np.linalg.eigvals(published(v))
+    found = lin.eigenvalues[lin.eigenvalues != 0]
+    assert len(found) == len(expected)
+    np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-9)
+
+
+def test_critical_speeds_of_the_bicycle():
+    speeds = mb.critical(bicycle.scene(), "v", (0.1, 10.0))
+    assert speeds.outputs == ("v1", "v2")
+    assert "v" not in speeds.parameters
+    nominal = np.array([list(speeds.parameters.values())])
+    np.testing.assert_allclose(speeds.run(nominal).Y[0, 0], [WEAVE, CAPSIZE], rtol=1e-9)
+
+
+@pytest.mark.long
+def test_bounds_of_the_critical_speeds():
+    """A scan of 3^6 of the published equations lies inside, and the polynomial needs few evaluations."""
+    scene = bicycle.scene()
+    bounds = mb.propagate(mb.critical(scene, "v", (0.1, 10.0)), mb.PolynomialChaos(tolerance=1e-2), box=scene.box)
+    names = {"wheelbase": "w", "trail": "c", "tilt": "lam", "frame_x": "xB", "frame_z": "hB", "frame_mass": "mB"}
+    grid = itertools.product(*[np.linspace(*ends, 3) for ends in scene.box.bounds])
+    values = np.array([limits(**dict(zip(map(names.get, scene.box.names), point, strict=True))) for point in grid])
+    lower, upper = bounds.outer
+    assert (lower[0] <= values.min(axis=0)).all() and (values.max(axis=0) <= upper[0]).all()
+    width = np.ptp(values, axis=0)
+    assert (np.abs(bounds.lower[0] - values.min(axis=0)) <= 1e-2 * width).all()
+    assert (np.abs(bounds.upper[0] - values.max(axis=0)) <= 1e-2 * width).all()
+    assert bounds.evaluations <= 120
+
+
+def test_flutter_of_a_follower_force():
+    """Ziegler's column without damping: flutter where the frequencies coalesce (Ziegler 1968).
+
+    Masses 2 m and m at the ends of two links of length 1, springs c: P = (7/2 - sqrt(2)) c.
+    """
+    p = mb.Parameters(c=2.0, P=1.0)
+    ground = mb.Ground()
+    one, two = mb.Body("one", 2.0, 1e-12), mb.Body("two", 1.0, 1e-12)
+    a = mb.Revolute("a", ground.point(0, 0), one.point(-1, 0))
+    b = mb.Revolute("b", one.point(0, 0), two.point(-1, 0))
+    load = mb.Force("load", two.point(0, 0), (-p.P * ca.cos(two.theta), -p.P * ca.sin(two.theta)))
+    springs = (mb.Actuator("s1", a, -p.c * a.angle), mb.Actuator("s2", b, -p.c * b.angle))
+    scene = mb.Scene(mb.System(one, two, a, b, load, *springs, parameters=p))
+    flutter = mb.critical(scene, "P", (0.5, 6.0))
+    expected = (3.5 - np.sqrt(2)) * np.array([2.0, 1.5])
+    np.testing.assert_allclose(flutter.run(np.array([[2.0], [1.5]])).Y.ravel(), expected, rtol=1e-6)
+
+
+def test_faults():
+    scene = bicycle.scene()
+    with pytest.raises(mb.DeclarationError, match="no parameter 'speed'"):
+        mb.critical(scene, "speed", (0, 1))
+    with pytest.raises(mb.DeclarationError, match="lower end of the range"):
+        mb.critical(scene, "v", (3, 1))
+    with pytest.raises(mb.DeclarationError, match="bicycle is unstable for every v looked at from 1 to 2"):
+        mb.critical(scene, "v", (1, 2))

@@ -1,0 +1,79 @@
+"""Frequencies over boxes against closed forms."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+
+
+def coupled(coupling: float) -> mb.Scene:
+    """Two oscillators of 1 kg whose stiffnesses cross inside the box, with a spring between them [N/m]."""
+    p = mb.Parameters(k1=100.0, k2=104.0)
+    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
+    pull = coupling * (a.x - b.x)
+    system = mb.System(
+        a,
+        b,
+        mb.Force("on_a", a.point(0, 0, 0), (-p.k1 * a.x - pull, 0, 0)),
+        mb.Force("on_b", b.point(0, 0, 0), (-p.k2 * b.x + pull, 0, 0)),
+        parameters=p,
+    )
+    return mb.Scene(system, box=mb.Box.around(p, 0.1))
+
+
+def frequencies(P: np.ndarray, coupling: float) -> np.ndarray:
+    """Both [Hz], the lower one first, (N, 2)."""
+    mean, half = P.mean(axis=1) + coupling, np.hypot((P[:, 0] - P[:, 1]) / 2, coupling)
+    return np.sqrt(np.stack([mean - half, mean + half], axis=1)) / (2 * np.pi)
+
+
+def test_modes_that_cross_keep_their_numbers_and_this_is_told():
+    scene = coupled(0.0)
+    modal = mb.ModalSimulator(scene, count=2)
+    P = np.array([[100.0, 104.0], [109.0, 95.0], [95.0, 110.0]])
+    np.testing.assert_allclose(modal.run(P).Y[:, 0, :2], np.sqrt(P) / (2 * np.pi), rtol=1e-12)
+    (told,) = modal.crossings(scene.box)
+    assert told.startswith("f1 and f2 cross between k1 = 100, k2 = 104 and k1 = ")
+    bounds = mb.propagate(modal, mb.PolynomialChaos(), box=scene.box)
+    ends = np.sqrt([[90, 93.6], [110, 114.4]]) / (2 * np.pi)
+    width = ends[1] - ends[0]
+    assert (np.abs(bounds.lower[0, :2] - ends[0]) < 1e-3 * width).all()
+    assert (np.abs(bounds.upper[0, :2] - ends[1]) < 1e-3 * width).all()
+
+
+@pytest.mark.parametrize("coupling", [0.3, 1.0, 5.0])
+def test_modes_that_veer_do_not_cross(coupling):
+    scene = coupled(coupling)
+    modal = mb.ModalSimulator(scene, count=2)
+    P = np.random.default_rng(5).uniform(scene.box.lower, scene.box.upper, (60, 2))
+    np.testing.assert_allclose(modal.run(P).Y[:, 0, :2], frequencies(P, coupling), rtol=1e-12)
+    assert not modal.crossings(scene.box)
+    bounds = mb.propagate(modal, mb.PolynomialChaos(tolerance=1e-3), box=scene.box)
+    grid = np.stack(np.meshgrid(*[np.linspace(*ends, 401) for ends in scene.box.bounds]), axis=-1).reshape(-1, 2)
+    exact = frequencies(grid, coupling)
+    width = np.ptp(exact, axis=0)
+    assert (np.abs(bounds.lower[0, :2] - exact.min(axis=0)) < 2e-3 * width).all()
+    assert (np.abs(bounds.upper[0, :2] - exact.max(axis=0)) < 2e-3 * width).all()
+
+
+def test_damping_and_a_mode_that_ends():
+    p = mb.Parameters(c=0.2, k=4.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    law = mb.Force("law", mass.point(0, 0, 0), (-p.k * mass.x - p.c * mass.vx, 0, 0))
+    modal = mb.ModalSimulator(mb.Scene(mb.System(mass, law, parameters=p)))
+    assert modal.outputs == ("f1", "zeta1")
+    assert modal.units == ("Hz", "1")
+    samples = modal.run(np.array([[0.2, 4.0], [1.0, 9.0], [5.0, 4.0]]))
+    np.testing.assert_allclose(samples.Y[:2, 0], [[2 / (2 * np.pi), 0.05], [3 / (2 * np.pi), 1 / 6]], rtol=1e-12)
+    assert samples.ok.tolist() == [True, True, False]
+    assert "mode 1 does not oscillate there" in samples.messages[0]
+
+
+def test_faults():
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    with pytest.raises(mb.DeclarationError, match="has no oscillation"):
+        mb.ModalSimulator(mb.Scene(mb.System(mass, mb.Gravity(0, 0, -9.81))))
+    with pytest.raises(mb.DeclarationError, match="count must be a whole number"):
+        mb.ModalSimulator(coupled(0.0), 0)
+    with pytest.raises(mb.DeclarationError, match="Expected a Scene, got System"):
+        mb.ModalSimulator(coupled(0.0).system)
