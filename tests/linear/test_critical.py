@@ -5,6 +5,7 @@ import itertools
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 import symmb as mb
 from models import bicycle
@@ -99,9 +100,16 @@ def test_bounds_of_the_critical_speeds():
     values = np.array([limits(**dict(zip(map(names.get, scene.box.names), point, strict=True))) for point in grid])
     lower, upper = bounds.outer
     assert (lower[0] <= values.min(axis=0)).all() and (values.max(axis=0) <= upper[0]).all()
-    width = np.ptp(values, axis=0)
-    assert (np.abs(bounds.lower[0] - values.min(axis=0)) <= 1e-2 * width).all()
-    assert (np.abs(bounds.upper[0] - values.max(axis=0)) <= 1e-2 * width).all()
+    points = np.array(list(itertools.product(*[np.linspace(*ends, 3) for ends in scene.box.bounds])))
+    for k in range(2):
+        for sign, bound in ((1, bounds.lower[0, k]), (-1, bounds.upper[0, k])):
+
+            def speed(x, k=k, sign=sign):
+                return sign * limits(**dict(zip(map(names.get, scene.box.names), x, strict=True)))[k]
+
+            begin = points[(sign * values[:, k]).argmin()]
+            extreme = sign * minimize(speed, begin, bounds=scene.box.bounds, options={"eps": 1e-5}).fun
+            assert abs(bound - extreme) <= 1e-2 * np.ptp(values[:, k])
     assert bounds.evaluations <= 120
 
 
