@@ -17,7 +17,8 @@ scene = bicycle.scene()
 speeds = mb.critical(scene, "v", (3.0, 9.0))  # v1: weave ends, v2: capsize begins
 bounds = mb.propagate(speeds, mb.PolynomialChaos(), box=scene.box)
 low, high = (float(end[0]) for end in bounds["v1"])
-shares = dict(zip(scene.box.names, bounds.moments().total[:, 0, 0], strict=True))
+moments = bounds.moments()
+shares = dict(zip(moments.parameters, moments.total[:, 0, 0], strict=True))
 most = max(shares, key=lambda name: shares[name])
 
 assert low < 4.292 < high and shares[most] > 0.3
