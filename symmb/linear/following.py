@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues
 
 _ALIKE = 0.9
-"""Overlap of two shapes from which they belong to the same mode: others that are alike have at most 0.44."""
+"""Overlap of two shapes from which they belong to the same mode: shapes at right angles to the first have up to 0.1."""
 _SHORTEST = 2.0**-10
 """Shortest step along the way. Shapes that turn within less of it cross there."""
 

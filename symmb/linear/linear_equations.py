@@ -68,6 +68,12 @@ class LinearEquations:
         """Number of displacements, velocities and first-order states."""
         return 2 * self.dae.n_v + self.dae.n_s
 
+    @property
+    def sizes(self) -> Array:
+        """Sizes of displacements, velocities and first-order states (n_z,)."""
+        displacements = self.dae.displacement_scales
+        return np.concatenate([displacements, displacements, np.ones(self.dae.n_s)])
+
     def blocks(self, X: Array, P: Array, t: float) -> Blocks:
         """The linear equations at states X (N, n_x) with parameters P (N, n_p) at the time t [s]."""
         dae, n_z, n_u = self.dae, self.n_z, len(self.inputs)

@@ -91,15 +91,15 @@ class Linearization(Result):
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """Oscillations by frequency."""
-        found, eigen = [], self._eigen
+        modes, eigen = [], self._eigen
         for k in np.flatnonzero(eigen.oscillating):
             shape = self.shapes @ eigen.vectors[:, k]
             largest = shape[np.abs(shape).argmax()] if shape.any() else 1.0
             value = complex(eigen.values[k])
             if abs(value.real) <= eigen.errors[k]:
                 value = complex(0.0, value.imag)
-            found.append(Mode(value, dict(zip(self.displacements, (shape / largest).tolist(), strict=True))))
-        return tuple(found)
+            modes.append(Mode(value, dict(zip(self.displacements, (shape / largest).tolist(), strict=True))))
+        return tuple(modes)
 
     @property
     def frequencies(self) -> Array:
@@ -185,7 +185,7 @@ def linearize(
     require_smooth(formulation, point, equations)
     blocks = equations.blocks(point.x[None], p[None], t)
     _require_free_inputs(inputs, blocks)
-    free = free_states(formulation, blocks)
+    free = free_states(equations, blocks)
     lift = lifts(blocks, free)[0]
     A = (blocks.A[0] @ lift)[free]
     result = Linearization(
@@ -237,17 +237,16 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
             )
 
 
-def free_states(formulation: Formulation, blocks: Blocks) -> Indices:
+def free_states(equations: LinearEquations, blocks: Blocks) -> Indices:
     """Numbers of independent displacements, velocities and first-order states, without the flags of closed impacts.
 
     Raises
     ------
     DeclarationError       if there are none
     """
-    dae = formulation.dae
-    sizes = np.concatenate([dae.displacement_scales, dae.displacement_scales, np.ones(dae.n_s)])
+    dae = equations.dae
     flags = 2 * dae.n_v + dae.impacts.closed if dae.impacts is not None else np.zeros(0, dtype=np.intp)
-    free = np.setdiff1d(independent(blocks, sizes), flags)
+    free = np.setdiff1d(independent(blocks, equations.sizes), flags)
     if not len(free):
         raise DeclarationError("linearize: the scene has no state that can deviate: nothing in it moves freely.")
     return free

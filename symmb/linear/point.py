@@ -108,21 +108,25 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
 
 
 def steadiness(equations: LinearEquations, point: LinearizationPoint, A: Array, free: Indices) -> tuple[str, ...]:
-    """The doubt that a motion through the point is not steady: its A changes."""
+    """The doubt that a motion through the point is not steady: A changes along its rates, or its acceleration."""
     dae, x = equations.dae, point.x
-    at = (*np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)], point.p, point.t)
-    rates = np.concatenate([rate.full().ravel() for rate in dae.rhs(*at)])
-    fastest = max(
-        float(np.linalg.norm(A, 2)) if A.size else 0.0, float(np.abs(rates / dae.state_sizes).max(initial=0.0))
-    )
-    if not rates.any() or not A.size:
+    q, v, *s = np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)]
+    rates = [rate.full().ravel() for rate in dae.rhs(q, v, *s, point.p, point.t)]
+    along = np.concatenate(rates)
+    if not along.any() or not A.size:
         return ()
+    fastest = max(float(np.linalg.norm(A, 2)), float(np.abs(along / dae.state_sizes).max()))
     h = _AHEAD / fastest
-    there = []
-    for sign in (-1, 1):
-        blocks = equations.blocks((x + sign * h * rates)[None], point.p[None], point.t + sign * h)
-        there.append((blocks.A @ lifts(blocks, free))[0][free])
-    change = np.abs(there[1] - there[0]).max() / (2 * _AHEAD * np.abs(A).max(initial=1e-300))
+    ahead = np.zeros_like(x)  # a state at rest moves in the direction of its acceleration
+    ahead[: dae.n_q] = dae.rhs(q, rates[1], *s, point.p, point.t)[0].full().ravel() / fastest
+
+    def matrix(x: Array, t: float) -> Array:
+        blocks = equations.blocks(x[None], point.p[None], t)
+        return (blocks.A @ lifts(blocks, free))[0][free]
+
+    changes = [matrix(x + h * along, point.t + h) - matrix(x - h * along, point.t - h)]
+    changes.append(matrix(x + h * ahead, point.t) - matrix(x - h * ahead, point.t))
+    change = np.abs(changes).max() / (2 * _AHEAD * np.abs(A).max(initial=1e-300))
     if change <= _STEADY:
         return ()
     return (

@@ -69,6 +69,13 @@ def test_damping_and_a_mode_that_ends():
     assert "mode 1 does not oscillate there" in samples.messages[0]
 
 
+def test_a_swing_is_doubtful():
+    rod = mb.Body("rod", mass=3.0, inertia=1.0)
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 1))
+    with pytest.warns(mb.SymmbWarning, match="neither an equilibrium nor a steady motion"):
+        mb.ModalSimulator(mb.Scene(mb.System(rod, pin, mb.Gravity(0, -9.81)), {"rod.theta": 0.7}))
+
+
 def test_faults():
     mass = mb.Body("mass", 1.0, pose=mb.Particle())
     with pytest.raises(mb.DeclarationError, match="has no oscillation"):
