@@ -87,12 +87,38 @@ def simulate(
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
     count = switches.met(states.x, runs.p, states.t) if switches else 0
-    trajectory = replace(trajectory, reason=f"{reason}; {switches} met {count} times or more" if count else reason)
+    reason = f"{reason}; {switches} met {count} times or more" if count else reason
+    if runs.solver is None and switches is not None and switches.on_state.any():
+        solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
+    trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, solver, trajectory)
     trajectory = replace(trajectory, run_doubts=_switch_doubts(runs, solver))
     trajectory = _checked(runs, solver, trajectory) if check else trajectory
     warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
     return trajectory
+
+
+def _confirmed(
+    runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str
+) -> tuple[Solver, Trajectory, str]:
+    """The solver, run and reason after runs at tighter tolerances, while two of them do not agree.
+
+    A switch of the state that is met at a small angle magnifies errors: a wall that is touched shortly before a motion
+    turns back, by several hundred.
+    """
+    sizes = runs.simulator.dae.state_sizes
+    for _ in range(_CONFIRMATIONS):
+        tighter = solver.tighter(times=runs.simulator.times)
+        if runs.run(tighter).message:
+            break
+        finer = runs.done[tighter][1]
+        least = np.maximum(np.abs(finer.x).max(axis=0), _LEAST * sizes)
+        difference = float((np.abs(finer.x - trajectory.x) / least).max(initial=0.0))
+        if difference <= _AGREEMENT:
+            break
+        reason = f"{reason}; {tighter!r}, because switches magnify the errors of {solver!r} to {difference:.0e}"
+        solver, trajectory = tighter, finer
+    return solver, trajectory, reason
 
 
 def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> None:
@@ -167,6 +193,9 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     return ". ".join(filter(None, parts)) + "."
 
 
+_CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
+"""Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
+states, a tenth of the error that default runs may have; and least size of a state over that of its part of the scene."""
 _SAME = 1e-12
 """Share of the horizon by which two switches at one time may differ by rounding."""
 _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
