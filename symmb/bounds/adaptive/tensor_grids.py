@@ -21,8 +21,10 @@ from symmb.bounds.adaptive.constants import (
     MANY_TIMES,
     MANY_VALUES,
     NOISE_RUNS,
+    REACHED_SHARE,
     SAFETY,
     SKIPPED_TIMES,
+    SOME_VALUES,
     TENSOR_PROBES,
     TENSOR_RANGE,
     TRUST,
@@ -110,10 +112,14 @@ def _range_or_refinement(
     parts = worst.refined_parts(all_directions=np.isfinite(error) and error > FARTHEST_SCALING * expected)
     if error > tolerance and _affordable(parts, runs):
         return worst, parts
-    whole = pieces[0].expansion
+    whole, is_enough = pieces[0].expansion, max(error, TENSOR_RANGE) <= tolerance
+    is_certain = len(pieces) == 1 and not (
+        is_doubted or is_doubtful_in_window(estimate, width, runs.noise)[:, varies].any()
+    )
+    if is_enough and is_certain and runs.shape[0] * runs.shape[1] >= SOME_VALUES:
+        estimate = np.maximum(REACHED_SHARE * estimate, beyond)
     estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
     expansion = (lambda: whole) if len(pieces) == 1 else None
-    is_enough = max(error, TENSOR_RANGE) <= tolerance
     return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
 
 
