@@ -36,7 +36,7 @@ def system_text(
     """
     constraints = [e for e in elements if isinstance(e, Constraint)]
     forces = [e for e in elements if isinstance(e, ForceElement)]
-    dropped = c.n_declared_rows - c.Phi.numel()
+    dropped, freedom = c.n_declared_rows - c.Phi.numel(), c.v.numel() - len(c.row_names)
     lines = [
         f"bodies       {_count([_kind(b) for b in c.bodies])}",
         f"constraints  {_count([type(e).__name__ for e in constraints])}",
@@ -48,7 +48,7 @@ def system_text(
         f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
         + (f", {len(c.states)} first-order states" if c.states else "")
-        + f"; {c.v.numel() - len(c.row_names)} degrees of freedom if the rows are independent",
+        + f"; {freedom} degree{'' if freedom == 1 else 's'} of freedom if the rows are independent",
         f"M            {_mass_structure(M, block_sizes)}",
     ]
     if dropped:

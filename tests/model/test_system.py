@@ -59,7 +59,7 @@ def test_only_what_a_scene_has_is_there(make, parts):
                 "1 planar",
                 "1 Revolute",
                 "1 Gravity",
-                "n_q = 3, n_v = 3, n_c = 2; 1 degrees of freedom",
+                "n_q = 3, n_v = 3, n_c = 2; 1 degree of freedom",
                 "constant along the motion, diagonal: reciprocals",
                 "3 of 5 rows of Phi vanish",
                 "quaternions and N",
