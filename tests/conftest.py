@@ -27,6 +27,7 @@ from models import (
     slider_crank_spatial,
     spherical_pendulum,
     spin_up_beam,
+    stewart_platform,
     stick_slip,
 )
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
@@ -62,6 +63,7 @@ ALL_MODELS = (
     spin_up_beam,
     stick_slip,
     half_car,
+    stewart_platform,
 )
 
 SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
