@@ -1,4 +1,4 @@
-r"""A Stewart platform: six legs with cylinders carry a load around a circle.
+r"""A Stewart platform: six legs with cylinders carry a load around a loop.
 
                  ___load___
            _____|__________|_____       platform
@@ -9,8 +9,8 @@ r"""A Stewart platform: six legs with cylinders carry a load around a circle.
         ===o====o===o====o===o====o===  universal joints on the base     z up, g = 9.81 m/s^2
 
 Each leg is a cylinder on a universal joint and a rod on a spherical joint. The rod slides in the cylinder. A controller
-gives each cylinder a force from the error of its length. The wanted lengths follow in closed form from the wanted motion
-of the platform: a circle, during which it rises and turns about z.
+gives each cylinder a force from the error of its length. The wanted lengths follow in closed form from the wanted
+motion of the platform: to and fro on a loop, during which it rises and turns about z.
 
 Source: Stewart (1965), A platform with six degrees of freedom, Proc. Inst. Mech. Eng. 180; own values.
 """
@@ -58,7 +58,7 @@ def scene(*, prescribed: bool = False, leg_mass: float = 8.0) -> mb.Scene:
 
     Parameters
     ----------
-    prescribed : bool      lengths of the legs follow the wanted ones exactly; the outputs are the forces that this needs
+    prescribed : bool      the legs follow the wanted lengths exactly, and the forces are those that this needs
     leg_mass : float       of a cylinder, and of a rod: both are slender [kg]
     """
     p = mb.Parameters(load=100.0, offset=0.0)  # the load's mass [kg], and its place along the platform's x axis [m]
@@ -76,7 +76,8 @@ def scene(*, prescribed: bool = False, leg_mass: float = 8.0) -> mb.Scene:
         turn = mb.rotation((across[0], across[1], 0.0), float(np.arccos(along[2])))  # of z to the leg
         lower, upper = (mb.Body(f"{part}{i}", leg_mass, slender, mb.Spatial()) for part in ("cylinder", "rod"))
         toe, tip = lower.point(0, 0, -PART / 2), upper.point(0, 0, PART / 2)
-        slide = mb.Prismatic(f"slide{i}", toe, tip, axis=(0, 0, 1))
+        slide = mb.Prismatic(f"slide{i}", lower.point(0, 0, PART / 2), upper.point(0, 0, -PART / 2), axis=(0, 0, 1))
+        stroke = length - 2 * PART  # the rod is inside the cylinder, so that the displacement is negative
         elements += [
             lower,
             upper,
@@ -86,9 +87,9 @@ def scene(*, prescribed: bool = False, leg_mass: float = 8.0) -> mb.Scene:
         ]
         drive = f"drive{i}"
         if prescribed:
-            elements.append(mb.Motion(drive, slide.displacement, length))
+            elements.append(mb.Motion(drive, slide.displacement, stroke))
         else:
-            error, hold = length - slide.displacement, (MASS + 100.0 + 12 * leg_mass) * 9.81 / 6 / along[2]
+            error, hold = stroke - slide.displacement, (MASS + 100.0 + 12 * leg_mass) * 9.81 / 6 / along[2]
             rate = ca.jacobian(length, mb.t) - slide.displacement_rate
             forces[f"force{i}"] = hold + 1e5 * error + 3e3 * rate
             elements.append(mb.Actuator(drive, slide, forces[f"force{i}"]))

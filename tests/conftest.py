@@ -16,6 +16,7 @@ from models import (
     chain,
     cubic,
     double_pendulum,
+    excavator,
     flexible_pendulum,
     four_bar,
     half_car,
@@ -64,6 +65,7 @@ ALL_MODELS = (
     stick_slip,
     half_car,
     stewart_platform,
+    excavator,
 )
 
 SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
