@@ -16,6 +16,7 @@ from models import (
     chain,
     cubic,
     double_pendulum,
+    excavator,
     flexible_pendulum,
     four_bar,
     half_car,
@@ -27,6 +28,7 @@ from models import (
     slider_crank_spatial,
     spherical_pendulum,
     spin_up_beam,
+    stewart_platform,
     stick_slip,
 )
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
@@ -62,6 +64,8 @@ ALL_MODELS = (
     spin_up_beam,
     stick_slip,
     half_car,
+    stewart_platform,
+    excavator,
 )
 
 SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)

@@ -76,7 +76,7 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     """The switches of time of the equations of motion, with instants of sampled values; None if they have none."""
     f, at = _equations(dae)
-    instants = None if dae.sampling is None else dae.sampling.instants(float(times[-1]))
+    instants = None if dae.sampling is None else dae.sampling.instants(times)
     if not has_kinks(f) and instants is None:
         return None
     _, p, t = (symbol for symbol, _ in at)

@@ -121,11 +121,21 @@ class AxisJoint(Joint):
         return a, a if self.axis_b is None else unit(vector(self.axis_b))
 
     @cached_property
-    def frames(self) -> tuple[ca.SX, ca.SX]:
-        """The joint's frame on body a and on body b in world axes, (3, 3) each. The third column is the axis."""
+    def own_frames(self) -> tuple[ca.SX, ca.SX]:
+        """The joint's frame on body a and on body b in their axes, (3, 3) each. The third column is the axis.
+
+        The second is the first one turned by least angle. Planar bodies turn in their plane.
+        """
         a, b = self.axes
         F = triad(a)
-        return self.point_a.body.frame.R @ F, self.point_b.body.frame.R @ turn(a, b) @ F
+        in_plane = self.slides and any(isinstance(body.pose, Planar) for body in self.bodies())
+        return F, turn(a, b, in_plane) @ F
+
+    @cached_property
+    def frames(self) -> tuple[ca.SX, ca.SX]:
+        """The joint's frame on body a and on body b in world axes, (3, 3) each. The third column is the axis."""
+        F_a, F_b = self.own_frames
+        return self.point_a.body.frame.R @ F_a, self.point_b.body.frame.R @ F_b
 
     def _parallel(self) -> ca.SX:
         A, B = self.frames

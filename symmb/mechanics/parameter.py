@@ -55,6 +55,13 @@ class Parameters(Mapping[str, float]):
         both._records = (*self._records, *more._records)
         return both
 
+    def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
+        """These parameters, with the same symbols, and with other nominal values."""
+        other = object.__new__(Parameters)
+        other._nominal = {name: float(nominal[name]) for name in self._nominal}
+        other._symbols, other._records = self._symbols, self._records
+        return other
+
     def __getattr__(self, name: str) -> ca.SX:
         names = list(self.__dict__.get("_nominal", ()))
         if name not in names:

@@ -11,9 +11,9 @@ from functools import cached_property
 import casadi as ca
 
 from symmb.mechanics import Body, Planar, Spatial
-from symmb.model.joint_motion import JointMotion, quaternion_of
+from symmb.model.joint_motion import JointMotion
 from symmb.model.spanning_tree import Carrying, Link
-from symmb.symbolic import product, rotation_z, symmetric_solver
+from symmb.symbolic import conjugate, product, rotation_z, symmetric_solver
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +145,8 @@ def _about_z(angle: ca.SX) -> ca.SX:
 
 
 def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
-    on_carrier = product(quaternion_of(motion.carrier), motion.quaternion)
-    return product(product(carrier, on_carrier), quaternion_of(motion.follower.T))
+    on_carrier = product(motion.carrier_quaternion, motion.quaternion)
+    return product(product(carrier, on_carrier), conjugate(motion.follower_quaternion))
 
 
 class ArticulatedBodies:

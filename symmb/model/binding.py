@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._types import Expr
+from symmb._types import Array, Expr
 from symmb.mechanics import Body, OwnState, Parameters
 from symmb.symbolic import Kind, Symbol, from_sympy, is_sympy, is_zero, lookup, symbols_in, t
 
@@ -16,6 +16,7 @@ class Binding:
     """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
 
     def __init__(self, parameters: Parameters, bodies: Sequence[Body], states: Sequence[OwnState] = ()) -> None:
+        self._parameters = parameters
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):
             symbol = parameters.symbols[i]
@@ -99,6 +100,11 @@ class Binding:
     def is_parameter(self, symbol: ca.SX) -> bool:
         """Whether a symbol is a parameter of the system."""
         return self._kind(symbol) is Kind.PARAMETER
+
+    def nominal(self, expression: ca.SX) -> Array:
+        """Values of an expression of parameters at the nominal ones."""
+        f = ca.Function("nominal", [self._parameters.symbols], [expression])
+        return f(self._parameters.nominal).full()
 
     def _kind(self, symbol: ca.SX) -> Kind | None:
         return self._known.get(symbol.element_hash(), ("", None, symbol))[1]

@@ -17,6 +17,7 @@ from symmb.mechanics import (
     Prismatic,
     Revolute,
     Screw,
+    Spatial,
     Spherical,
     Universal,
     Weld,
@@ -31,9 +32,9 @@ from symmb.symbolic import (
     quaternion_rate,
     rotation_matrix,
     rotation_z,
+    symbols_in,
     symmetric_solver,
     triad,
-    turn,
 )
 
 Z = ca.SX(ca.sparsify(ca.DM([0, 0, 1])))
@@ -68,6 +69,7 @@ class JointMotion:
     spin : (3,)            angular velocity in axes of the follower's frame [rad/s]
     angle : scalar         of planar bodies, the follower's less the carrier's [rad]
     carrier, follower : (3, 3)              rotations of the frames, frame to body
+    carrier_quaternion, follower_quaternion : (4,)       of these, zeros between planar bodies
     records                what the symbols of q and u are
     measured : Relative -> (k,)             the coordinates of a position
     """
@@ -84,8 +86,14 @@ class JointMotion:
     angle: ca.SX
     carrier: ca.SX
     follower: ca.SX
+    carrier_quaternion: ca.SX
+    follower_quaternion: ca.SX
     measured: Callable[[Relative], ca.SX]
     records: tuple[Symbol, ...]
+
+    def turned(self, turns: int) -> "JointMotion":
+        """The same motion of planar bodies, of which the follower has made whole turns."""
+        return replace(self, angle=self.angle + 2 * ca.pi * turns)
 
     def reversed(self) -> "JointMotion":
         """The same motion with carrier and follower exchanged."""
@@ -103,6 +111,8 @@ class JointMotion:
             angle=-self.angle,
             carrier=self.follower,
             follower=self.carrier,
+            carrier_quaternion=self.follower_quaternion,
+            follower_quaternion=self.carrier_quaternion,
             measured=measured,
         )
 
@@ -135,6 +145,39 @@ class JointMotion:
         """The velocities (n,) of a motion with this speed and this spin."""
         H = ca.vertcat(self.speed_matrix, self.spin_matrix)
         return symmetric_solver(H.T @ H)(H.T @ ca.vertcat(speed, spin)) if H.shape[1] else ca.SX(0, 1)
+
+
+def _quaternion_of_frame(F: ca.SX, bind: Binding) -> ca.SX:
+    """The quaternion (4,) of a rotation matrix that may depend on parameters, scalar first.
+
+    Its largest component at their nominal values divides the others: it is regular up to rotations by 60 degrees from
+    there. (Shepperd 1978, J. Guid. Control 1(3))
+    """
+    if F.is_constant():
+        return quaternion_of(F)
+    at, trace = bind.nominal(F), ca.trace(F)
+    x, y, z = F[2, 1] - F[1, 2], F[0, 2] - F[2, 0], F[1, 0] - F[0, 1]
+    xy, xz, yz = F[0, 1] + F[1, 0], F[0, 2] + F[2, 0], F[1, 2] + F[2, 1]
+    products = [  # of the components, times 4
+        [1 + trace, x, y, z],
+        [x, 1 + 2 * F[0, 0] - trace, xy, xz],
+        [y, xy, 1 + 2 * F[1, 1] - trace, yz],
+        [z, xz, yz, 1 + 2 * F[2, 2] - trace],
+    ]
+    e = ca.vertcat(*products[int(np.argmax([np.trace(at), *np.diag(at)]))])
+    return ca.sparsify(e / ca.norm_2(e))
+
+
+def _angle_in_plane(a: ca.SX, b: ca.SX, bind: Binding) -> ca.SX:
+    """The angle about z by which a body turns whose axis b comes to lie on a [rad].
+
+    It passes half a turn without a jump: with parameters, it is counted from its nominal value.
+    """
+    if a.is_constant() and b.is_constant():
+        return ca.atan2(a[1], a[0]) - ca.atan2(b[1], b[0])
+    c, s = b[0] * a[0] + b[1] * a[1], b[0] * a[1] - b[1] * a[0]
+    c0, s0 = bind.nominal(ca.vertcat(c, s)).ravel()
+    return float(np.arctan2(s0, c0)) + ca.atan2(s * c0 - c * s0, c * c0 + s * s0)
 
 
 def quaternion_of(F: ca.SX) -> ca.SX:
@@ -241,14 +284,18 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     if isinstance(joint, Spherical) and any(isinstance(body.pose, Planar) for body in bodies):
         kind = _HINGE
     a, b = joint.axes if isinstance(joint, AxisJoint) else (Z, Z)
-    if not (a.is_constant() and b.is_constant()):
+    if not all(bind.is_parameter(symbol) for symbol in symbols_in(ca.vertcat(a, b))):
         return None
     q, q_names = _symbols(joint.name, kind.coordinates)
     u, u_names = _symbols(joint.name, kind.velocities)
     turned, shift = kind.turn(q, u), kind.shift(q)
     if isinstance(joint, Screw):
         shift = bind(joint.pitch, f"{joint.title}: pitch") * q / (2 * ca.pi) * Z
-    frame_a = triad(a)
+    carrier, follower = joint.own_frames if isinstance(joint, AxisJoint) else (triad(Z), triad(Z))
+    follower = triad(b) if isinstance(joint, Universal) else follower
+    carrier, follower = ca.sparsify(carrier), ca.sparsify(follower)
+    in_space = any(isinstance(body.pose, Spatial) for body in bodies)
+    quaternions = [_quaternion_of_frame(F, bind) if in_space else ca.SX(4, 1) for F in (carrier, follower)]
     q_rate = quaternion_rate(q, u) if kind is _KINDS[Spherical] else u
     return JointMotion(
         q_names=q_names,
@@ -260,9 +307,11 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
         turn=ca.sparsify(turned.matrix),
         quaternion=turned.quaternion,
         spin=turned.spin,
-        angle=turned.angle * a[2] + (ca.atan2(a[1], a[0]) - ca.atan2(b[1], b[0])),
-        carrier=ca.sparsify(frame_a),
-        follower=ca.sparsify(triad(b) if isinstance(joint, Universal) else turn(a, b) @ frame_a),
+        angle=turned.angle * a[2] + _angle_in_plane(a, b, bind),
+        carrier=carrier,
+        follower=follower,
+        carrier_quaternion=quaternions[0],
+        follower_quaternion=quaternions[1],
         measured=kind.measured,
         records=declare(q_names, Kind.COORDINATE, q, q_rate) + declare(u_names, Kind.VELOCITY, u),
     )

@@ -1,18 +1,20 @@
 """The equations of motion in the coordinates of the joints that carry the bodies."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, cast
 
 import casadi as ca
+import numpy as np
 
 from symmb._types import Array
 from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
 from symmb.model.assembly import Collected
-from symmb.model.joint_motion import Relative, quaternion_of
+from symmb.model.joint_motion import Relative
 from symmb.model.spanning_tree import Carrying, Link, spanning_tree
 from symmb.symbolic import MassBlocks, Symbol, conjugate, product, rotation_by, with_nodes
 
@@ -26,6 +28,7 @@ class JointSpace:
     ----------
     c : Collected              the equations in coordinates of the bodies
     elements : sequence        of which the joints may carry bodies
+    turns : mapping            name -> whole turns of body b relative to body a in planar joints without an angle
 
     Attributes
     ----------
@@ -34,13 +37,15 @@ class JointSpace:
     collected : Collected                 the equations in coordinates of the joints, with the mass matrix of the bodies
     """
 
-    def __init__(self, c: Collected, elements: Sequence[Body | Element]) -> None:
+    def __init__(
+        self, c: Collected, elements: Sequence[Body | Element], turns: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
         self._bodies = c
         self._turned: list[int] = []  # bodies whose quaternions have the opposite sign
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
         joints = [e for e in elements if isinstance(e, Joint)]
-        self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind))
+        self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind, turns))
         self.tree = ArticulatedBodies(c.bodies, self.links)
         carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}
         self.rows = [k for name, at in c.rows.items() if name not in carrying for k in range(at.start, at.stop)]
@@ -71,6 +76,22 @@ class JointSpace:
         other._turned = turned
         other.__dict__.pop("of_bodies", None)
         return other
+
+    def whole_turns(self, q: Array) -> dict[str, int]:
+        """Whole turns at coordinates q (n_q,) of the bodies, by the planar joints that have no angle to count them."""
+        bodies, excess = self._bodies.bodies, {}
+        for link in self.links:
+            by, body = link.carrying, bodies[link.body]
+            if by is None or not isinstance(body.pose, Planar) or f"{by.joint.name}.angle" in by.motion.q_names:
+                continue
+            carrier = ca.SX(0) if by.carrier is None else bodies[by.carrier].frame.angle
+            more = body.frame.angle - carrier - by.motion.angle
+            excess[by.joint.name] = more if by.joint.point_b.body is body else -more
+        if not excess:
+            return {}
+        angles = ca.substitute(ca.vertcat(*excess.values()), self._bodies.q, ca.SX(ca.DM(q)))
+        turns = np.round(self._bodies.bind.nominal(angles).ravel() / (2 * np.pi)).astype(int).tolist()
+        return {name: number for name, number in zip(excess, turns, strict=True) if number}
 
     @cached_property
     def _replacements(self) -> tuple[dict[int, ca.SX], ca.SX, ca.SX]:
@@ -288,9 +309,9 @@ def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bo
     shift = A.T @ (follower.r + follower.R @ by.on_body - carrier.r - carrier.R @ by.on_carrier)
     turn = A.T @ B
     planar = isinstance(bodies[link.body].pose, Planar)
-    own = ca.SX(4, 1) if planar else product(follower.q[3:7], quaternion_of(motion.follower))
+    own = ca.SX(4, 1) if planar else product(follower.q[3:7], motion.follower_quaternion)
     e = _quaternion(carrier)
-    relative = product(conjugate(product(e, quaternion_of(motion.carrier))), own)
+    relative = product(conjugate(product(e, motion.carrier_quaternion)), own)
     q = motion.measured(Relative(shift, turn, relative, follower.angle - carrier.angle if planar else None))
     if counts_turns:
         q[0] = cast(Any, by.joint).angle

@@ -41,15 +41,15 @@ class Sampling:
             s[count] = ca.if_else(is_due, number + 1, s[count])
         return s
 
-    def instants(self, end: float) -> Array:
-        """The instants after the first one up to an end (k,) [s]."""
-        counts = [(T, int(np.floor((end - self.begin) / T + _DUE))) for T in self.periods]
-        instants = np.concatenate([self.begin + T * np.arange(1, n + 1) for T, n in counts])
+    def instants(self, times: Array) -> Array:
+        """The instants (k,) after the first of the times (n_t,) up to the last [s]."""
+        counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + _DUE)) for T in self.periods]
+        instants = np.concatenate([self.begin + T * np.arange(first + 1, last + 1) for T, first, last in counts])
         return np.unique(np.asarray(instants, dtype=np.float64))
 
     def missed(self, times: Array) -> Array:
         """The instants (k,) up to the last of the times (n_t,) that are not among them [s]."""
-        instants = self.instants(float(times[-1]))
+        instants = self.instants(times)
         behind = np.minimum(np.searchsorted(times, instants), len(times) - 1)
         nearest = np.minimum(np.abs(times[behind] - instants), np.abs(times[behind - 1] - instants))
         return instants[nearest > _DUE * min(self.periods)]

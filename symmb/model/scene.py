@@ -14,6 +14,7 @@ from symmb._names import did_you_mean, name_fault, name_faults
 from symmb._options import require_instance
 from symmb._types import Array, Expr
 from symmb.model.box import Box
+from symmb.model.restart import EndedRun, Restart, restart_of
 from symmb.model.start_values import Prescribed, listed_values, with_modes
 from symmb.model.system import System
 from symmb.model.typeset import scene_html
@@ -43,6 +44,7 @@ class Scene:
     equilibrium : bool     start in static equilibrium: coordinates that are not listed in start, modes included, are
                            solved for, anew for each parameter value
     coordinates : str      "joint" or "body" for those in which it runs; default: those that need fewer operations
+    restart : Restart      the state from which a scene of `starting_at` goes on
 
     Raises
     ------
@@ -58,6 +60,7 @@ class Scene:
     name: str = "scene"
     equilibrium: bool = False
     coordinates: Literal["joint", "body"] | None = None
+    restart: Restart | None = None
 
     def __post_init__(self) -> None:
         require_instance("Scene", self.system, System, "a System")
@@ -65,6 +68,10 @@ class Scene:
         faults = [*untimely, *self._box_faults()]
         if self.coordinates not in ("joint", "body", None):
             faults.append(f'coordinates: {self.coordinates!r} is neither "joint" nor "body".')
+        if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
+            faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
+        if self.restart is not None and self.equilibrium:
+            faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
         faults += [f"name {self.name!r}: {fault}" for fault in [name_fault(self.name)] if fault]
         attempts = [lambda: self.prescribed, lambda: self.guesses]
         if not untimely:  # coordinates that move uniformly need the start time
@@ -98,7 +105,11 @@ class Scene:
     @cached_property
     def prescribed(self) -> Prescribed:
         """The listed start. Modes of flexible bodies are at rest and undeformed, unless a guess is given for them."""
-        return with_modes(self.system, listed_values(self.system, self.start, "start"), self.guess, self.equilibrium)
+        listed = listed_values(self.system, self.start, "start")
+        if self.restart is not None:
+            going_on = {name: ca.SX(value) for name, value in self.restart.drift.items()}
+            return replace(listed, drift=going_on | listed.drift)
+        return with_modes(self.system, listed, self.guess, self.equilibrium)
 
     @cached_property
     def guessed(self) -> Prescribed:
@@ -192,6 +203,35 @@ class Scene:
     def with_outputs(self, outputs: Mapping[str, Expr]) -> "Scene":
         """A copy with other outputs."""
         return replace(self, outputs=outputs)
+
+    def starting_at(self, run: EndedRun) -> "Scene":
+        """A copy that goes on from the end of a run, with the parameters of the run as its nominal ones.
+
+        Positions, velocities, states, turns of angles, held values and closed contacts are those at the end. The times
+        are shifted so that they begin there: laws of `t` go on. For other parameters, coordinates and velocities
+        deviate least until the constraints hold.
+
+        Parameters
+        ----------
+        run : Trajectory       a run of this scene, or of another one of the same elements
+
+        Raises
+        ------
+        DeclarationError       if the run is of another system, or has failed
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+        >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), times=[0.0, 1.0])
+        >>> longer = fall.starting_at(mb.simulate(fall))
+        >>> longer.times.tolist(), float(mb.simulate(longer)["ball.y"][-1].round(6))
+        ([1.0, 2.0], -19.62)
+        """
+        end, times = restart_of(self.system, run), np.asarray(self.times)
+        times = end.time + (times - times[0])
+        system = self.system.with_elements((), self.system.parameters.with_nominal(run.parameters))
+        return replace(self, system=system, start={}, guess={}, equilibrium=False, times=times, restart=end)
 
     def with_name(self, name: str) -> "Scene":
         """A copy with another name."""

@@ -32,14 +32,21 @@ class Link:
 
 
 def spanning_tree(
-    bodies: Sequence[Body], rigid: Sequence[int], joints: Sequence[Joint], rows: Mapping[str, int], bind: Binding
+    bodies: Sequence[Body],
+    rigid: Sequence[int],
+    joints: Sequence[Joint],
+    rows: Mapping[str, int],
+    bind: Binding,
+    turns: Mapping[str, int],
 ) -> tuple[Link, ...]:
     """The links of the rigid bodies, given by their numbers, each one after its carrier.
+
+    `turns` are whole turns of body b relative to body a in planar joints that do not count them.
 
     Joints with many rows come first, so that those that close loops have few. Of equal ones, those close to the ground
     come first, so that branches are short.
     """
-    edges = _edges(bodies, joints, rows, bind)
+    edges = _edges(bodies, joints, rows, bind, turns)
     links: dict[int, Link] = {}
     for root in (None, *rigid):
         if root in links:
@@ -72,7 +79,9 @@ class _Edges:
     by_carrier: dict[int | None, list[int]]
 
 
-def _edges(bodies: Sequence[Body], joints: Sequence[Joint], rows: Mapping[str, int], bind: Binding) -> _Edges:
+def _edges(
+    bodies: Sequence[Body], joints: Sequence[Joint], rows: Mapping[str, int], bind: Binding, turns: Mapping[str, int]
+) -> _Edges:
     numbers = {id(body): k for k, body in enumerate(bodies)}
     edges = _Edges([], {})
     for joint in joints:
@@ -83,6 +92,7 @@ def _edges(bodies: Sequence[Body], joints: Sequence[Joint], rows: Mapping[str, i
         motion = motion_of(joint, bind)
         if motion is None:
             continue
+        motion = motion.turned(turns[joint.name]) if joint.name in turns else motion
         for (carrier, on_carrier), (follower, on_body), own in (
             (ends[0], ends[1], motion),
             (ends[1], ends[0], motion.reversed()),

@@ -10,7 +10,7 @@ multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; sp
 body axes. M is block-diagonal, a block for each body. Parts that a scene does not need are left out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import casadi as ca
@@ -85,11 +85,11 @@ class System(Typeset):
         copy.collected, copy.nullity, copy._joints = collected, nullity, joints
         return copy
 
-    def joint_space(self) -> "System":
+    def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
         """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
 
         A spanning tree of joints carries the bodies. Rows of joints that close loops stay. Bodies that no joint
-        carries, flexible bodies and particles keep their coordinates.
+        carries, flexible bodies and particles keep their coordinates. `turns`, as in `JointSpace`, are rarely needed.
 
         Examples
         --------
@@ -100,7 +100,7 @@ class System(Typeset):
         >>> system.q, system.v, system.Phi.numel()
         (SX(pin.angle), SX(pin.angle_rate), 0)
         """
-        joints = JointSpace(self.collected, self.elements)
+        joints = JointSpace(self.collected, self.elements, turns or {})
         return self._with(joints.collected, 0, joints)
 
     @property

@@ -82,6 +82,8 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
     if scene.coordinates == "body":
         return bodies, None
     system = scene.system.joint_space()
+    if turns := system.joints.whole_turns(bodies.start.q_nominal):
+        system = scene.system.joint_space(turns)
     joints = _in_joints(scene, bodies, system) if system.joints.names else None
     if joints is None and scene.coordinates == "joint":
         why = "it starts close to a singular position" if system.joints.names else "no joint carries a body"

@@ -67,7 +67,7 @@ def free_displacements(scene: Scene, dae: DAE) -> Indices:
 
 
 def _guess(scene: Scene, dae: DAE) -> Array:
-    guess = dae.q_neutral.copy()
+    guess = dae.q_neutral.copy() if scene.restart is None else scene.restart.q.copy()
     for i, value in scene.guesses.items():
         guess[i] = float(ca.Function("guess", [scene.system.p], [value])(dae.p_nominal))
     return np.asarray(listed_coordinates(scene, dae)(dae.p_nominal, guess)).ravel()
@@ -78,10 +78,13 @@ def _attempt(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array] | _Failur
     s = listed_states(scene)
     dae = with_position_rows(scene.system, with_states(scene, dae, s), of_positions(scene.prescribed))
     free = free_displacements(scene, dae)
-    q = turned_to_axes(scene, dae, _guess(scene, dae), free)
+    q = _guess(scene, dae)
+    q = turned_to_axes(scene, dae, q, free) if scene.restart is None else q
     if dae.Phi is None:
         return q, s
     dae, rows = _position_rows(scene, dae, q, t0)
+    if scene.restart is not None:
+        return _reached(scene, dae, rows, q, s, free)
     placed = placed_along_joints(scene, dae, rows, q, free)
     s = with_turns(scene, placed, s, np.empty(0, dtype=np.intp))
     if scene.guessed.joints:

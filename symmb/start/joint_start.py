@@ -30,8 +30,8 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
         dae = _with_independent_rows(joints, q0, start.t0)
     except AssemblyError:
         return None
-    if dae.sampling is not None:
-        dae = replace(dae, sampling=replace(dae.sampling, begin=start.t0))
+    if dae.sampling is not None and start.dae.sampling is not None:
+        dae = replace(dae, sampling=replace(dae.sampling, begin=start.dae.sampling.begin))
     solved = None if start.is_equilibrium or fault else _solved(start, scene, joints, dae, measured, q0)
     if solved is not None:
         return solved

@@ -86,7 +86,7 @@ def _is_angle(state: Symbol) -> bool:
 def listed_states(scene: Scene) -> Array:
     """States (n_s,) at the nominal parameters: listed ones, angles as they are listed or guessed, and 0."""
     states = {**_angle_states(scene, scene.guessed), **_listed_states(scene)}
-    s = np.zeros(len(scene.system.collected.states))
+    s = np.zeros(len(scene.system.collected.states)) if scene.restart is None else scene.restart.s.copy()
     for k, value in states.items():
         s[k] = float(ca.Function("value", [scene.system.p], [value])(scene.system.parameters.nominal))
     return s
@@ -102,7 +102,7 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
     turning = [value for value in values.values() if value.handle == "angle" and not counted.size]
     states = [k for k, state in enumerate(system.collected.states) if _is_angle(state) and k not in counted]
     n = len(turning) + len(counted)
-    if not (n and states):
+    if scene.restart is not None or not (n and states):
         return s
     rates = [*(value.joint.angle_rate for value in turning), *(system.s_rate[k] for k in (*counted.tolist(), *states))]
     numbers = ca.vertcat(*[value.value for value in turning])
@@ -119,8 +119,10 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
 
 def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
     """The DAE whose states start where they are listed, and whose angles count their turns next to states s (n_s,)."""
-    listed = _listed_states(scene)
-    counted = (k for k, state in enumerate(scene.system.collected.states) if _is_angle(state) and s[k])
+    listed, all_states = _listed_states(scene), scene.system.collected.states
+    if scene.restart is not None:
+        listed = {k: ca.SX(s[k]) for k, state in enumerate(all_states) if not _is_angle(state)} | listed
+    counted = (k for k, state in enumerate(all_states) if _is_angle(state) and s[k])
     counting = {*angles(scene).tolist(), *counted}
     if dae.s_start is None or not (listed or counting):
         return dae

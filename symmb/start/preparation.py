@@ -35,7 +35,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     """
     prescribed = scene.prescribed
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
-    dae = dae if dae.sampling is None else replace(dae, sampling=replace(dae.sampling, begin=t0))
+    begin = t0 if scene.restart is None else scene.restart.first_instant
+    dae = dae if dae.sampling is None else replace(dae, sampling=replace(dae.sampling, begin=begin))
     reference = listed_coordinates(scene, dae)
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
     q0, s0 = assemble(scene, dae, t0)

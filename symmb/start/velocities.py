@@ -39,6 +39,9 @@ def start_velocities(
     at : (k, n_q), (k, n_p)    coordinates on the constraints for k values of the parameters, the nominal ones first
     """
     rates = _Rates(scene, dae, listed, at, t0)
+    if scene.restart is not None:
+        v = rates.kept(scene.restart.v)
+        return ca.Function("velocities", [rates.q, rates.p], [ca.densify(v)], {"cse": True})
     tree = JointTree(rates.connected, rates.roots)
     while (v := _along(tree, rates)) is None:
         pass
@@ -141,6 +144,13 @@ class _Rates:
             for body in bodies - {GROUND}:
                 rows[body].append(i)
         return rows
+
+    def kept(self, v: Array) -> ca.SX:
+        """Velocities v (n_v,) that deviate by least kinetic energy until listed ones and all independent rows hold."""
+        all_columns = list(range(self.dae.n_v))
+        begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
+        free = [i for i in all_columns if i not in self.listed]
+        return self._deviated(begin, list(range(self.dae.n_r)), all_columns, free, 0.0)
 
     def moved(self, v: ca.SX, group: Group) -> ca.SX | None:
         """Velocities v (n_v,) with those of a group; None if the constraints ask the base to move otherwise."""

@@ -67,11 +67,14 @@ def triad(axis: ca.SX) -> ca.SX:
     return ca.horzcat(u1, ca.cross(a, u1), a)
 
 
-def turn(a: ca.SX, b: ca.SX) -> ca.SX:
-    """Least rotation matrix that carries the direction a onto the direction b, (3, 3)."""
+def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
+    """Least rotation matrix that carries the direction a onto the direction b, (3, 3); in the xy plane about z."""
     a, b = unit(a), unit(b)
     if is_zero(ca.simplify(a - b)):
         return ca.SX.eye(3)
+    if in_plane:
+        c, s = ca.dot(a, b), a[0] * b[1] - a[1] * b[0]
+        return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
     if is_zero(ca.simplify(a + b)):
         n = triad(a)[:, 0]
         return 2 * n @ n.T - ca.SX.eye(3)

@@ -14,22 +14,23 @@ KINDS = ("Revolute", "Prismatic", "Cylindrical", "Screw", "Spherical", "Universa
 GROUND = mb.Ground()
 
 
-def unit(rng):
-    return tuple(rng.normal(size=3))
-
-
-def spatial_joint(rng, kind, name, a, b):
+def spatial_joint(rng, kind, name, a, b, tilted):
     """A joint of this kind with random axes between two points, which are exchanged half of the time."""
     a, b = (a, b) if rng.random() < 0.5 else (b, a)
-    axes = {"axis": unit(rng), "axis_b": unit(rng)} if kind != "Spherical" else {}
+    axes = {"axis": tilted(rng.normal(size=3)), "axis_b": tilted(rng.normal(size=3))} if kind != "Spherical" else {}
     more = {"pitch": 0.3} if kind == "Screw" else {}
     return getattr(mb, kind)(name, a, b, **axes, **more)
 
 
-def tree(seed, planar):
+def tree(seed, planar, uncertain_axes=False):
     """A system of 2 to 7 bodies on a random tree of joints, some of them free, with forces of all kinds."""
     rng = np.random.default_rng(seed)
-    p = mb.Parameters(m=1.3, l=0.7)
+    p = mb.Parameters(m=1.3, l=0.7, e=0.1, f=-0.2)
+
+    def tilted(axis):
+        x, y, *z = axis
+        return (x + p.e * y, y - p.f * x, *(c + p.e + p.f for c in z)) if uncertain_axes else (*axis,)
+
     elements, points = [mb.Gravity(0.3, -9.0, *([] if planar else [0.7]))], [(GROUND, GROUND.point(0.1, 0.2))]
     for k in range(rng.integers(2, 8)):
         com = rng.normal(size=2 if planar else 3) * 0.1
@@ -48,10 +49,11 @@ def tree(seed, planar):
         elif planar:
             a, b = (at, own) if rng.random() < 0.5 else (own, at)
             kind = rng.choice(["Revolute", "Prismatic", "Spherical", "Weld"])
-            axes = {"axis": (*rng.normal(size=2), 0), "axis_b": (*rng.normal(size=2), 0)} if kind == "Prismatic" else {}
+            axes = [(*tilted(rng.normal(size=2)), 0) for _ in range(2)] if kind == "Prismatic" else []
+            axes = dict(zip(("axis", "axis_b"), axes, strict=False))
             elements.append(getattr(mb, kind)(f"j{k}", a, b, **axes))
         else:
-            elements.append(spatial_joint(rng, rng.choice(KINDS), f"j{k}", at, own))
+            elements.append(spatial_joint(rng, rng.choice(KINDS), f"j{k}", at, own, tilted))
         elements += [body, mb.SpringDamper(f"s{k}", own, GROUND.point(1, 2), 3.0, 0.4, 0.5)]
         points += [(body, point()), (body, point())]
         assert carrier is not None
@@ -79,13 +81,15 @@ def both(system):
     return mb.compile_dae(system), joints, mb.compile_dae(joints), to_bodies, to_joints
 
 
+@pytest.mark.parametrize("corner", [None, (0.4, 0.1), (-0.2, -0.5)], ids=["fixed axes", "corner 1", "corner 2"])
 @pytest.mark.parametrize("planar", [True, False])
 @pytest.mark.parametrize("seed", range(20))
-def test_trees_move_as_their_bodies_do(seed, planar):
-    system = tree(seed, planar)
+def test_trees_move_as_their_bodies_do(seed, planar, corner):
+    """Axes that depend on parameters are tilted to a corner of their box."""
+    system = tree(seed, planar, corner is not None)
     bodies, in_joints, joints, to_bodies, to_joints = both(system)
     assert joints.Phi is None and joints.n_v == bodies.n_v - bodies.n_r
-    rng, p, t = np.random.default_rng(seed), bodies.p_nominal, 0.0
+    rng, p, t = np.random.default_rng(seed), np.array([1.3, 0.7, *(corner or (0.1, -0.2))]), 0.0
     for _ in range(20):
         q, v = random_state(rng, in_joints)
         a = joints.rhs(q, v, p, t)[1]

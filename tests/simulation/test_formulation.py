@@ -9,7 +9,7 @@ from mechanisms import double_pendulum
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from models import andrews, four_bar, spherical_pendulum
+from models import andrews, bicycle, four_bar, spherical_pendulum
 
 TIGHT = mb.DormandPrince(rtol=1e-11)
 GROUND = mb.Ground()
@@ -97,3 +97,82 @@ def test_the_cheaper_coordinates_are_chosen_and_told():
 def test_coordinates_that_are_not_possible_are_refused():
     with pytest.raises(mb.DeclarationError, match='coordinates="joint" are not possible: no joint carries a body'):
         mb.DAESimulator(replace(spherical_pendulum.scene(), coordinates="joint"), mb.DormandPrince())
+
+
+def tilted_chain():
+    """Bodies on joints of which all axes depend on parameters."""
+    p = mb.Parameters(e=0.1, f=-0.2)
+    joints = [mb.Revolute, mb.Universal, mb.Prismatic, mb.Cylindrical, mb.Spherical]
+    elements, end = [mb.Gravity(0, 0, -9.81)], GROUND.point(0, 0, 0)
+    for k, kind in enumerate(joints):
+        body = mb.Body(f"b{k}", 1.0, (0.1, 0.2, 0.15), mb.Spatial())
+        axes = {"axis": (p.e, 1 + p.f, 0.5 - p.e), "axis_b": (1 - p.f, p.e, 0.2)} if kind is not mb.Spherical else {}
+        joint = kind(f"j{k}", end, body.point(-0.3, 0, 0.1), **axes)
+        elements += [body, joint, mb.SpringDamper(f"s{k}", body.point(0, 0, 0), GROUND.point(0, 1, 0), 20.0, 0.5, 1.0)]
+        end = body.point(0.3, 0.1, 0)
+    outputs = {"x": end.x, "y": end.y, "z": end.z, "angle": elements[2].angle, "slide": elements[8].displacement}
+    return mb.Scene(
+        mb.System(*elements, parameters=p), {"j0.angle_rate": 2.0}, np.linspace(0, 0.5, 6), outputs, name="tilted chain"
+    )
+
+
+def test_axes_that_depend_on_parameters_move_alike_at_the_corners_of_a_box():
+    bodies, joints = (mb.DAESimulator(replace(tilted_chain(), coordinates=c), TIGHT) for c in ("body", "joint"))
+    assert joints.dae.n_v == 30 and joints.formulation.dae.n_v == 9 and joints.formulation.dae.n_c == 0
+    P = np.array([[0.1, -0.2], [0.2, -0.1], [0.2, -0.3], [0.0, -0.1], [0.0, -0.3]])
+    expected = bodies.run(P)
+    assert expected.ok.all()
+    assert_allclose(joints.run(P).Y, expected.Y, rtol=0, atol=1e-9 * np.abs(expected.Y).max())
+
+
+def test_the_steering_of_the_bicycle_carries_the_fork():
+    scene = bicycle.scene(speed=5.0).with_times(np.linspace(0, 0.5, 3))
+    bodies, joints = (mb.DAESimulator(replace(scene, coordinates=c), TIGHT) for c in ("body", "joint"))
+    assert joints.formulation.dae.n_v == 9
+    assert mb.DAESimulator(scene, TIGHT).coordinates == "joint"
+    P = bodies.dae.p_nominal * np.ones((3, 1))
+    P[:, bodies.dae.p_names.index("lean_rate")] = 0.1
+    P[1:, bodies.dae.p_names.index("tilt")] *= [0.9, 1.1]
+    expected = bodies.run(P)
+    assert expected.ok.all() and np.ptp(expected.Y[:, -1], axis=0).min() > 1e-6
+    assert_allclose(joints.run(P).Y, expected.Y, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("axis", "axis_b", "theta"),
+    [
+        ((1, 0), (-1, 0), np.pi),
+        ((1, 0), (-1, 0), -np.pi),
+        ((0, 1), (0, -1), 3 * np.pi),
+        ((0.6, 0.8), (-0.8, 0.6), 1.5 * np.pi),
+        ((-1, 0), (-1, 0), 2 * np.pi),
+    ],
+)
+def test_planar_slides_with_axes_of_their_own_carry_a_body_with_its_turns(axis, axis_b, theta):
+    """A law of the angle itself, which is not the same after a turn."""
+    slider, rod = mb.Body("slider", 1.0, 0.1), mb.Body("rod", 1.0, 0.1)
+    slide = mb.Prismatic("slide", GROUND.point(0, 0), slider.point(0.1, 0.2), axis, axis_b)
+    pin = mb.Revolute("pin", slider.point(0.3, 0), rod.point(-0.5, 0))
+    motor = mb.Torque("motor", rod, -2 * slider.theta)
+    system = mb.System(slider, rod, slide, pin, motor, mb.Gravity(0, -9.81))
+    outputs = {"x": slider.x, "theta": slider.theta, "rod": rod.theta, "slide": slide.displacement}
+    scene = mb.Scene(system, {"slider.theta": theta, "pin.angle": 0.4}, np.linspace(0, 1, 6), outputs)
+    bodies, joints = (mb.simulate(replace(scene, coordinates=c), TIGHT) for c in ("body", "joint"))
+    assert_allclose(joints.values, bodies.values, atol=1e-9)
+    assert_allclose(joints["theta"], theta, atol=1e-12)
+
+
+def test_a_slide_may_be_tilted_through_half_a_turn():
+    """The axes are opposite within the box, where the angle between them must not jump."""
+    p = mb.Parameters(e=0.0)
+    slider = mb.Body("slider", 1.0, 0.1)
+    slide = mb.Prismatic("slide", GROUND.point(0, 0), slider.point(0.1, 0.2), (1, p.e), (-1, 0))
+    system = mb.System(slider, slide, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {"x": slider.x, "theta": slider.theta}
+    scene = mb.Scene(system, times=np.linspace(0, 1, 6), outputs=outputs, guess={"slider.theta": 3.0})
+    E = np.array([[-0.2], [0.0], [0.2]])
+    for coordinates in ("body", "joint"):
+        Y = mb.DAESimulator(replace(scene, coordinates=coordinates), TIGHT).run(E).Y
+        assert_allclose(Y[..., 1], np.pi + np.arctan(E) + 0 * Y[..., 1], atol=1e-9)
+        along = -9.81 * E / np.hypot(1, E) / 2 * scene.times**2  # the slide falls along its axis
+        assert_allclose(Y[..., 0] - Y[:, :1, 0], along / np.hypot(1, E), atol=1e-9)
