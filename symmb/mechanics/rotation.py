@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.symbolic import product, scalar, unit, vector
+from symmb.symbolic import product, rotation_matrix, scalar, unit, vector, without_rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +16,11 @@ class Rotation:
 
     def __matmul__(self, other: "Rotation") -> "Rotation":
         return Rotation(product(self.quaternion, other.quaternion))
+
+    @property
+    def matrix(self) -> ca.SX:
+        """The rotation matrix, body to world, (3, 3). Zeros and ones of a constant one are exact."""
+        return without_rounding(rotation_matrix(self.quaternion))
 
 
 def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:

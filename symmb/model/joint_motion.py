@@ -33,7 +33,7 @@ from symmb.symbolic import (
     rotation_z,
     symmetric_solver,
     triad,
-    turn,
+    without_rounding,
 )
 
 Z = ca.SX(ca.sparsify(ca.DM([0, 0, 1])))
@@ -240,8 +240,8 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
         return None
     if isinstance(joint, Spherical) and any(isinstance(body.pose, Planar) for body in bodies):
         kind = _HINGE
-    a, b = joint.axes if isinstance(joint, AxisJoint) else (Z, Z)
-    if not (a.is_constant() and b.is_constant()):
+    (a, b), alignment = (joint.axes, joint.alignment) if isinstance(joint, AxisJoint) else ((Z, Z), ca.SX.eye(3))
+    if not (a.is_constant() and b.is_constant() and alignment.is_constant()):
         return None
     q, q_names = _symbols(joint.name, kind.coordinates)
     u, u_names = _symbols(joint.name, kind.velocities)
@@ -262,7 +262,7 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
         spin=turned.spin,
         angle=turned.angle * a[2] + (ca.atan2(a[1], a[0]) - ca.atan2(b[1], b[0])),
         carrier=ca.sparsify(frame_a),
-        follower=ca.sparsify(triad(b) if isinstance(joint, Universal) else turn(a, b) @ frame_a),
+        follower=ca.sparsify(triad(b) if isinstance(joint, Universal) else without_rounding(alignment @ frame_a)),
         measured=kind.measured,
         records=declare(q_names, Kind.COORDINATE, q, q_rate) + declare(u_names, Kind.VELOCITY, u),
     )
