@@ -87,10 +87,10 @@ class Joint(Constraint):
 class AxisJoint(Joint):
     """A joint with an axis in each body.
 
-    `turns` and `slides` tell whether it allows rotation and translation, and `aligns` whether there is an orientation of
-    its bodies to each other at which it is at zero. This is where the frames coincide with `axis_b` on `axis`. In its
-    place `zero` gives the orientation, by the rotation of body b relative to body a, and the axis in body b follows. A
-    body on such a joint starts at zero, unless start or guess say otherwise.
+    `turns` and `slides` tell whether it allows rotation and translation, and `aligns` whether its bodies have an
+    orientation to each other at which it is at zero. This is where the frames coincide with `axis_b` on `axis`. In
+    place of `axis_b`, `zero` gives this orientation as the rotation of body b relative to body a. A body on such a
+    joint starts at zero, unless start or guess say otherwise.
     """
 
     turns: ClassVar[bool] = False

@@ -320,9 +320,7 @@ def _mimic_faults(joint: JointData, joints: Mapping[str, JointData]) -> Iterator
         other = joints[other].mimic
 
 
-def _tree(
-    top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointData]
-) -> tuple[str, dict[str, JointData]]:
+def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> tuple[str, dict[str, JointData]]:
     """The link that carries all others, and the joints in an order in which each one follows that of its parent."""
     carrier = {joint.child: joint for joint in joints.values()}
     roots = [name for name in links if name not in carrier]

@@ -23,14 +23,7 @@ from symmb.mechanics.geometry import Geometry
 from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute
 from symmb.mechanics.pose import Spatial
 from symmb.mechanics.rotation import Rotation
-from symmb.mechanics.urdf.description import (
-    SLIDING,
-    TURNING,
-    Description,
-    JointData,
-    inertia_fault,
-    read_description,
-)
+from symmb.mechanics.urdf.description import SLIDING, TURNING, Description, JointData, inertia_fault, read_description
 from symmb.mechanics.urdf.inertia import Mass, mass_of, united
 from symmb.mechanics.urdf.mesh_path import mesh_path
 from symmb.symbolic import is_zero, scalar, vector
@@ -140,8 +133,8 @@ def load_urdf(
                            "elbow.origin.x" (.y .z .roll .pitch .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper),
                            "elbow.damping", "elbow.friction", "elbow.mimic.multiplier" (.offset)
     fixed_base : bool      whether the link that carries the others stands still; else it moves freely
-    stop : ContactLaw      or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None:
-                           limits do not act. They do not act in joints whose lower and upper limits are equal
+    stop : ContactLaw      or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each;
+                           None: limits do not act. Equal lower and upper limits do not act either
 
     Returns
     -------
@@ -247,7 +240,8 @@ class _Building:
         """The machine."""
         description, frames = self.description, self.frames
         bodies, joints = _ByName(description.name, "link"), _ByName(description.name, "joint")
-        bodies.update({link: frames[link].body if link == top else frames[link] for link, top in description.tops.items()})
+        for link, top in description.tops.items():
+            bodies[link] = frames[link].body if link == top else frames[link]
         joints.update({j.name: self._joint(j) for j in description.joints.values() if j.kind in _JOINTS})
         elements: list[Body | Element] = [b for b in bodies.values() if isinstance(b, Body)]
         elements += joints.values()
