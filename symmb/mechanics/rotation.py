@@ -1,6 +1,7 @@
 """Rotations as unit quaternions, scalar first, body to world."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -17,7 +18,7 @@ class Rotation:
     def __matmul__(self, other: "Rotation") -> "Rotation":
         return Rotation(product(self.quaternion, other.quaternion))
 
-    @property
+    @cached_property
     def matrix(self) -> ca.SX:
         """The rotation matrix, body to world, (3, 3). Zeros and ones of a constant one are exact."""
         return without_rounding(rotation_matrix(self.quaternion))

@@ -86,9 +86,12 @@ class Peer:
                 e /= np.linalg.norm(e)
                 rates[at : at + 3] = self.pin.Quaternion(e).matrix() @ own[:3]
                 a, b, c = own[3:]
-                rates[at + 3 : at + 7] = np.array(
-                    [w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -x * a - y * b - z * c]
-                ) / 2
+                rates[at + 3 : at + 7] = (
+                    np.array(
+                        [w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -x * a - y * b - z * c]
+                    )
+                    / 2
+                )
             elif joint.nq == 2:
                 rates[at : at + 2] = -q[at + 1] * own[0], q[at] * own[0]
             else:
@@ -147,7 +150,9 @@ def scene_of(name, times=TIMES):
     rates = {f"{j}.{joints[j].coordinate}_rate": value for j, value in RATES[name].items()}
     start, guess, more = robot.start | values | rates, {}, []
     if name == "four_bar":
-        more = [mb.PointOnLine("loop", mb.Ground().point(*PIN_AT), robot.bodies["rocker"].point(*ON_ROCKER), axis=(0, 1, 0))]
+        more = [
+            mb.PointOnLine("loop", mb.Ground().point(*PIN_AT), robot.bodies["rocker"].point(*ON_ROCKER), axis=(0, 1, 0))
+        ]
         guess, start = {"b.angle": 0.3, "c.angle": 0.8}, values | rates
     if name == "satellite":
         start |= {"hull.vx": 0.2, "hull.vz": 0.5, "hull.omega": (0.3, -0.2, 0.6)}
@@ -186,7 +191,10 @@ def ca_vec(matrix):
 def test_accelerations(name):
     peer = peer_of(name)
     scene, robot, _ = scene_of(name, TIMES[:1])
-    rates = {f"{j}_acceleration": scene.system.ddt(getattr(joint, f"{joint.coordinate}_rate")) for j, joint in robot.joints.items()}
+    rates = {
+        f"{j}_acceleration": scene.system.ddt(getattr(joint, f"{joint.coordinate}_rate"))
+        for j, joint in robot.joints.items()
+    }
     scene = scene.with_outputs({**scene.outputs, **rates})
     run = mb.simulate(scene)
     q, v = pin_state(peer, name, run, robot)

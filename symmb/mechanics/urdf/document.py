@@ -130,8 +130,8 @@ class Tag:
 
 def _meant(name: str, known: Collection[str]) -> str:
     """The known name that a misspelt one is close to; empty if it is known, or if none is close."""
-    close = get_close_matches(name.lower(), known, n=1, cutoff=_CLOSE)
-    return close[0] if close and name not in known else ""
+    close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=_CLOSE)
+    return close[0] if close else ""
 
 
 def read_document(path: Path) -> Tag:
@@ -154,6 +154,8 @@ def read_document(path: Path) -> Tag:
         raise DeclarationError(
             f"{path.name}, line {error.lineno}, {name}: this is not well-formed XML ({reason})."
         ) from None
+    except DeclarationError:  # a ValueError, of an entity
+        raise
     except (ValueError, LookupError) as error:  # an encoding that Python does not know
         line = reading.parser.CurrentLineNumber
         raise DeclarationError(f"{path.name}, line {line}, the document: it cannot be decoded ({error}).") from None

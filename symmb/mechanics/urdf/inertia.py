@@ -1,61 +1,49 @@
-"""Mass, centre of mass and inertia of links, and of those that are held together."""
+"""Mass, centre of mass and inertia of links that are held together."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
-
-from symmb._types import Expr
-from symmb.mechanics.rotation import Rotation
-from symmb.symbolic import is_zero
+from symmb.mechanics.urdf.algebra import Matrix, Scalar, Vector, add, dot, is_nought
 
 
 @dataclass(frozen=True, eq=False)
 class Mass:
-    """Mass [kg], centre of mass (3,) [m], and inertia about it (3, 3) [kg m^2], in axes of the body."""
+    """Mass [kg], centre of mass [m], and inertia about it [kg m^2], in axes of the body."""
 
-    mass: ca.SX
-    com: ca.SX
-    inertia: ca.SX
-
-
-def mass_of(
-    link: str,
-    vector: Callable[..., ca.SX],
-    values: Mapping[str, Expr],
-    turned: Rotation,
-    origin: ca.SX,
-    rotation: Rotation,
-) -> Mass:
-    """Of a link whose own frame is at `origin` (3,) and turned by `rotation` in its body.
-
-    `vector` gives the numbers of a name, and `turned` is the rotation of the axes of the inertia in the link.
-    """
-    diagonal = vector(f"{link}.inertia", ("xx", "yy", "zz"))
-    xy, xz, yz = ca.vertsplit(vector(f"{link}.inertia", ("xy", "xz", "yz")))
-    J = ca.diag(diagonal) + ca.vertcat(ca.horzcat(0, xy, xz), ca.horzcat(xy, 0, yz), ca.horzcat(xz, yz, 0))
-    R = (rotation @ turned).matrix
-    com = origin + rotation.matrix @ vector(f"{link}.com")
-    return Mass(ca.SX(values[f"{link}.mass"]), com, R @ J @ R.T)
+    mass: Scalar
+    com: Vector
+    inertia: Matrix
 
 
-def united(masses: Sequence[Mass]) -> Mass:
+def united(parts: Sequence[Mass]) -> Mass:
     """Of parts that are held together."""
-    heavy = [part for part in masses if not is_zero(part.mass)]
-    if not heavy:
-        com, parts = ca.SX.zeros(3), [part.inertia for part in masses]
-        return Mass(ca.SX(0), com, _sum(parts))
-    mass = _sum([part.mass for part in heavy])
-    com = heavy[0].com if len(heavy) == 1 else _sum([part.mass * part.com for part in heavy]) / mass
-    inertia = _sum([part.inertia for part in masses])
-    for part in heavy if len(heavy) > 1 else ():
-        arm = part.com - com
-        inertia += part.mass * (ca.sumsqr(arm) * ca.SX.eye(3) - arm @ arm.T)
-    return Mass(mass, com, inertia)
+    heavy = [part for part in parts if not is_nought(part.mass)]
+    if len(parts) == 1 or not heavy:
+        com = parts[0].com if heavy else (0.0, 0.0, 0.0)
+        return Mass(parts[0].mass, com, _sum([part.inertia for part in parts]))
+    mass = heavy[0].mass
+    for part in heavy[1:]:
+        mass = mass + part.mass
+    com = heavy[0].com
+    if len(heavy) > 1:
+        moments = [tuple(part.mass * x for x in part.com) for part in heavy]
+        com = tuple(x / mass for x in _total(moments))
+    offsets = [_offset(part.mass, tuple(x - c for x, c in zip(part.com, com, strict=True))) for part in heavy]
+    return Mass(mass, com, _sum([*(part.inertia for part in parts), *(offsets if len(heavy) > 1 else ())]))
 
 
-def _sum(parts: Sequence[ca.SX]) -> ca.SX:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
+def _offset(mass: Scalar, arm: Vector) -> Matrix:
+    """Inertia of a mass about a point at a distance from it (Steiner)."""
+    squared = dot(arm, arm)
+    return tuple(tuple(mass * ((squared if i == k else 0.0) - arm[i] * arm[k]) for k in range(3)) for i in range(3))
+
+
+def _total(vectors: Sequence[Vector]) -> Vector:
+    total = vectors[0]
+    for vector in vectors[1:]:
+        total = add(total, vector)
     return total
+
+
+def _sum(matrices: Sequence[Matrix]) -> Matrix:
+    return tuple(_total(rows) for rows in zip(*matrices, strict=True))

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 
@@ -22,18 +22,32 @@ from symmb.mechanics.friction import Coulomb
 from symmb.mechanics.geometry import Geometry
 from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute
 from symmb.mechanics.pose import Spatial
-from symmb.mechanics.rotation import Rotation
+from symmb.mechanics.urdf.algebra import (
+    NO_TURN,
+    Scalar,
+    Vector,
+    add,
+    by_angles,
+    is_nought,
+    matrix,
+    one_after,
+    plain,
+    product,
+    rotation,
+    transposed,
+    turned,
+)
 from symmb.mechanics.urdf.description import SLIDING, TURNING, Description, JointData, inertia_fault, read_description
-from symmb.mechanics.urdf.inertia import Mass, mass_of, united
+from symmb.mechanics.urdf.inertia import Mass, united
 from symmb.mechanics.urdf.mesh_path import mesh_path
-from symmb.symbolic import is_zero, scalar, vector
+from symmb.symbolic import scalar, vector
 
 _TRANSITION = 0.01
 """Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller one is closer
 to Coulomb's law, and stiffer."""
-_ORIGIN = ca.SX.zeros(3), Rotation(ca.SX(ca.DM([1, 0, 0, 0])))
-Place = tuple[ca.SX, Rotation]
-"""Origin (3,) [m] and rotation of a frame."""
+Place: TypeAlias = "tuple[Vector, Vector]"
+"""Origin (3,) [m] and quaternion (4,) of a frame."""
+_ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
 _JOINTS = dict.fromkeys(TURNING, Revolute) | dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
 
 
@@ -46,22 +60,22 @@ class LinkFrame:
     name : str
     body : Body or Ground
     origin : (3,)          the origin of the link, from that of the body's points in axes of the body [m]
-    rotation : Rotation    link to body
+    quaternion : (4,)      of the rotation link to body, scalar first
     """
 
     name: str
     body: AbstractBody
-    origin: ca.SX
-    rotation: Rotation
+    origin: Vector
+    quaternion: Vector
 
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:
         """Point of the body at (x, y, z) [m] in axes of the link, from its origin."""
-        at = self.origin + self.direction(x, y, z)
-        return self.body.point(at[0], at[1], at[2])
+        return self.body.point(*add(self.origin, self.direction(x, y, z)))
 
-    def direction(self, x: Expr, y: Expr, z: Expr = 0) -> ca.SX:
+    def direction(self, x: Expr, y: Expr, z: Expr = 0) -> Vector:
         """A vector (3,) of the link in axes of the body, as the axis of a joint on `point`."""
-        return self.rotation.matrix @ vector([x, y, z], f"direction of {self.name!r}")
+        own = ca.vertsplit(vector([x, y, z], f"direction of {self.name!r}"))
+        return turned(matrix(self.quaternion), tuple(map(plain, own)))
 
 
 class _ByName(dict[str, Any]):
@@ -73,9 +87,6 @@ class _ByName(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         raise DeclarationError(f"Robot {self._robot!r} has no {self._what} {name!r}.{did_you_mean(name, self)}")
-
-    def __reduce__(self) -> tuple:
-        return _ByName, (self._robot, self._what), None, None, iter(self.items())
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,11 +175,14 @@ def load_urdf(
     return _Building(description, _replaced(description, replace or {}, fixed_base, stop), fixed_base, stop).robot()
 
 
-def _replaced(description: Description, replace: Mapping[str, Expr], fixed_base: bool, stop: object) -> dict[str, Expr]:
+def _replaced(
+    description: Description, replace: Mapping[str, Expr], fixed_base: bool, stop: object
+) -> dict[str, Scalar]:
     """All numbers of a file, some of which are replaced."""
     if not isinstance(replace, Mapping):
         raise DeclarationError(f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {replace!r}.')
-    faults, values = [], dict(description.numbers)
+    faults: list[str] = []
+    values: dict[str, Scalar] = dict(description.numbers)
     for name, value in replace.items():
         if name not in description.numbers:
             faults.append(f"replace: {description.name!r} has no number {name!r}.{did_you_mean(name, values)}")
@@ -181,6 +195,8 @@ def _replaced(description: Description, replace: Mapping[str, Expr], fixed_base:
             faults.append(f"replace: nothing depends on {name!r}, as the base is fixed. Give fixed_base=False.")
         elif isinstance(value, int | float) and not is_finite_number(value):
             faults.append(f"replace: {name!r} is {value!r}, not a finite number.")
+        elif isinstance(value, int | float) and value < 0 and what in ("mass", "damping", "friction"):
+            faults.append(f"replace: {name!r} is {value:g}; it must not be negative.")
         else:
             values[name] = float(value) if isinstance(value, int | float) else scalar(value, f"replace: {name!r}")
     for link in description.links:
@@ -198,43 +214,56 @@ class _Building:
     """A description on its way to a robot. `values` has its numbers, some of which are replaced by expressions."""
 
     description: Description
-    values: Mapping[str, Expr]
+    values: Mapping[str, Scalar]
     fixed_base: bool
     stop: ContactLaw | Expr | None
 
-    def vector(self, name: str, parts: tuple[str, ...] = ("x", "y", "z")) -> ca.SX:
-        """Three numbers of one name, (3,)."""
-        return ca.vertcat(*[ca.SX(self.values[f"{name}.{part}"]) for part in parts])
+    def vector(self, name: str, parts: tuple[str, ...] = ("x", "y", "z")) -> Vector:
+        """Numbers or expressions of one name."""
+        return tuple(self.values[f"{name}.{part}"] for part in parts)
 
-    def rotation(self, name: str) -> Rotation:
+    def quaternion(self, name: str) -> Vector:
         """The rotation by roll, pitch and yaw of one name."""
-        return rotation_by_angles(self.vector(name, ("roll", "pitch", "yaw")))
+        return by_angles(self.vector(name, ("roll", "pitch", "yaw")))
 
     def carried(self, joint: JointData, place: Place) -> Place:
         """The place of the child of a joint at zero, from that of its parent."""
-        at, turned = place
-        origin = at + turned.matrix @ self.vector(f"{joint.name}.origin")
-        return origin, turned @ self.rotation(f"{joint.name}.origin")
+        at, e = place
+        origin = add(at, turned(matrix(e), self.vector(f"{joint.name}.origin")))
+        return origin, one_after(e, self.quaternion(f"{joint.name}.origin"))
+
+    @cached_property
+    def places(self) -> dict[str, Place]:
+        """All links on their bodies."""
+        places: dict[str, Place] = {}
+        joints = {joint.child: joint for joint in self.description.joints.values()}
+        for link, top in self.description.tops.items():
+            places[link] = _ORIGIN if link == top else self.carried(joints[link], places[joints[link].parent])
+        return places
 
     @cached_property
     def frames(self) -> dict[str, LinkFrame]:
-        """All links on their bodies."""
-        places, tops = {}, self.description.tops
-        joints = {joint.child: joint for joint in self.description.joints.values()}
-        for link, top in tops.items():
-            places[link] = _ORIGIN if link == top else self.carried(joints[link], places[joints[link].parent])
+        """All links, with the bodies to which they belong."""
+        tops = self.description.tops
         held: dict[str, list[Mass]] = {top: [] for top in tops.values()}
         for link, top in tops.items():
-            held[top].append(mass_of(link, self.vector, self.values, self.rotation(f"{link}.com"), *places[link]))
+            held[top].append(self._mass(link))
         bodies = {top: self._body(top, masses) for top, masses in held.items()}
-        return {link: LinkFrame(link, bodies[top], *places[link]) for link, top in tops.items()}
+        return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
+
+    def _mass(self, link: str) -> Mass:
+        origin, e = self.places[link]
+        xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ("xx", "xy", "xz", "yy", "yz", "zz"))
+        R = matrix(one_after(e, self.quaternion(f"{link}.com")))
+        J = product(product(R, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transposed(R))
+        return Mass(self.values[f"{link}.mass"], add(origin, turned(matrix(e), self.vector(f"{link}.com"))), J)
 
     def _body(self, top: str, masses: list[Mass]) -> AbstractBody:
         if self.fixed_base and top == self.description.root:
             return Ground()
         whole = united(masses)
         name = f"{top}_link" if top in self.description.joints else top
-        return Body(name, whole.mass, whole.inertia, Spatial(), com=tuple(_plain(x) for x in ca.vertsplit(whole.com)))
+        return Body(name, whole.mass, whole.inertia, Spatial(), com=whole.com)
 
     def robot(self) -> Robot:
         """The machine."""
@@ -254,22 +283,20 @@ class _Building:
         return Robot(description.name, description.numbers, bodies, joints, tuple(elements), start | self._free_start())
 
     def _joint(self, joint: JointData) -> AxisJoint:
-        carrier, follower = self.frames[joint.parent], self.frames[joint.child]
-        zero = carrier.rotation @ self.rotation(f"{joint.name}.origin")
-        axis = zero.matrix @ self.vector(f"{joint.name}.axis")
-        at = carrier.point(*ca.vertsplit(self.vector(f"{joint.name}.origin")))
-        axes = tuple(_plain(x) for x in ca.vertsplit(ca.densify(axis)))
-        return _JOINTS[joint.kind](joint.name, at, follower.point(0, 0, 0), axes, zero=zero)
+        at, e = self.carried(joint, self.places[joint.parent])
+        axis = turned(matrix(e), self.vector(f"{joint.name}.axis"))
+        point_a = self.frames[joint.parent].body.point(*at)
+        return _JOINTS[joint.kind](joint.name, point_a, self.frames[joint.child].point(0, 0, 0), axis, zero=rotation(e))
 
     def _forces(self, data: JointData, joints: Mapping[str, AxisJoint]) -> Iterator[Element]:
         """Damping, friction, the row of a mimic joint, and a stop."""
         name, joint = data.name, joints[data.name]
-        damping, friction = ca.SX(self.values[f"{name}.damping"]), ca.SX(self.values[f"{name}.friction"])
+        damping, friction = self.values[f"{name}.damping"], self.values[f"{name}.friction"]
         rate = getattr(joint, f"{joint.coordinate}_rate")
-        if not is_zero(damping):
+        if not is_nought(damping):
             yield Actuator(f"{name}:damping", joint, -damping * rate)
-        if not is_zero(friction):
-            force, _ = Coulomb(1.0, _TRANSITION).resistance(name, rate, friction)
+        if not is_nought(friction):
+            force, _ = Coulomb(1.0, _TRANSITION).resistance(name, rate, ca.SX(friction))
             yield Actuator(f"{name}:friction", joint, force)
         if data.mimic is not None:
             value, led = (getattr(j, str(j.coordinate)) for j in (joint, joints[data.mimic]))
@@ -287,7 +314,7 @@ class _Building:
         for link, data in self.description.links.items():
             frame = self.frames[link]
             for number, shape in enumerate(data.shapes):
-                axes = frame.rotation @ rotation_by_angles(ca.SX(shape.rpy))
+                axes = rotation(one_after(frame.quaternion, by_angles(shape.rpy)))
                 mesh = mesh_path(shape.mesh, self.description.path) if shape.form == "mesh" else None
                 yield Geometry(f"{link}:{number}", frame.point(*shape.xyz), axes, shape.form, shape.size, mesh)
 
@@ -295,33 +322,14 @@ class _Building:
         """The zero pose of bodies that no joint carries."""
         floating = {joint.child for joint in self.description.joints.values() if joint.kind == "floating"}
         root = self.description.root
-        places, start = {root: _ORIGIN}, {}
+        places: dict[str, Place] = {root: _ORIGIN}
+        start: dict[str, Any] = {}
         for joint in self.description.joints.values():
             places[joint.child] = self.carried(joint, places[joint.parent])
         for link in (root, *floating):
-            body, (at, turned) = self.frames[link].body, places[link]
+            body, (at, e) = self.frames[link].body, places[link]
             if isinstance(body, Body):
-                center = ca.vertsplit(at + turned.matrix @ vector(body.com))
-                start |= {f"{body.name}.{x}": _plain(value) for x, value in zip("xyz", center, strict=True)}
-                start[f"{body.name}.rotation"] = turned
+                center = add(at, turned(matrix(e), body.com))
+                start |= {f"{body.name}.{x}": value for x, value in zip("xyz", center, strict=True)}
+                start[f"{body.name}.rotation"] = rotation(e)
         return start
-
-
-def rotation_by_angles(rpy: ca.SX) -> Rotation:
-    """The rotation by roll, pitch and yaw (3,) [rad] about the fixed axes x, y and z, one after the other."""
-    (cr, sr), (cp, sp), (cy, sy) = ((ca.cos(angle / 2), ca.sin(angle / 2)) for angle in ca.vertsplit(rpy))
-    return Rotation(
-        ca.densify(
-            ca.vertcat(
-                cr * cp * cy + sr * sp * sy,
-                sr * cp * cy - cr * sp * sy,
-                cr * sp * cy + sr * cp * sy,
-                cr * cp * sy - sr * sp * cy,
-            )
-        )
-    )
-
-
-def _plain(value: ca.SX) -> Expr:
-    """A constant as a number."""
-    return float(value) if value.is_constant() else value
