@@ -90,6 +90,7 @@ from .mechanics.rotation import rotation as rotation
 from .mechanics.sampled import Sampled as Sampled
 from .mechanics.state import State as State
 from .mechanics.table import Table as Table
+from .mechanics.urdf import load_urdf as load_urdf
 from .model.box import Box as Box
 from .model.dae import compile_dae as compile_dae
 from .model.scene import Scene as Scene

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from symmb._types import Array
+from symmb.drawing.geometry import can_be_drawn
 from symmb.drawing.shapes import Shape
 from symmb.drawing.survey import Asked, Survey
 from symmb.mechanics import (
@@ -16,6 +17,7 @@ from symmb.mechanics import (
     Body,
     Cylindrical,
     FlexibleBody,
+    Geometry,
     Particle,
     Planar,
     PlanarJoint,
@@ -54,6 +56,9 @@ class BodySketch:
             if isinstance(e, AxisJoint)
         )
 
+        shapes = [e for e in survey.scene.system.elements if isinstance(e, Geometry) and e.point.body.owner is body]
+        self.has_shape = any(can_be_drawn(shape) for shape in shapes)
+
     @property
     def points(self) -> Array:
         """Attached points in the body's axes, (n, 3) [m]."""
@@ -83,6 +88,8 @@ class BodySketch:
         """Its shapes, for the unit of length u [m]."""
         if isinstance(self.body, FlexibleBody):
             yield from self._net(u)
+            return
+        if self.has_shape:
             return
         points = _distinct(self.points, _SAME * u)
         far = [p for p in points if np.linalg.norm(p) > _SAME * u]

@@ -117,6 +117,12 @@ def _solid(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outl
     yield p.hull(shape, at[0] + points @ (R @ half).T)
 
 
+def _hull(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
+    corners = shape.direction if shape.direction is not None else np.zeros((0, 3))
+    origin = p.drawing.pose(p.drawing.places[shape.places[0]].frame, p.k)[:, 3]
+    yield p.hull(shape, origin + corners @ R.T)
+
+
 def _plate(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outline]:
     yield p.hull(shape, np.array(at))
 
@@ -208,6 +214,7 @@ _FORMS: dict[str, Callable[[Painter, Shape, list[Array], Array], Iterator[Outlin
     "block": _block,
     "ring": _ring,
     "solid": _solid,
+    "hull": _hull,
     "plate": _plate,
     "coil": _coil,
     "dashpot": _dashpot,

@@ -113,7 +113,12 @@ def _run(drawing: Drawing, label: str, tint: str, numbers: _Numbers) -> dict[str
 
 
 def _direction(form: str, direction: Array) -> Array:
-    """Rows of a track; the half axes of a solid one after the other."""
+    """Rows of a track; the half axes of a solid one after the other; the corners of a hull with their normals."""
+    if form == "hull":
+        a, b, c = (direction[k::3] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        return np.hstack([direction, np.repeat(normals, 3, axis=0)])
     return direction.T.reshape(1, 9) if form == "solid" else direction
 
 

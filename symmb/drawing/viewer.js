@@ -210,6 +210,7 @@ const forms = {
     if (s[0] === 1) part(built.cylinder, columns(x, y, times(z, 2), sub(at[0], z)));
     else part(s[0] ? built.ball : built.box, columns(x, y, z, at[0]));
   },
+  hull: (at, s, d, m, local, run, shape) => part(shape.mesh ??= mesh(rowAt(shape.direction[0], 6 * shape.direction[1])), m),
   plate: at => dynamic(faces(at)),
   coil: (at, s) => coil(at[0], at[1], s[0], s[1]),
   dashpot: (at, s) => dashpot(at[0], at[1], s[0], s[1]),
@@ -294,8 +295,7 @@ function program() {
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) console.error(gl.getShaderInfoLog(shader));
     gl.attachShader(it, shader);
   }
-  gl.bindAttribLocation(it, 0, "corner");
-  gl.bindAttribLocation(it, 1, "normal");
+  ["corner", "normal"].forEach((name, i) => gl.bindAttribLocation(it, i, name));
   gl.linkProgram(it); gl.useProgram(it);
   const at = name => gl.getUniformLocation(it, name);
   for (const attribute of [0, 1]) gl.enableVertexAttribArray(attribute);
@@ -321,7 +321,7 @@ function fit() {
         for (const place of shape.places) {
           const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
           const margin = shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
-            : shape.form === "ball" || shape.form === "ring" ? shape.size[0] : 4 * first.unit;
+            : ["ball", "ring", "hull"].includes(shape.form) ? shape.size[0] : 4 * first.unit;
           view.axes.forEach((axis, i) => {
             low[i] = Math.min(low[i], dot(axis, p) - margin);
             high[i] = Math.max(high[i], dot(axis, p) + margin);

@@ -22,6 +22,7 @@ from symmb.mechanics.force import (
     TorsionSpring,
 )
 from symmb.mechanics.friction import Friction
+from symmb.mechanics.geometry import Geometry
 from symmb.mechanics.impact import RESTITUTION, Impact
 from symmb.mechanics.joint import (
     Cylindrical,

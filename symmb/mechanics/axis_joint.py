@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -15,7 +15,8 @@ from symmb.mechanics.body import AbstractBody, Point, velocity_at
 from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Bind, point_faults, pose_faults
 from symmb.mechanics.pose import Planar, Pose, Spatial
-from symmb.symbolic import Symbol, is_zero, triad, turn, unit, vector
+from symmb.mechanics.rotation import Rotation
+from symmb.symbolic import Symbol, is_zero, triad, turn, unit, vector, without_rounding
 
 Axis = tuple[Expr, ...]
 _Z: Axis = (0, 0, 1)
@@ -84,19 +85,29 @@ class Joint(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class AxisJoint(Joint):
-    """A joint with an axis in each body. `turns` and `slides` tell whether it allows rotation and translation."""
+    """A joint with an axis in each body.
+
+    `turns` and `slides` tell whether it allows rotation and translation, and `aligns` whether its bodies have an
+    orientation to each other at which it is at zero. This is where the frames coincide with `axis_b` on `axis`. In
+    place of `axis_b`, `zero` gives this orientation as the rotation of body b relative to body a. A body on such a
+    joint starts at zero, unless start or guess say otherwise.
+    """
 
     turns: ClassVar[bool] = False
     slides: ClassVar[bool] = False
+    aligns: ClassVar[bool] = False
 
     axis: Axis = _Z
     axis_b: Axis | None = None
+    zero: Rotation | None = field(default=None, kw_only=True)
 
     def faults(self) -> Iterator[str]:
         faults = list(super().faults())
         yield from faults
         if faults:
             return
+        if self.zero is not None:
+            yield from self._zero_faults(self.zero)
         for body, axis in zip(
             self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True
         ):
@@ -114,22 +125,40 @@ class AxisJoint(Joint):
                     "Planar bodies slide in the xy plane; use pose=Spatial() or an axis with z = 0."
                 )
 
+    def _zero_faults(self, zero: object) -> Iterator[str]:
+        if not isinstance(zero, Rotation):
+            yield f"{self.title}: zero must be rotation(axis=..., angle=...), got {zero!r}."
+        elif not self.aligns:
+            yield f"{self.title}: no orientation is its zero. Leave out zero."
+        elif self.axis_b is not None:
+            yield f"{self.title}: zero determines the axis in body b. Leave out zero or axis_b."
+        elif any(isinstance(body.pose, Planar) for body in self.bodies()):
+            yield f"{self.title}: zero turns bodies in space. Use pose=Spatial(), or axis_b."
+
     @cached_property
     def axes(self) -> tuple[ca.SX, ca.SX]:
         """Unit axis in the frame of body a and in that of body b, (3,) each."""
         a = unit(vector(self.axis))
+        if self.zero is not None:
+            return a, ca.densify(without_rounding(self.zero.matrix.T @ a))
         return a, a if self.axis_b is None else unit(vector(self.axis_b))
 
     @cached_property
-    def own_frames(self) -> tuple[ca.SX, ca.SX]:
-        """The joint's frame on body a and on body b in their axes, (3, 3) each. The third column is the axis.
+    def alignment(self) -> ca.SX:
+        """Rotation from axes of body a to those of body b where the joint is at zero, (3, 3).
 
-        The second is the first one turned by least angle. Planar bodies turn in their plane.
+        Without `zero` it is the least one that brings the axes together. Planar bodies turn in their plane.
         """
-        a, b = self.axes
-        F = triad(a)
+        if self.zero is not None:
+            return self.zero.matrix.T
         in_plane = self.slides and any(isinstance(body.pose, Planar) for body in self.bodies())
-        return F, turn(a, b, in_plane) @ F
+        return turn(*self.axes, in_plane)
+
+    @cached_property
+    def own_frames(self) -> tuple[ca.SX, ca.SX]:
+        """The joint's frame on body a and on body b in their axes, (3, 3) each. The third column is the axis."""
+        F = triad(self.axes[0])
+        return F, without_rounding(self.alignment @ F)
 
     @cached_property
     def frames(self) -> tuple[ca.SX, ca.SX]:
@@ -155,8 +184,7 @@ class AxisJoint(Joint):
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        a, b = self.axes
-        return relative_angle(self.name, self.point_a.body, a, self.point_b.body, b)
+        return relative_angle(self.name, self.point_a.body, self.axes[0], self.point_b.body, self.alignment)
 
     @property
     def turn_states(self) -> tuple[Symbol, ...]:
@@ -168,6 +196,7 @@ class TurningJoint(AxisJoint):
     """A joint that turns about its axis."""
 
     turns: ClassVar[bool] = True
+    aligns: ClassVar[bool] = True
     handles: ClassVar[tuple[str, ...]] = ("angle",)
 
     @property
@@ -186,6 +215,7 @@ class SlidingJoint(AxisJoint):
     """A joint that slides along its axis."""
 
     slides: ClassVar[bool] = True
+    aligns: ClassVar[bool] = True
     handles: ClassVar[tuple[str, ...]] = ("displacement",)
 
     @cached_property

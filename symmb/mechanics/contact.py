@@ -197,7 +197,7 @@ class TorsionContact(ForceElement):
     @cached_property
     def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
         axis = unit(vector(self.axis))
-        return relative_angle(self.name, self.body_a, axis, self.body_b, axis)
+        return relative_angle(self.name, self.body_a, axis, self.body_b, ca.SX.eye(3))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         backlash = bind(self.backlash, f"{self.title}: backlash")

@@ -208,7 +208,7 @@ class TorsionSpring(ForceElement):
     @cached_property
     def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
         axis = unit(vector(self.axis))
-        return relative_angle(self.name, self.body_a, axis, self.body_b, axis)
+        return relative_angle(self.name, self.body_a, axis, self.body_b, ca.SX.eye(3))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         k = bind(self.stiffness, f"{self.title}: stiffness")

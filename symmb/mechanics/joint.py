@@ -75,6 +75,7 @@ class Prismatic(SlidingJoint):
 class Weld(AxisJoint):
     """The points coincide and the frames are locked parallel, `axis` onto `axis_b`."""
 
+    aligns = True
     without = "It holds its bodies together, so that nothing turns and nothing slides."
 
     def position_rows(self, bind: Bind) -> ca.SX:
@@ -111,6 +112,7 @@ class PlanarJoint(AxisJoint):
     """Point b stays in the plane through point a whose normal is `axis`; the normals stay parallel."""
 
     poses = (_SPATIAL, _SPATIAL)
+    aligns = True
     without = "It slides in two directions and turns about a third one. Use coordinates and points of its bodies."
 
     def position_rows(self, bind: Bind) -> ca.SX:
@@ -189,7 +191,7 @@ class Gear(AxisJoint):
     def _angles(self) -> tuple[tuple[ca.SX, tuple[Symbol, ...]], ...]:
         ground = Ground()
         return tuple(
-            relative_angle(f"{self.name}.{side}", ground, axis, body, axis)
+            relative_angle(f"{self.name}.{side}", ground, axis, body, ca.SX.eye(3))
             for side, axis, body in zip("ab", self.axes, self.bodies(), strict=True)
         )
 

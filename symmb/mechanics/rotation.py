@@ -1,11 +1,12 @@
 """Rotations as unit quaternions, scalar first, body to world."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.symbolic import product, scalar, unit, vector
+from symmb.symbolic import product, rotation_matrix, scalar, unit, vector, without_rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +17,11 @@ class Rotation:
 
     def __matmul__(self, other: "Rotation") -> "Rotation":
         return Rotation(product(self.quaternion, other.quaternion))
+
+    @cached_property
+    def matrix(self) -> ca.SX:
+        """The rotation matrix, body to world, (3, 3). Zeros and ones of a constant one are exact."""
+        return without_rounding(rotation_matrix(self.quaternion))
 
 
 def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:

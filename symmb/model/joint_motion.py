@@ -284,16 +284,15 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     if isinstance(joint, Spherical) and any(isinstance(body.pose, Planar) for body in bodies):
         kind = _HINGE
     a, b = joint.axes if isinstance(joint, AxisJoint) else (Z, Z)
-    if not all(bind.is_parameter(symbol) for symbol in symbols_in(ca.vertcat(a, b))):
+    frames = joint.own_frames if isinstance(joint, AxisJoint) else (triad(Z), triad(Z))
+    if not all(bind.is_parameter(symbol) for symbol in symbols_in(ca.vertcat(a, b, ca.vec(frames[1])))):
         return None
     q, q_names = _symbols(joint.name, kind.coordinates)
     u, u_names = _symbols(joint.name, kind.velocities)
     turned, shift = kind.turn(q, u), kind.shift(q)
     if isinstance(joint, Screw):
         shift = bind(joint.pitch, f"{joint.title}: pitch") * q / (2 * ca.pi) * Z
-    carrier, follower = joint.own_frames if isinstance(joint, AxisJoint) else (triad(Z), triad(Z))
-    follower = triad(b) if isinstance(joint, Universal) else follower
-    carrier, follower = ca.sparsify(carrier), ca.sparsify(follower)
+    carrier, follower = ca.sparsify(frames[0]), ca.sparsify(triad(b) if isinstance(joint, Universal) else frames[1])
     in_space = any(isinstance(body.pose, Spatial) for body in bodies)
     quaternions = [_quaternion_of_frame(F, bind) if in_space else ca.SX(4, 1) for F in (carrier, follower)]
     q_rate = quaternion_rate(q, u) if kind is _KINDS[Spherical] else u

@@ -1,4 +1,4 @@
-"""Bodies put where listed or guessed coordinates of the joints that carry them say."""
+"""Bodies put where coordinates of the joints that carry them say: listed, guessed, or zero."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,10 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True, eq=False)
 class JointPlacement:
-    """Moves bodies to joints with listed or guessed coordinates. Handles that are neither stay as they are."""
+    """Moves bodies to joints with listed or guessed coordinates, and to those whose zero is declared.
+
+    Handles that are neither listed nor guessed are zero where the zero is declared, and else stay as they are.
+    """
 
     scene: Scene
     dae: DAE
@@ -46,8 +49,11 @@ class JointPlacement:
 
     @cached_property
     def _joints(self) -> dict[AxisJoint, dict[str, float]]:
-        """The joints with values, and these at the nominal parameters."""
-        joints: dict[AxisJoint, dict[str, float]] = {}
+        """The joints with values or a declared zero, and the values at the nominal parameters."""
+        elements = self.scene.system.elements
+        joints: dict[AxisJoint, dict[str, float]] = {
+            e: {} for e in elements if isinstance(e, AxisJoint) and e.zero is not None
+        }
         p = self.scene.system.p
         for listed in (self.scene.guessed, self.scene.prescribed):
             for value in of_positions(listed):
@@ -76,10 +82,11 @@ class JointPlacement:
         if not joint.turns:
             angle, wanted = float(np.arctan2(A[:, 1] @ B[:, 0], A[:, 0] @ B[:, 0])), 0.0
         else:
-            wanted = values.get("angle", angle)
+            wanted = values.get("angle", angle if joint.zero is None else 0.0)
         q = self._turned(q, body, sign * (wanted - angle) * A[:, 2])
         _, A, _, d = self._frames(joint, q)
-        along = (values.get("displacement", float(A[:, 2] @ d)) if joint.slides else 0.0) * A[:, 2]
+        reached = float(A[:, 2] @ d) if joint.zero is None else 0.0
+        along = (values.get("displacement", reached) if joint.slides else 0.0) * A[:, 2]
         return self._shifted(q, body, sign * (along - d))
 
     def _frames(self, joint: AxisJoint, q: Array) -> tuple[float, Array, Array, Array]:

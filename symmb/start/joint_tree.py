@@ -49,8 +49,7 @@ class JointTree:
         self._group = {body: (body,) for body in self.carriers}
         for bodies in rows:
             first, *others = bodies
-            for other in others:
-                self._join(self._path(first, other))
+            self._join([body for other in others for body in self._path(first, other)])
 
     def groups(self) -> list[Group]:
         """The groups, each after the one of its base."""

@@ -20,7 +20,7 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     A body without guessed position is moved to its joint as it is turned. If other joints stay open there, such as a
     cylinder's, or its position is guessed, it is moved and turned least. A body that cannot be placed stays there.
     """
-    connected = _connected(scene, dae)
+    connected, carrying = _connected(scene, dae)
     body_of = np.repeat(np.arange(len(scene.system.bodies)), scene.system.block_sizes)
     guessed = {dae.q_names[i].rpartition(".")[0] for i in scene.guesses if dae.q_names[i][-2:] in (".x", ".y", ".z")}
     joints = JointPlacement(scene, dae, free)
@@ -28,7 +28,7 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     element_of = np.empty(dae.n_c, dtype=np.intp)
     for number, where in enumerate(dae.rows.values()):
         element_of[where] = number
-    for body, carrier in JointTree(connected, range(len(scene.system.bodies))).carriers.items():
+    for body, carrier in JointTree(carrying, range(len(scene.system.bodies))).carriers.items():
         moved = joints.moved(q, body, carrier)
         if moved is not None:
             q = moved
@@ -70,16 +70,21 @@ def _rows_of(connected: list[frozenset[int]]) -> dict[int, list[int]]:
     return rows
 
 
-def _connected(scene: Scene, dae: DAE) -> list[frozenset[int]]:
-    """The bodies of each position row, by their numbers; with the ground where it is no joint between two bodies."""
+def _connected(scene: Scene, dae: DAE) -> tuple[list[frozenset[int]], list[frozenset[int]]]:
+    """The bodies of each position row, by their numbers; with the ground where it is no joint between two bodies.
+
+    The second list has those rows by which a body carries another one: a drive that couples joints is none.
+    """
     bodies = scene.system.bodies
     numbers = {id(body): k for k, body in enumerate(bodies)}
     joints = {e.name: e.bodies() for e in scene.system.elements if isinstance(e, Joint)}
     body_of = np.repeat(np.arange(len(bodies)), scene.system.block_sizes)
     pattern = np.array(ca.DM(dae.G.sparsity_out(0), 1).full(), dtype=bool)[: dae.n_c] if dae.G else np.zeros((0, 0))
-    connected = []
+    connected, carrying = [], []
     for name, where in sorted(dae.rows.items(), key=lambda item: item[1].start):
         # Rows of listed coordinates have the name of a joint and of a handle.
-        ends = [numbers.get(id(end.owner), GROUND) for end in joints.get(name.split(".")[0], ())] or [GROUND]
-        connected += [frozenset({*ends, *body_of[row].tolist()}) for row in pattern[where]]
-    return connected
+        ends = [numbers.get(id(end.owner), GROUND) for end in joints.get(name.split(".")[0], ())]
+        own = [frozenset({*(ends or [GROUND]), *body_of[row].tolist()}) for row in pattern[where]]
+        connected += own
+        carrying += [bodies for bodies in own if ends or len(bodies) <= 2]
+    return connected, carrying

@@ -18,6 +18,7 @@ from symmb.symbolic.geometry import (
     turn,
     unit,
     vector,
+    without_rounding,
 )
 from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import jet_function, jets

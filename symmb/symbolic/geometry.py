@@ -51,6 +51,19 @@ def unit(axis: ca.SX) -> ca.SX:
     return axis / ca.norm_2(axis)
 
 
+def without_rounding(matrix: ca.SX) -> ca.SX:
+    """A constant matrix of cosines whose zeros and ones are exact, so that they stay structural; others unchanged."""
+    if not matrix.is_constant():
+        return matrix
+    values = ca.DM(ca.densify(matrix)).full()
+    whole = np.round(values)
+    return ca.SX(ca.sparsify(ca.DM(np.where(np.abs(values - whole) < _ROUNDING, whole, values))))
+
+
+_ROUNDING = 1e-15
+"""Errors of cosines by rounding: several units in the last place of 1."""
+
+
 def triad(axis: ca.SX) -> ca.SX:
     """Right-handed orthonormal frame [u1 u2 a] with the given axis as its third column, (3, 3)."""
     a = unit(axis)

@@ -1,0 +1,49 @@
+"""Mass, centre of mass and inertia of links that are held together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from symmb.mechanics.urdf.algebra import Matrix, Scalar, Vector, add, dot, is_nought
+
+
+@dataclass(frozen=True, eq=False)
+class Mass:
+    """Mass [kg], centre of mass [m], and inertia about it [kg m^2], in axes of the body."""
+
+    mass: Scalar
+    com: Vector
+    inertia: Matrix
+
+
+def united(parts: Sequence[Mass]) -> Mass:
+    """Of parts that are held together."""
+    heavy = [part for part in parts if not is_nought(part.mass)]
+    if len(parts) == 1 or not heavy:
+        com = parts[0].com if heavy else (0.0, 0.0, 0.0)
+        return Mass(parts[0].mass, com, _sum([part.inertia for part in parts]))
+    mass = heavy[0].mass
+    for part in heavy[1:]:
+        mass = mass + part.mass
+    com = heavy[0].com
+    if len(heavy) > 1:
+        moments = [tuple(part.mass * x for x in part.com) for part in heavy]
+        com = tuple(x / mass for x in _total(moments))
+    offsets = [_offset(part.mass, tuple(x - c for x, c in zip(part.com, com, strict=True))) for part in heavy]
+    return Mass(mass, com, _sum([*(part.inertia for part in parts), *(offsets if len(heavy) > 1 else ())]))
+
+
+def _offset(mass: Scalar, arm: Vector) -> Matrix:
+    """Inertia of a mass about a point at a distance from it (Steiner)."""
+    squared = dot(arm, arm)
+    return tuple(tuple(mass * ((squared if i == k else 0.0) - arm[i] * arm[k]) for k in range(3)) for i in range(3))
+
+
+def _total(vectors: Sequence[Vector]) -> Vector:
+    total = vectors[0]
+    for vector in vectors[1:]:
+        total = add(total, vector)
+    return total
+
+
+def _sum(matrices: Sequence[Matrix]) -> Matrix:
+    return tuple(_total(rows) for rows in zip(*matrices, strict=True))

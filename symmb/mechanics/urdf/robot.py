@@ -1,0 +1,335 @@
+"""Bodies, joints and forces of a machine that stands in a URDF file."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import casadi as ca
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number
+from symmb._types import Expr
+from symmb.mechanics.actuator import Actuator, Stop
+from symmb.mechanics.axis_joint import AxisJoint
+from symmb.mechanics.body import AbstractBody, Body, Ground, Point
+from symmb.mechanics.constraint import Motion
+from symmb.mechanics.contact_law import ContactLaw
+from symmb.mechanics.element import Element
+from symmb.mechanics.friction import Coulomb
+from symmb.mechanics.geometry import Geometry
+from symmb.mechanics.joint import PlanarJoint, Prismatic, Revolute
+from symmb.mechanics.pose import Spatial
+from symmb.mechanics.urdf.algebra import (
+    NO_TURN,
+    Scalar,
+    Vector,
+    add,
+    by_angles,
+    is_nought,
+    matrix,
+    one_after,
+    plain,
+    product,
+    rotation,
+    transposed,
+    turned,
+)
+from symmb.mechanics.urdf.description import SLIDING, TURNING, Description, JointData, inertia_fault, read_description
+from symmb.mechanics.urdf.inertia import Mass, united
+from symmb.mechanics.urdf.mesh_path import mesh_path
+from symmb.symbolic import scalar, vector
+
+_TRANSITION = 0.01
+"""Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller one is closer
+to Coulomb's law, and stiffer."""
+Place: TypeAlias = "tuple[Vector, Vector]"
+"""Origin (3,) [m] and quaternion (4,) of a frame."""
+_ORIGIN: Place = (0.0, 0.0, 0.0), NO_TURN
+_JOINTS = dict.fromkeys(TURNING, Revolute) | dict.fromkeys(SLIDING, Prismatic) | {"planar": PlanarJoint}
+
+
+@dataclass(frozen=True, eq=False)
+class LinkFrame:
+    """A link that fixed joints hold on another one. Together they are one `body`, named after the one that carries.
+
+    Attributes
+    ----------
+    name : str
+    body : Body or Ground
+    origin : (3,)          the origin of the link, from that of the body's points in axes of the body [m]
+    quaternion : (4,)      of the rotation link to body, scalar first
+    """
+
+    name: str
+    body: AbstractBody
+    origin: Vector
+    quaternion: Vector
+
+    def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:
+        """Point of the body at (x, y, z) [m] in axes of the link, from its origin."""
+        return self.body.point(*add(self.origin, self.direction(x, y, z)))
+
+    def direction(self, x: Expr, y: Expr, z: Expr = 0) -> Vector:
+        """A vector (3,) of the link in axes of the body, as the axis of a joint on `point`."""
+        own = ca.vertsplit(vector([x, y, z], f"direction of {self.name!r}"))
+        return turned(matrix(self.quaternion), tuple(map(plain, own)))
+
+
+class _ByName(dict[str, Any]):
+    """Parts by name. A name that is not there is an error with near misses."""
+
+    def __init__(self, robot: str, what: str) -> None:
+        super().__init__()
+        self._robot, self._what = robot, what
+
+    def __missing__(self, name: str) -> Any:
+        raise DeclarationError(f"Robot {self._robot!r} has no {self._what} {name!r}.{did_you_mean(name, self)}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot:
+    """A machine from a URDF file, as `load_urdf` returns it.
+
+    Attributes
+    ----------
+    name : str
+    numbers : dict         every number of the file by name, in SI units
+    bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` of a link that fixed joints hold; `.point(x, y, z)`
+                           counts from the link's origin in its axes
+    joints : dict          joint -> `Revolute`, `Prismatic` or `PlanarJoint`. Its angle or displacement is the file's
+    elements : tuple       all that goes into a `System`: bodies, joints, damping, friction, mimic joints, stops, shapes
+    start : dict           the zero pose of the file, for `Scene(start=...)` or `guess=`
+    """
+
+    name: str
+    numbers: dict[str, float]
+    bodies: Mapping[str, Any]
+    joints: Mapping[str, Any]
+    elements: tuple[Body | Element, ...]
+    start: dict[str, Any]
+
+    def __repr__(self) -> str:
+        kinds: dict[str, int] = {}
+        for element in self.elements:
+            kinds[type(element).__name__] = kinds.get(type(element).__name__, 0) + 1
+        limits = sum(name.endswith(".limit.lower") for name in self.numbers)
+        stops = kinds.get("Stop", 0)
+        text = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+        idle = f"; limits of {limits} joints do not act, give stop=..." if limits and not stops else ""
+        return f"Robot({self.name!r}: {text}{idle})"
+
+
+def load_urdf(
+    path: str | Path,
+    *,
+    replace: Mapping[str, Expr] | None = None,
+    fixed_base: bool = True,
+    stop: ContactLaw | float | None = None,
+) -> Robot:
+    """A machine from a URDF file.
+
+    Links become bodies in space, and those that fixed joints hold together become one. Revolute, continuous, prismatic
+    and planar joints become `Revolute`, `Prismatic` and `PlanarJoint`; a floating joint leaves its link free. Damping
+    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint is a row between
+    two joint values. Gravity is not in the file: put a `Gravity` beside the elements.
+
+    Parameters
+    ----------
+    path : str or Path
+    replace : mapping      name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are
+                           "forearm.mass", "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...),
+                           "elbow.origin.x" (.y .z .roll .pitch .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper),
+                           "elbow.damping", "elbow.friction", "elbow.mimic.multiplier" (.offset)
+    fixed_base : bool      whether the link that carries the others stands still; else it moves freely
+    stop : ContactLaw      or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each;
+                           None: limits do not act. Equal lower and upper limits do not act either
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    DeclarationError       for each fault of the file a sentence that names line and element; unknown names in `replace`
+
+    Examples
+    --------
+    >>> import symmb as mb, tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "pendulum.urdf"
+    >>> _ = file.write_text('''<robot name="pendulum"> <link name="wall"/>
+    ...     <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    ...     <inertia ixx="0" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    ...     <joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+    ...     </robot>''')
+    >>> p = mb.Parameters(m=3.0)
+    >>> robot = mb.load_urdf(file, replace={"rod.mass": p.m})
+    >>> system = mb.System(*robot.elements, mb.Gravity(0, 0, -9.81), parameters=p)
+    >>> scene = mb.Scene(system, robot.start, [0.0, 0.1], {"angle": robot.joints["hinge"].angle})
+    >>> float(mb.simulate(scene)["angle"][-1].round(4))
+    0.0865
+    """
+    description = read_description(Path(path))
+    return _Building(description, _replaced(description, replace or {}, fixed_base, stop), fixed_base, stop).robot()
+
+
+def _replaced(
+    description: Description, replace: Mapping[str, Expr], fixed_base: bool, stop: object
+) -> dict[str, Scalar]:
+    """All numbers of a file, some of which are replaced."""
+    if not isinstance(replace, Mapping):
+        raise DeclarationError(f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {replace!r}.')
+    faults: list[str] = []
+    values: dict[str, Scalar] = dict(description.numbers)
+    for name, value in replace.items():
+        if name not in description.numbers:
+            faults.append(f"replace: {description.name!r} has no number {name!r}.{did_you_mean(name, values)}")
+            continue
+        owner, what = name.split(".")[:2]
+        if name.endswith((".effort", ".velocity")) or (what == "limit" and stop is None):
+            remedy = "" if name.endswith((".effort", ".velocity")) else " Give stop=..., by which limits act."
+            faults.append(f"replace: nothing depends on {name!r}.{remedy}")
+        elif fixed_base and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
+            faults.append(f"replace: nothing depends on {name!r}, as the base is fixed. Give fixed_base=False.")
+        elif isinstance(value, int | float) and not is_finite_number(value):
+            faults.append(f"replace: {name!r} is {value!r}, not a finite number.")
+        elif isinstance(value, int | float) and value < 0 and what in ("mass", "damping", "friction"):
+            faults.append(f"replace: {name!r} is {value:g}; it must not be negative.")
+        else:
+            values[name] = float(value) if isinstance(value, int | float) else scalar(value, f"replace: {name!r}")
+    for link in description.links:
+        entries = [values[f"{link}.inertia.{entry}"] for entry in ("xx", "xy", "xz", "yy", "yz", "zz")]
+        fault = inertia_fault(tuple(entries)) if all(isinstance(entry, float) for entry in entries) else ""
+        if fault:
+            faults.append(f"replace: inertia of {link!r}: {fault}")
+    if faults:
+        raise DeclarationError("\n".join(faults))
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class _Building:
+    """A description on its way to a robot. `values` has its numbers, some of which are replaced by expressions."""
+
+    description: Description
+    values: Mapping[str, Scalar]
+    fixed_base: bool
+    stop: ContactLaw | Expr | None
+
+    def vector(self, name: str, parts: tuple[str, ...] = ("x", "y", "z")) -> Vector:
+        """Numbers or expressions of one name."""
+        return tuple(self.values[f"{name}.{part}"] for part in parts)
+
+    def quaternion(self, name: str) -> Vector:
+        """The rotation by roll, pitch and yaw of one name."""
+        return by_angles(self.vector(name, ("roll", "pitch", "yaw")))
+
+    def carried(self, joint: JointData, place: Place) -> Place:
+        """The place of the child of a joint at zero, from that of its parent."""
+        at, e = place
+        origin = add(at, turned(matrix(e), self.vector(f"{joint.name}.origin")))
+        return origin, one_after(e, self.quaternion(f"{joint.name}.origin"))
+
+    @cached_property
+    def places(self) -> dict[str, Place]:
+        """All links on their bodies."""
+        places: dict[str, Place] = {}
+        joints = {joint.child: joint for joint in self.description.joints.values()}
+        for link, top in self.description.tops.items():
+            places[link] = _ORIGIN if link == top else self.carried(joints[link], places[joints[link].parent])
+        return places
+
+    @cached_property
+    def frames(self) -> dict[str, LinkFrame]:
+        """All links, with the bodies to which they belong."""
+        tops = self.description.tops
+        held: dict[str, list[Mass]] = {top: [] for top in tops.values()}
+        for link, top in tops.items():
+            held[top].append(self._mass(link))
+        bodies = {top: self._body(top, masses) for top, masses in held.items()}
+        return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
+
+    def _mass(self, link: str) -> Mass:
+        origin, e = self.places[link]
+        xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ("xx", "xy", "xz", "yy", "yz", "zz"))
+        R = matrix(one_after(e, self.quaternion(f"{link}.com")))
+        J = product(product(R, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transposed(R))
+        return Mass(self.values[f"{link}.mass"], add(origin, turned(matrix(e), self.vector(f"{link}.com"))), J)
+
+    def _body(self, top: str, masses: list[Mass]) -> AbstractBody:
+        if self.fixed_base and top == self.description.root:
+            return Ground()
+        whole = united(masses)
+        name = f"{top}_link" if top in self.description.joints else top
+        return Body(name, whole.mass, whole.inertia, Spatial(), com=whole.com)
+
+    def robot(self) -> Robot:
+        """The machine."""
+        description, frames = self.description, self.frames
+        bodies, joints = _ByName(description.name, "link"), _ByName(description.name, "joint")
+        for link, top in description.tops.items():
+            bodies[link] = frames[link].body if link == top else frames[link]
+        joints.update({j.name: self._joint(j) for j in description.joints.values() if j.kind in _JOINTS})
+        elements: list[Body | Element] = [b for b in bodies.values() if isinstance(b, Body)]
+        elements += joints.values()
+        for joint in description.joints.values():
+            if joint.moves:
+                elements += self._forces(joint, joints)
+        elements += self._shapes()
+        followers = {joint.name for joint in description.joints.values() if joint.mimic}
+        start = {f"{j.name}.{j.coordinate}": 0.0 for j in joints.values() if j.coordinate and j.name not in followers}
+        return Robot(description.name, description.numbers, bodies, joints, tuple(elements), start | self._free_start())
+
+    def _joint(self, joint: JointData) -> AxisJoint:
+        at, e = self.carried(joint, self.places[joint.parent])
+        axis = turned(matrix(e), self.vector(f"{joint.name}.axis"))
+        point_a = self.frames[joint.parent].body.point(*at)
+        return _JOINTS[joint.kind](joint.name, point_a, self.frames[joint.child].point(0, 0, 0), axis, zero=rotation(e))
+
+    def _forces(self, data: JointData, joints: Mapping[str, AxisJoint]) -> Iterator[Element]:
+        """Damping, friction, the row of a mimic joint, and a stop."""
+        name, joint = data.name, joints[data.name]
+        damping, friction = self.values[f"{name}.damping"], self.values[f"{name}.friction"]
+        rate = getattr(joint, f"{joint.coordinate}_rate")
+        if not is_nought(damping):
+            yield Actuator(f"{name}:damping", joint, -damping * rate)
+        if not is_nought(friction):
+            force, _ = Coulomb(1.0, _TRANSITION).resistance(name, rate, ca.SX(friction))
+            yield Actuator(f"{name}:friction", joint, force)
+        if data.mimic is not None:
+            value, led = (getattr(j, str(j.coordinate)) for j in (joint, joints[data.mimic]))
+            factor, offset = (self.values[f"{name}.mimic.{part}"] for part in ("multiplier", "offset"))
+            yield Motion(f"{name}:mimic", value - factor * led, offset)
+        ends = [self.values.get(f"{name}.limit.{end}") for end in ("lower", "upper")]
+        if self.stop is None or data.kind == "continuous" or None in ends:
+            return
+        if ends[0] is ends[1] or (isinstance(ends[0], float) and ends[0] == ends[1]):
+            return
+        law = self.stop if isinstance(self.stop, ContactLaw) else None
+        yield Stop(f"{name}:stop", joint, *ends, law=law, restitution=None if law else self.stop)
+
+    def _shapes(self) -> Iterator[Geometry]:
+        for link, data in self.description.links.items():
+            frame = self.frames[link]
+            for number, shape in enumerate(data.shapes):
+                axes = rotation(one_after(frame.quaternion, by_angles(shape.rpy)))
+                mesh = mesh_path(shape.mesh, self.description.path) if shape.form == "mesh" else None
+                yield Geometry(f"{link}:{number}", frame.point(*shape.xyz), axes, shape.form, shape.size, mesh)
+
+    def _free_start(self) -> dict[str, Any]:
+        """The zero pose of bodies that no joint carries."""
+        floating = {joint.child for joint in self.description.joints.values() if joint.kind == "floating"}
+        root = self.description.root
+        places: dict[str, Place] = {root: _ORIGIN}
+        start: dict[str, Any] = {}
+        for joint in self.description.joints.values():
+            places[joint.child] = self.carried(joint, places[joint.parent])
+        for link in (root, *floating):
+            body, (at, e) = self.frames[link].body, places[link]
+            if isinstance(body, Body):
+                center = add(at, turned(matrix(e), body.com))
+                start |= {f"{body.name}.{x}": value for x, value in zip("xyz", center, strict=True)}
+                start[f"{body.name}.rotation"] = rotation(e)
+        return start

@@ -1,0 +1,233 @@
+"""Machines from URDF files: where links are, what they weigh, and what joints do. Oracles are written out here."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+import symmb as mb
+
+FILES = Path(__file__).parents[1] / "data" / "urdf"
+NAMES = sorted(path.stem for path in FILES.glob("*.urdf"))
+ROD = """
+<inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial>
+"""
+
+
+def load(tmp_path, text, **options):
+    path = tmp_path / "machine.urdf"
+    path.write_text(f'<robot name="machine">{text}</robot>')
+    return mb.load_urdf(path, **options)
+
+
+def joint(name, kind, parent, child, inside=""):
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+
+
+def numbers(element, attribute, default="0 0 0"):
+    return np.array((default if element is None else element.get(attribute, default)).split(), dtype=float)
+
+
+def transform(xyz, R):
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, xyz
+    return T
+
+
+def origin(element):
+    at = element.find("origin")
+    return transform(numbers(at, "xyz"), Rotation.from_euler("xyz", numbers(at, "rpy")).as_matrix())
+
+
+def forward_kinematics(path, values):
+    """Homogeneous transforms (4, 4) of all links for values of joints, by the definition of the format."""
+    joints = ElementTree.parse(path).findall("joint")
+    children = {j.find("child").get("link") for j in joints}
+    places = {j.find("parent").get("link"): np.eye(4) for j in joints if j.find("parent").get("link") not in children}
+    while len(places) < len(joints) + 1:
+        for j in joints:
+            parent, child = j.find("parent").get("link"), j.find("child").get("link")
+            if parent not in places:
+                continue
+            axis = numbers(j.find("axis"), "xyz", "1 0 0")
+            axis, value = axis / np.linalg.norm(axis), values.get(j.get("name"), 0.0)
+            turns = j.get("type") in ("revolute", "continuous")
+            slide = value * axis if j.get("type") == "prismatic" else np.zeros(3)
+            R = Rotation.from_rotvec(value * axis).as_matrix() if turns else np.eye(3)
+            places[child] = places[parent] @ origin(j) @ transform(slide, R)
+    return places
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("posed", [False, True], ids=["zero pose", "posed"])
+def test_links_are_where_the_file_puts_them(name, posed):
+    robot = mb.load_urdf(FILES / f"{name}.urdf", fixed_base=name != "satellite")
+    free = [j for j in robot.joints.values() if f"{j.name}.{j.coordinate}" in robot.start]
+    values = {j.name: 0.3 + 0.4 * k for k, j in enumerate(free)} if posed else {j.name: 0.0 for j in free}
+    start = robot.start | {f"{j.name}.{j.coordinate}": values[j.name] for j in free}
+    outputs = {f"{n}{k}": robot.bodies[n].point(*np.eye(4)[k, :3]).r for n in robot.bodies for k in range(4)}
+    outputs = {f"{n}.{i}": r[i] for n, r in outputs.items() for i in range(3)}
+    outputs |= {j.name: getattr(j, j.coordinate) for j in robot.joints.values()}
+    run = mb.simulate(mb.Scene(mb.System(*robot.elements), start, outputs=outputs))
+    if name == "gripper":
+        assert_allclose(run["thumb_hinge"][0], 0.25 - 12 * values["left_slide"], atol=1e-12)
+        values |= {"right_slide": values["left_slide"], "thumb_hinge": run["thumb_hinge"][0]}
+    for link, place in forward_kinematics(FILES / f"{name}.urdf", values).items():
+        if link == "world" or isinstance(robot.bodies[link], mb.Ground):
+            continue
+        found = [[run[f"{link}{k}.{i}"][0] for i in range(3)] for k in range(4)]
+        expected = [(place @ [*np.eye(4)[k, :3], 1])[:3] for k in range(4)]
+        assert_allclose(found, expected, rtol=0, atol=2e-12)
+
+
+def test_links_without_a_joint_between_them_weigh_what_their_parts_weigh():
+    """The hand with its tool: mass, centre of mass and inertia against sums over points of the same moments."""
+    body = mb.load_urdf(FILES / "branch.urdf").bodies["left_hand"]
+    tree = ElementTree.parse(FILES / "branch.urdf")
+    tool_on_hand = origin(next(j for j in tree.findall("joint") if j.get("name") == "tool_mount"))
+    mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for name, place in (("left_hand", np.eye(4)), ("tool", tool_on_hand)):
+        inertial = next(link for link in tree.findall("link") if link.get("name") == name).find("inertial")
+        m = float(inertial.find("mass").get("value"))
+        i = {key: float(value) for key, value in inertial.find("inertia").items()}
+        J = [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]], [i["ixz"], i["iyz"], i["izz"]]]
+        T = place @ origin(inertial)
+        J, c = T[:3, :3] @ np.array(J) @ T[:3, :3].T, T[:3, 3]
+        mass, first = mass + m, first + m * c
+        second += np.trace(J) / 2 * np.eye(3) - J + m * np.outer(c, c)
+    com = first / mass
+    central = second - mass * np.outer(com, com)
+    assert_allclose(float(body.mass), mass)
+    assert_allclose(body.com, com, atol=1e-15)
+    assert_allclose(body.inertia, np.trace(central) * np.eye(3) - central, atol=1e-15)
+
+
+def test_all_joints_move_as_the_format_says(tmp_path):
+    """A planar and a floating joint beside a slider that a turned frame carries."""
+    links = "".join(f'<link name="{name}">{ROD}</link>' for name in ("plate", "ball", "block"))
+    turned = '<origin xyz="1 2 3" rpy="0.3 -0.2 1.1"/>'
+    text = '<link name="world"/>' + links
+    text += joint("table", "planar", "world", "plate", f'{turned}<axis xyz="0 1 0"/>')
+    text += joint("free", "floating", "plate", "ball", '<origin xyz="0 0 1" rpy="0.5 0 0"/>')
+    text += joint("slide", "prismatic", "plate", "block", f'{turned}<axis xyz="0 0 1"/><limit lower="0" upper="1"/>')
+    robot = load(tmp_path, text)
+    assert set(robot.joints) == {"table", "slide"} and "free.angle" not in robot.start
+    points = {name: robot.bodies[name].point(0, 0, 0) for name in ("plate", "ball", "block")}
+    outputs = {f"{name}.{x}": getattr(point, x) for name, point in points.items() for x in "xyz"}
+    scene = mb.Scene(mb.System(*robot.elements), robot.start, [0.0, 0.5], outputs)
+    start, places = mb.simulate(scene), forward_kinematics(tmp_path / "machine.urdf", {})
+    for name in points:
+        assert_allclose([start[f"{name}.{x}"][0] for x in "xyz"], places[name][:3, 3], atol=1e-12)
+    run = mb.simulate(mb.Scene(mb.System(*robot.elements, mb.Gravity(0, 0, -10)), robot.start, [0.0, 0.5], outputs))
+    ways = {name: np.array([run[f"{name}.{x}"][1] - run[f"{name}.{x}"][0] for x in "xyz"]) for name in points}
+    assert_allclose(ways["ball"], [0, 0, -10 * 0.5**2 / 2], atol=1e-8)
+    normal = places["plate"][:3, :3] @ [0, 1, 0]
+    assert abs(ways["plate"] @ normal) < 1e-8 and np.linalg.norm(ways["plate"]) > 0.1
+
+
+def test_numbers_are_those_of_the_file_and_can_be_replaced(tmp_path):
+    hinge = joint("elbow", "continuous", "base", "arm", '<origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>')
+    text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
+    p = mb.Parameters(m=3.0, x=0.1, c=0.4, turn=0.2)
+    replace = {
+        "arm.mass": p.m,
+        "elbow.origin.x": p.x,
+        "elbow.damping": p.c,
+        "arm.com.x": 0.6,
+        "elbow.origin.pitch": p.turn,
+    }
+    robot = load(tmp_path, text, replace=replace)
+    given = {"arm.mass": 2.0, "arm.com.x": 0.5, "arm.inertia.yy": 0.2, "elbow.origin.z": 0.5, "elbow.axis.y": 1.0}
+    assert given.items() <= robot.numbers.items() and robot.numbers["elbow.damping"] == 0.0
+    elbow, tip = robot.joints["elbow"], robot.bodies["arm"].point(1, 0, 0)
+    system = mb.System(*robot.elements, mb.Gravity(0, 0, -9.81), parameters=p)
+    start = robot.start | {"elbow.angle_rate": 2.0}
+    scene = mb.Scene(system, start, outputs={"x": tip.x, "z": tip.z, "a": system.ddt(elbow.angle_rate)})
+    for values in ({}, {"m": 2.0, "x": -0.2, "c": 0.0, "turn": -0.4}):
+        m, x, c, turn = ({**p, **values}[name] for name in ("m", "x", "c", "turn"))
+        run = mb.simulate(scene, parameters=values)
+        expected = (m * 9.81 * 0.6 * np.cos(turn) - 2 * c) / (0.2 + m * 0.6**2)
+        assert_allclose(run["a"][0], expected, rtol=1e-12)
+        assert_allclose([run["x"][0], run["z"][0]], [x + np.cos(turn), 0.5 - np.sin(turn)], atol=1e-12)
+
+
+def test_dry_friction_and_damping_of_a_slider(tmp_path):
+    """A block that is stopped by friction after the way m v^2 / (2 F)."""
+    slide = '<axis xyz="1 0 0"/><limit lower="-9" upper="9"/><dynamics friction="4"/>'
+    text = f'<link name="base"/><link name="block">{ROD}</link>' + joint("slide", "prismatic", "base", "block", slide)
+    robot = load(tmp_path, text)
+    way = robot.joints["slide"].displacement
+    scene = mb.Scene(mb.System(*robot.elements), {"slide.displacement_rate": 2.0}, [0.0, 2.0], {"way": way})
+    assert abs(mb.simulate(scene)["way"][1] - 2 * 2.0**2 / (2 * 4)) < 1e-4  # it rests after 1 s
+
+
+@pytest.mark.parametrize("stop", [mb.KelvinVoigt(1e6, 2e3), 0.0], ids=["law", "restitution"])
+def test_limits_stop_a_joint_on_request(tmp_path, stop):
+    hinge = joint("hinge", "revolute", "base", "arm", '<axis xyz="0 1 0"/><limit lower="-1" upper="0.5"/>')
+    text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
+    idle, stopped = load(tmp_path, text), load(tmp_path, text, stop=stop, replace={"hinge.limit.upper": 0.7})
+    assert "limits of 1 joints do not act" in repr(idle) and not any(isinstance(e, mb.Stop) for e in idle.elements)
+    outputs = {"angle": stopped.joints["hinge"].angle}
+    system = mb.System(*stopped.elements, mb.Gravity(0, 0, -9.81))
+    run = mb.simulate(mb.Scene(system, stopped.start, np.linspace(0, 2, 21), outputs))
+    assert abs(run["angle"][-1] - 0.7) < 1e-4
+
+
+def test_rates_of_two_joints_that_a_drive_couples_on_one_body():
+    """Both may be listed: they agree with the drive."""
+    robot = mb.load_urdf(FILES / "gripper.urdf")
+    rates = {"wrist.angle_rate": 1.0, "left_slide.displacement_rate": 0.05, "thumb_hinge.angle_rate": -0.6}
+    outputs = {"right": robot.joints["right_slide"].displacement_rate}
+    run = mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start | rates, outputs=outputs))
+    assert abs(run["right"][0] - 0.05) < 1e-12
+
+
+def test_a_joint_may_have_the_name_of_a_link(tmp_path):
+    text = f'<link name="base"/><link name="arm">{ROD}</link>' + joint("arm", "continuous", "base", "arm")
+    robot = load(tmp_path, text)
+    assert robot.bodies["arm"].name == "arm_link" and robot.joints["arm"].name == "arm"
+    mb.System(*robot.elements)
+
+
+def test_axes_of_a_welded_link():
+    """A joint on a link that a fixed joint holds: its axis is given by `direction`."""
+    robot = mb.load_urdf(FILES / "branch.urdf")
+    tip = robot.bodies["tip"]
+    wheel = mb.Body("wheel", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
+    spin = mb.Revolute("spin", tip.point(0, 0, 0), wheel.point(0, 0, 0), axis=tip.direction(0, 0, 1), axis_b=(0, 0, 1))
+    system = mb.System(*robot.elements, wheel, spin)
+    axis = wheel.rotation @ ca.DM([0, 0, 1])
+    run = mb.simulate(mb.Scene(system, robot.start, outputs={x: axis[i] for i, x in enumerate("xyz")}))
+    expected = forward_kinematics(FILES / "branch.urdf", {})["tip"][:3, 2]
+    assert_allclose([run[x][0] for x in "xyz"], expected, atol=1e-12)
+
+
+def test_names_that_are_not_there_have_near_misses():
+    robot = mb.load_urdf(FILES / "gantry.urdf")
+    with pytest.raises(mb.DeclarationError, match="no link 'masd'. Did you mean 'mast'"):
+        robot.bodies["masd"]
+
+
+REPLACEMENTS = {
+    "a near miss": ({"mast.mas": 1.0}, "no number 'mast.mas'. Did you mean 'mast.mass'"),
+    "not a number": ({"mast.mass": float("nan")}, "'mast.mass' is nan, not a finite number"),
+    "a text": ({"mast.mass": "heavy"}, "expected one number or CasADi SX"),
+    "the base": ({"rail.mass": 3.0}, "nothing depends on 'rail.mass', as the base is fixed"),
+    "a limit": ({"lift.limit.lower": 0.0}, "nothing depends on 'lift.limit.lower'. Give stop="),
+    "an effort": ({"lift.limit.effort": 1.0}, "nothing depends on 'lift.limit.effort'"),
+    "an inertia": ({"mast.inertia.xx": 9.0}, "inertia of 'mast': the largest principal moment"),
+    "a negative mass": ({"mast.mass": -1.0}, "'mast.mass' is -1; it must not be negative"),
+    "no mapping": (["mast.mass"], "expected .* expressions by names"),
+}
+
+
+@pytest.mark.parametrize("case", REPLACEMENTS)
+def test_replacements_that_are_refused(case):
+    replace, message = REPLACEMENTS[case]
+    with pytest.raises(mb.DeclarationError, match=message):
+        mb.load_urdf(FILES / "gantry.urdf", replace=replace)
