@@ -133,11 +133,17 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
     scene = load_scene(options.scene)
     path = options.output or f"{'_'.join(scene.name.split())}.html"
     result_path(path, *FORMATS)
+    parameters = assignments(options.set)
     with Progress(f"drawing {scene.name}"):
-        run = mb.simulate(scene, parameters=assignments(options.set))
+        if options.mode is None:
+            run = mb.simulate(scene, parameters=parameters)
+            doubts = run.doubts
+        else:
+            result = mb.linearize(scene, parameters=parameters)
+            run, doubts = result.motion(options.mode - 1), result.doubts
         mb.view(run, path)
     print(path)
-    return run.doubts
+    return doubts
 
 
 def _codegen(options: argparse.Namespace) -> None:
@@ -228,6 +234,7 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
 
     view = command("view", "simulate the scene and draw the mechanism, to be looked at in a browser", _view)
     view.add_argument("-o", "--output", metavar="F", help=f"file to write; its suffix is one of {', '.join(FORMATS)}")
+    view.add_argument("--mode", metavar="K", type=int, help="the mode of this number, from 1 on, in place of a run")
     add_set(view)
 
     codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")

@@ -12,6 +12,7 @@ from symmb._names import did_you_mean
 from symmb._types import Indices
 from symmb.linear.inputs import with_inputs
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent, lifts
+from symmb.linear.motion import Origin
 from symmb.linear.point import point_of, require_smooth, started, steadiness
 from symmb.linear.result import Linearization
 from symmb.model import DAE, Scene
@@ -80,6 +81,7 @@ def linearize(
         doubts=steadiness(equations, point, A, free),
         shapes=blocks.bodies[0] @ lift,
         displacements=displacement_names((formulation.bodies or formulation).dae),
+        origin=Origin(extended, formulation, point, lift),
     )
     warn_of(result.doubts, f"linearize({scene.name})")
     return result

@@ -10,9 +10,12 @@ import numpy as np
 
 from symmb import _html as html
 from symmb import files
+from symmb._errors import DeclarationError
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
+from symmb.linear.motion import Origin
+from symmb.simulation import Trajectory
 
 _MOST, _LEAST = 3, 0.1
 """Displacements of a mode that its line tells: so many, and those that have this share of the largest one."""
@@ -48,7 +51,7 @@ class Mode:
         """The largest displacements: the first is 1, others have their amplitude, and their phase if it is not 0."""
         largest = sorted(self.shape.items(), key=lambda item: -round(abs(item[1]), 9))  # those that are equal stay
         words = [_displacement_text(*item) for item in largest[:_MOST] if abs(item[1]) >= _LEAST]
-        return ", ".join([largest[0][0], *words[1:]]) if words else "no body"
+        return ", ".join([largest[0][0], *words[1:]])
 
 
 def _displacement_text(name: str, amplitude: complex) -> str:
@@ -76,6 +79,7 @@ class Linearization:
     doubts : tuple of str          what cannot be trusted
     shapes : (n_b, n) array        displacements of the bodies for the states
     displacements                  their n_b names
+    origin                         scene and state; None if it was read from a file
     """
 
     name: str
@@ -91,6 +95,7 @@ class Linearization:
     doubts: tuple[str, ...]
     shapes: Array
     displacements: tuple[str, ...]
+    origin: Origin | None = None
 
     @cached_property
     def _eigen(self) -> Eigenvalues:
@@ -138,6 +143,26 @@ class Linearization:
         counted = ((pairs, "undamped oscillation"), (zero, "zero eigenvalue"))
         parts = [f"{count} {noun}{'s' * (count > 1)}" for count, noun in counted if count]
         return f"not asymptotically stable: {' and '.join(parts)}"
+
+    def motion(self, number: int) -> Trajectory:
+        """The mode of a number, from 0 on, as a motion that `view` animates.
+
+        It oscillates about the state without damping, with an amplitude that can be seen. Joints stay closed.
+
+        Raises
+        ------
+        DeclarationError       if there is no such mode, or the result was read from a file
+        """
+        if self.origin is None:
+            raise DeclarationError("The scene of this linearisation is not known: it was read from a file.")
+        modes = self.modes
+        if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(modes):
+            known = f"0 to {len(modes) - 1}" if modes else "none"
+            raise DeclarationError(f"{self.name} has no mode {number!r}. Its modes are {known}.")
+        k = np.flatnonzero(self._eigen.oscillating)[number]
+        label = f"{self.name}, mode {number + 1}, {modes[number].frequency:.4g} Hz"
+        vector = self._eigen.vectors[:, k]
+        return self.origin.motion(label, self._eigen.values[k], vector, self.shapes @ vector)
 
     def __str__(self) -> str:
         table = aligned(self._rows(), left=_LEFT) if self.modes else []
