@@ -36,9 +36,9 @@ from .integrate.stabilization import Baumgarte as Baumgarte
 from .integrate.stabilization import Projection as Projection
 from .integrate.state_space import StateSpace as StateSpace
 from .linear.critical import critical as critical
-from .linear.linearization import Linearization as Linearization
 from .linear.linearization import linearize as linearize
 from .linear.modal_simulator import ModalSimulator as ModalSimulator
+from .linear.result import Linearization as Linearization
 from .mechanics.actuator import Actuator as Actuator
 from .mechanics.actuator import Stop as Stop
 from .mechanics.body import Body as Body

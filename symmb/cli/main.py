@@ -17,8 +17,10 @@ from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._interrupts import partial_of
 from symmb._progress import Progress
 from symmb.cli import specs
+from symmb.cli.assignments import add_set, assignments
 from symmb.cli.compare import add_compare
 from symmb.cli.equations import equations_text
+from symmb.cli.linearize import add_linearize
 from symmb.cli.result_path import result_path
 from symmb.cli.runs import add_runs
 from symmb.cli.scene_file import load_scene, shipped_names
@@ -96,7 +98,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
         result_path(options.plot, *PICTURES),
     )
     scene = load_scene(options.scene)
-    parameters = _assignments(options.set)
+    parameters = assignments(options.set)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
     print(trajectory)
@@ -131,11 +133,17 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
     scene = load_scene(options.scene)
     path = options.output or f"{'_'.join(scene.name.split())}.html"
     result_path(path, *FORMATS)
+    parameters = assignments(options.set)
     with Progress(f"drawing {scene.name}"):
-        run = mb.simulate(scene, parameters=_assignments(options.set))
+        if options.mode is None:
+            run = mb.simulate(scene, parameters=parameters)
+            doubts = run.doubts
+        else:
+            result = mb.linearize(scene, parameters=parameters)
+            run, doubts = result.motion(options.mode - 1), result.doubts
         mb.view(run, path)
     print(path)
-    return run.doubts
+    return doubts
 
 
 def _codegen(options: argparse.Namespace) -> None:
@@ -158,17 +166,6 @@ def _cache(options: argparse.Namespace) -> None:
             shutil.rmtree(path, ignore_errors=True)
     summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
     print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
-
-
-def _assignments(texts: Sequence[str]) -> dict[str, float]:
-    parameters = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            parameters[name] = float(value)
-        except ValueError:
-            raise DeclarationError(f"--set takes name=number, got {text!r}.") from None
-    return parameters
 
 
 class _Parser(argparse.ArgumentParser):
@@ -219,13 +216,13 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     add_compare(command, methods, solvers)
 
     simulate = command("simulate", "run the scene once and tell what its outputs do", _simulate, solvers)
-    simulate.add_argument(
-        "--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help="parameters that are not nominal"
-    )
+    add_set(simulate)
     simulate.add_argument("--solver", metavar="S", help="solver")
     simulate.add_argument("--json", metavar="F", help="write everything to this file")
     simulate.add_argument("--csv", metavar="F", help="write times and outputs to this file")
     simulate.add_argument("--plot", metavar="F.png", help="draw the outputs over time")
+
+    add_linearize(command)
 
     stability = command("stability", "try every solver on the scene, as it is and under stress, and advise", _stability)
     stability.add_argument("--json", metavar="F", help="write everything to this file")
@@ -237,9 +234,8 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
 
     view = command("view", "simulate the scene and draw the mechanism, to be looked at in a browser", _view)
     view.add_argument("-o", "--output", metavar="F", help=f"file to write; its suffix is one of {', '.join(FORMATS)}")
-    view.add_argument(
-        "--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help="parameters that are not nominal"
-    )
+    view.add_argument("--mode", metavar="K", type=int, help="the mode of this number, from 1 on, in place of a run")
+    add_set(view)
 
     codegen = command("codegen", "export the equations as C that builds without symmb", _codegen, usage="-o DIR")
     codegen.add_argument("-o", "--output", metavar="DIR", required=True, help="folder for the C files")

@@ -4,5 +4,6 @@
 """
 
 from symmb.linear.critical import critical
-from symmb.linear.linearization import Linearization, Mode, linearize
+from symmb.linear.linearization import linearize
 from symmb.linear.modal_simulator import ModalSimulator
+from symmb.linear.result import Linearization, Mode

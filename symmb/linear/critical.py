@@ -67,7 +67,7 @@ class CriticalSimulator(BlackBox):
         nominal = {name: value for name, value in scene.system.parameters.items() if name != parameter}
         found = self._values(nominal)
         if not found:
-            state = "unstable" if self._growth(self._rows(nominal)[:1])[0] > 0 else "not unstable"
+            state = "unstable" if _growth(self._eigen(self._rows(nominal)[:1])[0]) > 0 else "not unstable"
             raise DeclarationError(
                 f"critical: {scene.name} is {state} for every {parameter} looked at from {lower:g} to {upper:g}."
             )
@@ -84,7 +84,8 @@ class CriticalSimulator(BlackBox):
 
     def _values(self, others: Mapping[str, float]) -> list[float]:
         P = self._rows(others)
-        return [self._root(P[k], P[k + 1]) for k in np.flatnonzero(np.diff(self._growth(P) > 0))]
+        grows = [_growth(found) > 0 for found in self._eigen(P)]
+        return [self._root(P[k], P[k + 1]) for k in np.flatnonzero(np.diff(grows))]
 
     def _rows(self, others: Mapping[str, float]) -> Array:
         """Parameters (n, n_p) at the values of the grid."""
@@ -96,27 +97,37 @@ class CriticalSimulator(BlackBox):
     def _root(self, below: Array, above: Array) -> float:
         from scipy.optimize import brentq
 
+        ends = np.stack([below, above])
+        marginal = max(map(_marginal, self._eigen(ends)))
+
         def growth(value: float) -> float:
             p = below.copy()
             p[self._number] = value
-            return float(self._growth(p[None])[0])
+            (found,) = self._eigen(p[None])
+            return 0.0 if _marginal(found) > marginal else _growth(found)  # its damping is zero to rounding
 
         width = _ROUNDING * np.ptp(self._grid)
-        return cast(float, brentq(growth, below[self._number], above[self._number], xtol=width))
+        return cast(float, brentq(growth, *ends[:, self._number], xtol=width))
 
-    def _growth(self, P: Array) -> Array:
-        """The largest real part of an eigenvalue [1/s] if one grows, else the largest of those that decay, (N,)."""
+    def _eigen(self, P: Array) -> list[Eigenvalues]:
+        """Eigenvalues for parameters P (N, n_p)."""
         A, _, reasons = self._family.matrices(P)
         for p, reason in zip(P, reasons, strict=True):
             if reason:
                 raise SimulationError(f"{reason} at {self._parameter} = {p[self._number]:g}")
-        return np.array([_growth(eigenvalues(one)) for one in A])
+        return [eigenvalues(one) for one in A]
 
     def __repr__(self) -> str:
         return f"critical({self.name!r}, {self._parameter!r}, ({self._grid[0]:g}, {self._grid[-1]:g}))"
 
 
 def _growth(found: Eigenvalues) -> float:
+    """The largest real part of an eigenvalue [1/s] if one grows, else the largest of those that decay."""
     real = found.values.real
     growing, decaying = real[real > found.errors], real[real < -found.errors]
     return float(growing.max(initial=0.0) or decaying.max(initial=-np.inf))
+
+
+def _marginal(found: Eigenvalues) -> int:
+    """How many eigenvalues neither grow nor decay."""
+    return int(np.count_nonzero(np.abs(found.values.real) <= found.errors))

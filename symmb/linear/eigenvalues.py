@@ -41,11 +41,14 @@ def eigenvalues(A: Array) -> Eigenvalues:
     The null space of A is split off until what is left has none. So chains of free motions, as of a position and its
     rate, have eigenvalues 0 and not the square root of rounding (Golub & Van Loan, Matrix Computations, sec. 7.6.5).
     """
-    from scipy.linalg import matrix_balance
+    from scipy.linalg import get_lapack_funcs
 
     largest = np.abs(A).max(axis=1, keepdims=True, initial=0.0)
     A = np.where(np.abs(A) <= _ROUNDING * largest, 0.0, A)  # balancing would magnify what is only rounding
-    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    if not A.size:
+        return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
+    (gebal,) = get_lapack_funcs(("gebal",), (A,))  # SciPy's matrix_balance warns of factors above 1e18
+    balanced, _, _, scale, _ = gebal(A, scale=1, permute=0)
     found = _without_null_space(balanced, _ROUNDING * float(np.linalg.norm(balanced)))
     found = found[np.argsort(np.abs(found.values), kind="stable")]  # LAPACK's pairs are conjugate to the last bit
     return Eigenvalues(found.values, scale[:, None] * found.vectors, found.errors)

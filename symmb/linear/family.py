@@ -24,7 +24,7 @@ class LinearFamily:
         formulation = formulation_of(scene)
         self.nominal = scene.system.parameters.nominal
         self.t = float(scene.times[0])
-        self._formulation, self._equations = formulation, LinearEquations(formulation)
+        self._formulation, self._equations = formulation, LinearEquations(formulation, often=True)
         point = started(scene, formulation, self.nominal, self.t, None)
         require_smooth(formulation, point, self._equations)
         self._free = free_states(self._equations, self._equations.blocks(point.x[None], self.nominal[None], self.t))

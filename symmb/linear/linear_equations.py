@@ -15,6 +15,8 @@ from symmb.symbolic import batch
 
 _RANK = 1e-9
 """Pivot over the largest one below which rows of the constraints depend on others: rounding leaves 1e-12."""
+_MOST_INSTRUCTIONS = 2_000_000
+"""Instructions for all columns one by one, up to which the matrices are derived as a whole: this takes some seconds."""
 _BLOCKS = ("qdot", "vdot", "sdot", "rows", "outputs", "bodies")
 
 
@@ -53,10 +55,13 @@ class LinearEquations:
     ----------
     formulation : Formulation
     inputs : numbers of the parameters that are inputs
+    often : bool           whether blocks are computed for dozens of samples. Then the matrices are derived as a whole,
+                           which takes as long as some dozen samples, and makes each one about ten times faster
     """
 
     formulation: Formulation
     inputs: tuple[int, ...] = ()
+    often: bool = False
 
     @property
     def dae(self) -> DAE:
@@ -80,10 +85,13 @@ class LinearEquations:
         N, n = len(X), n_z + n_u
         if not n_z:
             raise DeclarationError("linearize: the scene has no states: nothing in it moves.")
-        seeds = np.tile(np.eye(n), (N, 1))
-        repeated = [np.repeat(values, n, axis=0) for values in (X, P)]
         f, cuts = self._slopes
-        values = batch(f, *repeated, np.full((N * n, 1), t), seeds)[0].reshape(N, n, -1).transpose(0, 2, 1)
+        if self.often and f.n_instructions() * n <= _MOST_INSTRUCTIONS:
+            values = batch(self._jacobian, X, P, np.full((N, 1), t))[0]
+        else:
+            seeds = np.tile(np.eye(n), (N, 1))
+            repeated = [np.repeat(values, n, axis=0) for values in (X, P)]
+            values = batch(f, *repeated, np.full((N * n, 1), t), seeds)[0].reshape(N, n, -1).transpose(0, 2, 1)
         parts = dict(zip(_BLOCKS, np.split(values, cuts, axis=1), strict=True))
         turning = parts["qdot"]
         moving = np.linalg.pinv(turning[:, :, dae.n_v : 2 * dae.n_v]) if dae.n_v else np.zeros((N, 0, 0))
@@ -118,6 +126,13 @@ class LinearEquations:
         slopes = ca.substitute(ca.jtimes(ca.vertcat(*parts), z, dz), z, ca.SX.zeros(z.numel()))
         cuts = np.cumsum([part.numel() for part in parts])[:-1].tolist()
         return ca.Function("slopes", [x, p, t, dz], [ca.densify(slopes)], {"cse": True}), cuts
+
+    @cached_property
+    def _jacobian(self) -> ca.Function:
+        """(x, p, t) -> all blocks, below each other."""
+        x, p, t, dz = self._slopes[0].sx_in()
+        (slopes,) = self._slopes[0].call([x, p, t, dz], True, False)
+        return ca.Function("jacobian", [x, p, t], [ca.jacobian(slopes, dz)])
 
     def _counted(self, q: ca.SX, s: ca.SX, p: ca.SX) -> list[ca.SX]:
         """What is constant where first-order states count the angles of coordinates."""

@@ -2,142 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
-from symmb._labelled import Result
 from symmb._names import did_you_mean
-from symmb._table import aligned
-from symmb._types import Array, Indices
-from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
+from symmb._types import Indices
 from symmb.linear.inputs import with_inputs
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent, lifts
+from symmb.linear.motion import Origin
 from symmb.linear.point import point_of, require_smooth, started, steadiness
+from symmb.linear.result import Linearization
 from symmb.model import DAE, Scene
 from symmb.simulation import Formulation, Trajectory, formulations
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """An oscillation of a linearised scene.
-
-    Attributes
-    ----------
-    eigenvalue : complex       with positive imaginary part [1/s]
-    frequency : float          |eigenvalue| / 2 pi [Hz], that of the undamped oscillation
-    damping : float            share of the critical damping, negative if the oscillation grows [-]
-    shape : dict               complex amplitudes of the bodies' displacements [m, rad] by name, as "rod.theta"; the
-                               largest one is 1
-    """
-
-    eigenvalue: complex
-    shape: dict[str, complex]
-
-    @property
-    def frequency(self) -> float:
-        return abs(self.eigenvalue) / (2 * np.pi)
-
-    @property
-    def damping(self) -> float:
-        return 0.0 if not self.eigenvalue.real else -self.eigenvalue.real / abs(self.eigenvalue)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Linearization(Result):
-    """Linear equations x' = A x + B u, y = C x + D u of small deviations from a state, and their eigenvalues.
-
-    Attributes
-    ----------
-    A, B, C, D : (n, n), (n, n_u), (n_y, n), (n_y, n_u) arrays
-    states : tuple of str          names of independent displacements, velocities and first-order states
-    inputs, outputs : tuple of str
-    eigenvalues : (n,) complex     by size [1/s]
-    frequencies, damping           of the modes [Hz], [-]
-    modes : tuple of Mode          oscillations by frequency
-    time : float                   [s]
-    parameters : dict              values
-    doubts : tuple of str          what cannot be trusted
-    shapes : (n_b, n) array        displacements of the bodies for the states
-    displacements                  their n_b names
-    """
-
-    name: str
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    time: float
-    parameters: dict[str, float]
-    doubts: tuple[str, ...]
-    shapes: Array
-    displacements: tuple[str, ...]
-
-    @cached_property
-    def _eigen(self) -> Eigenvalues:
-        return eigenvalues(self.A)
-
-    @property
-    def eigenvalues(self) -> Array:
-        """(n,) complex, by size [1/s]."""
-        return self._eigen.values
-
-    @cached_property
-    def modes(self) -> tuple[Mode, ...]:
-        """Oscillations by frequency."""
-        modes, eigen = [], self._eigen
-        for k in np.flatnonzero(eigen.oscillating):
-            shape = self.shapes @ eigen.vectors[:, k]
-            largest = shape[np.abs(shape).argmax()] if shape.any() else 1.0
-            value = complex(eigen.values[k])
-            if abs(value.real) <= eigen.errors[k]:
-                value = complex(0.0, value.imag)
-            modes.append(Mode(value, dict(zip(self.displacements, (shape / largest).tolist(), strict=True))))
-        return tuple(modes)
-
-    @property
-    def frequencies(self) -> Array:
-        """Of the modes [Hz]."""
-        return np.array([mode.frequency for mode in self.modes])
-
-    @property
-    def damping(self) -> Array:
-        """Of the modes, as shares of the critical one [-]."""
-        return np.array([mode.damping for mode in self.modes])
-
-    @property
-    def stability(self) -> str:
-        """ "unstable", "asymptotically stable", or what lies on the imaginary axis."""
-        eigen = self._eigen
-        if (eigen.values.real > eigen.errors).any():
-            return "unstable"
-        undamped = np.abs(eigen.values.real) <= eigen.errors
-        if not undamped.any():
-            return "asymptotically stable"
-        zero = int(np.count_nonzero(eigen.values == 0))
-        pairs = int(np.count_nonzero(undamped & eigen.oscillating))
-        counted = ((pairs, "undamped oscillation"), (zero, "zero eigenvalue"))
-        parts = [f"{count} {noun}{'s' * (count > 1)}" for count, noun in counted if count]
-        return f"not asymptotically stable: {' and '.join(parts)}"
-
-    def __str__(self) -> str:
-        eigen, lines = self._eigen, []
-        real = eigen.values.real[(eigen.values != 0) & (np.abs(eigen.values.imag) <= eigen.errors)]
-        rows = [["mode", "frequency [Hz]", "damping [-]", "moves most"]]
-        for number, mode in enumerate(self.modes, 1):
-            most = max(mode.shape, key=lambda name: abs(mode.shape[name]))
-            rows.append([str(number), f"{mode.frequency:.6g}", f"{mode.damping:.4g}", most])
-        lines += [f"{self.name}: linearised at {self.time:g} s, {len(self.states)} states, {self.stability}"]
-        lines += aligned(rows, left=(0, 3)) if self.modes else []
-        lines += [f"real eigenvalues [1/s]: {', '.join(f'{value:.6g}' for value in real)}"] if len(real) else []
-        lines += [f"doubtful: {doubt}" for doubt in self.doubts]
-        return "\n".join(lines)
 
 
 def linearize(
@@ -202,6 +81,7 @@ def linearize(
         doubts=steadiness(equations, point, A, free),
         shapes=blocks.bodies[0] @ lift,
         displacements=displacement_names((formulation.bodies or formulation).dae),
+        origin=Origin(extended, formulation, point, lift),
     )
     warn_of(result.doubts, f"linearize({scene.name})")
     return result

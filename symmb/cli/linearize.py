@@ -1,0 +1,36 @@
+"""The command `symmb linearize`: frequencies, damping and stability."""
+
+import argparse
+from collections.abc import Callable
+
+import symmb as mb
+from symmb._progress import Progress
+from symmb.cli.assignments import add_set, assignments
+from symmb.cli.result_path import result_path
+from symmb.cli.scene_file import load_scene
+from symmb.files import save_json
+
+
+def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the command."""
+    linearize = command("linearize", "tell frequencies, damping, modes and stability of the scene", _linearize)
+    add_set(linearize)
+    linearize.add_argument(
+        "--time", metavar="S", type=float, help="simulate the scene, and linearise it at this output time [s]"
+    )
+    linearize.add_argument("--json", metavar="F", help="write matrices, eigenvalues and modes to this file")
+
+
+def _linearize(options: argparse.Namespace) -> tuple[str, ...]:
+    json_file = result_path(options.json, ".json")
+    scene, parameters = load_scene(options.scene), assignments(options.set)
+    with Progress(f"linearising {scene.name}"):
+        if options.time is None:
+            result, doubts = mb.linearize(scene, parameters=parameters), ()
+        else:
+            run = mb.simulate(scene, parameters=parameters)
+            result, doubts = mb.linearize(run, options.time), run.doubts
+    print(result)
+    if json_file:
+        save_json(json_file, result.to_json())
+    return (*doubts, *result.doubts)

@@ -1,0 +1,50 @@
+"""What a linearisation prints, and its files."""
+
+import json
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import bicycle
+
+
+def oscillators() -> mb.Scene:
+    """Two masses on springs, of which the second one is also pulled by the damped first one."""
+    p = mb.Parameters(k=4.0)
+    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
+    on_a = mb.Force("on_a", a.point(0, 0, 0), (-p.k * a.x - 0.4 * a.vx, 0, 0))
+    on_b = mb.Force("on_b", b.point(0, 0, 0), (0, -9 * b.y + 2 * a.vx, 0))
+    return mb.Scene(mb.System(a, b, on_a, on_b, parameters=p), outputs={"x": a.x, "y": b.y}, name="oscillators")
+
+
+def test_lines_tell_amplitudes_and_phases():
+    lin = mb.linearize(oscillators())
+    eigenvalue = -0.2 + 1j * np.sqrt(3.96)
+    b = 2 * eigenvalue / (eigenvalue**2 + 9)  # of b over a, from b'' + 9 b = 2 a'
+    assert lin.modes[0].text == f"a.x, b.y {abs(b):.2g} at {np.degrees(np.angle(b)):.0f} deg"
+    assert lin.modes[1].text == "b.y"
+    assert "<td" in lin._repr_html_() and "b.y" in lin._repr_html_()
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_files_give_the_same_result(suffix, tmp_path):
+    path = tmp_path / f"lin{suffix}"
+    for lin in (mb.linearize(oscillators(), inputs=["k"]), mb.linearize(bicycle.scene(), outputs=[])):
+        lin.save(path)
+        again = mb.Linearization.load(path)
+        assert str(again) == str(lin) and again.parameters == lin.parameters
+        for name in "ABCD":
+            np.testing.assert_array_equal(getattr(again, name), getattr(lin, name))
+        assert [mode.shape for mode in again.modes] == [mode.shape for mode in lin.modes]
+
+
+def test_a_damaged_file(tmp_path):
+    path = tmp_path / "lin.json"
+    mb.linearize(oscillators()).save(path)
+    entries = json.loads(path.read_text())
+    path.write_text(json.dumps(entries | {"A": entries["A"][1:]}))
+    with pytest.raises(mb.DeclarationError, match=r"does not hold a saved Linearization: A must be an array"):
+        mb.Linearization.load(path)
+    with pytest.raises(mb.DeclarationError, match="json"):
+        mb.linearize(oscillators()).save(tmp_path / "lin.csv")
