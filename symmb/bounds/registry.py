@@ -90,7 +90,7 @@ METHODS: tuple[MethodEntry, ...] = (
         lambda d: [IntervalArithmetic()],
         (IntervalArithmetic(),),
     ),
-    MethodEntry("tm[:ORDER]", "TaylorModel(order=ORDER)", TaylorModel),
+    MethodEntry("tm[:ORDER]", "TaylorModel(order=ORDER)", TaylorModel, examples=(TaylorModel(),)),
     MethodEntry("tm:ORDER:BOXES", "TaylorModel(order=ORDER, boxes=BOXES)", TaylorModel),
     MethodEntry(
         "scan[:POINTS]",

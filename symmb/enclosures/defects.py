@@ -11,7 +11,7 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above, of_sum
 
-_FINEST = 4
+_FINEST = 6
 """Most nodes of a variable over the terms of a polynomial."""
 _ALIAS = 0.2
 """Share of the bound of a defect that may be due to aliasing."""

@@ -95,7 +95,7 @@ def march(
         part = slice(stored, behind)
         if behind > stored:
             course.lower[part], course.upper[part], course.remainder[part] = output_bounds(
-                step, proof.W, times[part], control
+                step, proof.W, times[part], control.choice
             )
         stored, course.until, course.front = behind, front.t, front
         progress(front.t)

@@ -6,9 +6,8 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import Step, parameter_points
-from symmb.enclosures.ellipses import PATCHES, Control, ellipses, node_counts, reaches
+from symmb.enclosures.ellipses import REAL_PATCHES, Choice, ellipses, node_counts, patches_on, reaches
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.patches import Patches
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
@@ -17,7 +16,7 @@ SHARP = 1e-6
 
 
 def output_bounds(
-    step: Step, w: Array, times: Array, control: Control, sharp: float = SHARP
+    step: Step, w: Array, times: Array, choice: Choice, sharp: float = SHARP
 ) -> tuple[Array, Array, Array]:
     """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
 
@@ -28,11 +27,11 @@ def output_bounds(
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
-        rho = [1.0, *ellipses(step, control.spread)[1:]]
-        on = Patches(rho, [PATCHES] * len(rho), step.degrees)
+        rho = [1.0, *ellipses(step, choice.spread)[1:]]
+        on = patches_on(step, rho, (REAL_PATCHES, choice.patches[1]))
         most = reaches(problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
         e = above(step.B_largest @ w)
-        real = Patches([1.0] * len(rho), [PATCHES] * len(rho), step.degrees)
+        real = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
         slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
         of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
         good = np.flatnonzero(np.isfinite(most) & np.isfinite(of_states))

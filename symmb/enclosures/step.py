@@ -24,9 +24,9 @@ from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.curves import Step
 from symmb.enclosures.defects import defect_of_frame, defect_of_motion
-from symmb.enclosures.ellipses import PATCHES, Control, adapted
+from symmb.enclosures.ellipses import REAL_PATCHES, Control, adapted, patches_on
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.patches import Patches, largest_on
+from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above
 
 _TRIALS = 12
@@ -54,10 +54,11 @@ def prove(step: Step, w0: Array, control: Control) -> Proof:
 
 def _prove(step: Step, w0: Array, control: Control) -> Proof:
     n = step.problem.n
-    rho, most_rate, most_slope = adapted(step, control)
+    chosen = adapted(step, control)
+    rho = chosen.rho
     C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
-    defect = defect_of_motion(step, rho, C_on, most_rate, w0, control)
-    growth = defect_of_frame(step, rho, C_on, most_slope, w0 + step.h * defect)
+    defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
+    growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
     change = _Curvature(step, rho)
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
     for _ in range(_TRIALS):
@@ -82,7 +83,7 @@ class _Curvature:
 
     def __init__(self, step: Step, rho: list[float]) -> None:
         self._step = step
-        self._patches = Patches([1.0] * len(rho), [PATCHES] * len(rho), step.degrees)
+        self._patches = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
