@@ -123,6 +123,21 @@ def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
     return above(np.minimum(sums(c, variables) + lost * peak, lebesgue * peak) + lebesgue * errors)
 
 
+def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
+    """Bounds (n, n) of C B - minus for matrices (n, n, n0, ...) of polynomials, where B errs by at most B_error (n, n).
+
+    The product is a polynomial, whose interpolation in enough nodes is exact.
+    """
+    n, k = len(C), C.ndim - 2
+    counts = tuple(a + b - 1 for a, b in zip(B.shape[2:], C.shape[2:], strict=True))
+    (C, C_errors), (B, B_errors) = values(C, counts), values(B, counts)
+    B_errors = above(B_errors + B_error)
+    C_most, B_most = largest(C, k), largest(B, k)
+    found = np.einsum("ij...,jk...->ik...", C, B) - minus[(..., *(None,) * k)]
+    errors = C_most @ B_errors + C_errors @ (B_most + B_errors) + of_sum(n + 2) * (C_most @ B_most + np.abs(minus))
+    return bound_of_samples(found, above(errors), k)
+
+
 def aliasing(rho: Sequence[float], counts: Sequence[int]) -> float:
     """Largest error of the interpolation at nodes, over the bound M of the function on the polyellipse.
 

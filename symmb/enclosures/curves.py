@@ -108,20 +108,15 @@ class Step:
 
     @cached_property
     def inverse_defect(self) -> tuple[Array, float]:
-        """Bounds (n, n) of I - C B, a polynomial whose interpolation in enough nodes is exact, and the largest sum of
-        a row.
+        """Bounds (n, n) of I - C B, and the largest sum of a row.
 
         Raises
         ------
         ProofError         if this is not below a half
         """
-        n, k = self.problem.n, self.C.ndim - 2
-        counts = tuple(a + b - 1 for a, b in zip(self.B.c.shape[1:], self.C.shape[2:], strict=True))
-        (C, C_errors), (B, B_errors) = ch.values(self.C, counts), self.frame_at(counts)
-        C_most, B_most = ch.largest(C, k), ch.largest(B, k)
-        values = np.einsum("ij...,jk...->ik...", C, B) - np.eye(n)[(..., *(None,) * k)]
-        errors = C_most @ B_errors + C_errors @ (B_most + B_errors) + of_sum(n + 2) * (C_most @ B_most + 1.0)
-        E = ch.bound_of_samples(values, above(errors), k)
+        n = self.problem.n
+        B = self.B.c.reshape(n, n, *self.B.c.shape[1:])
+        E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
         eta = above(float(E.sum(axis=1).max()))
         if not eta < 0.5:
             raise ProofError("the frame cannot be inverted")

@@ -8,7 +8,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import Step
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.flow import Curve
+from symmb.enclosures.flow import Curve, fit
 from symmb.enclosures.rounding import U, above, of_sum
 
 _WORST = 30.0
@@ -81,35 +81,35 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
 
 
 def well_conditioned(front: Front, scales: Array) -> Front:
-    """The front in the frame B T where its own frame B is badly conditioned in the middle of the box.
+    """The front in an orthogonal frame where its own is badly conditioned.
 
-    T is about the inverse of R in B = Q R in the middle, the longest columns first, so that w = T w', |w'| <= |R| w.
+    The columns of the frame at nodes of the parameters, the longest first, are made orthogonal. The new frame is a
+    polynomial through these, and |C B| w bounds the new w, with C about its inverse.
 
     Source: Lohner (1988), thesis, Karlsruhe, section 3.3; Makino and Berz, International Journal of Differential
     Equations and Applications 10 (2005), section 4.
     """
     n, lengths = len(front.B), front.B.shape[2:]
-    middle = front.B
-    for m in lengths:  # T_k(0) = 1, 0, -1, 0, 1, ...
-        middle = np.tensordot(middle, np.cos(0.5 * np.pi * np.arange(m)), (2, 0))
-    middle = middle / scales[:, None]
-    lengths = np.linalg.norm(middle, axis=0)
-    if float(np.linalg.cond(middle / lengths)) < _WORST:
+    counts = [m + 1 for m in lengths]
+    at = ch.along([ch.values_at_nodes(m, k) for m, k in zip(counts, lengths, strict=True)], front.B)
+    at = np.moveaxis(at, (0, 1), (-2, -1)) / scales[:, None]
+    columns = np.linalg.norm(at, axis=-2, keepdims=True)
+    if float(np.linalg.cond(at / columns).max()) < _WORST:
         return front
-    order = np.argsort(-lengths * front.w)
-    R = np.zeros((n, n))
-    R[:, order] = np.linalg.qr(middle[:, order])[1]
-    T = np.linalg.inv(R)
-    off = np.abs(np.eye(n) - R @ T) + of_sum(n + 2) * (np.abs(R) @ np.abs(T))  # T^-1 = (I - (I - R T))^-1 R
-    eta = float(above(off).sum(axis=1).max())
+    order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
+    Q, R = np.linalg.qr(at[..., order])
+    Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]
+    B = fit(np.moveaxis(scales[:, None] * Q, (-2, -1), (0, 1)), lengths)
+    C = fit(np.moveaxis(np.swapaxes(Q, -1, -2) / scales, (-2, -1), (0, 1)), lengths)
+    none = np.zeros((n, n))
+    E = ch.product_bound(C, B, none, np.eye(n))
+    eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
         raise ProofError("the frame cannot be made orthogonal")
-    w = above(np.abs(R) @ front.w)
-    w = above(w + above(off) @ np.full(n, w.max() / (1.0 - eta)))
-    B = np.moveaxis(np.tensordot(front.B, T, (1, 0)), -1, 1)
-    size = ch.sums(front.B, front.B.ndim - 2)
-    error = above((front.B_error + of_sum(n + 2) * size) @ np.abs(T))
-    return replace(front, B=B, w=w, B_error=error)
+    w = above(ch.product_bound(C, front.B, none, none) @ front.w)
+    w = above(w + ch.sums(C, len(lengths)) @ above(front.x_error + front.B_error @ front.w))
+    w = above(w + E @ np.full(n, w.max() / (1.0 - eta)))
+    return replace(front, B=B, w=w, x_error=np.zeros(n), B_error=none)
 
 
 def half(front: Front, variable: int, side: int) -> Front:
