@@ -16,6 +16,7 @@ from .bounds.sampling import Scanning as Scanning
 from .bounds.sampling import Vertex as Vertex
 from .bounds.swarm import Swarm as Swarm
 from .bounds.taylor import Taylor as Taylor
+from .bounds.taylor_model import TaylorModel as TaylorModel
 from .drawing.show import view as view
 from .events.impulses import Event as Event
 from .integrate.casadi_solvers import CVODES as CVODES

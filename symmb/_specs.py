@@ -8,7 +8,7 @@ from typing import Any
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 
-_WHOLE = {"ORDER", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES", "STEPS"}
+_WHOLE = {"ORDER", "BOXES", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES", "STEPS"}
 """The numbers of the forms that are whole; any other is a real one."""
 
 

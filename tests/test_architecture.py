@@ -40,6 +40,7 @@ FLOORS = {
     "linear": 10,
     "polynomials": 10,
     "nodes": 11,
+    "enclosures": 11,
     "bounds": 12,
     "study": 13,
     "drawing": 13,

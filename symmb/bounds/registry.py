@@ -14,6 +14,7 @@ from symmb.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bounds.swarm import Swarm
 from symmb.bounds.taylor import Taylor
+from symmb.bounds.taylor_model import TaylorModel
 from symmb.nodes import ChebyshevGauss, Gauss, LatinHypercube, Leja, Sobol, SparseGrid
 from symmb.polynomials import HyperbolicCross, TotalDegree
 
@@ -89,6 +90,8 @@ METHODS: tuple[MethodEntry, ...] = (
         lambda d: [IntervalArithmetic()],
         (IntervalArithmetic(),),
     ),
+    MethodEntry("tm[:ORDER]", "TaylorModel(order=ORDER)", TaylorModel, examples=(TaylorModel(),)),
+    MethodEntry("tm:ORDER:BOXES", "TaylorModel(order=ORDER, boxes=BOXES)", TaylorModel),
     MethodEntry(
         "scan[:POINTS]",
         "Scanning(POINTS)",

@@ -54,6 +54,7 @@ class DAESimulator:
     reason : str                   why symmb chose this solver and these coordinates; empty if they were given
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
+    unconstrained : Formulation    equations, start and outputs in coordinates that no row of constraints binds, or None
     doubts : tuple of str          what cannot be trusted, from a nominal run and one at a tenth of the tolerance
     """
 
@@ -65,7 +66,7 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        self._bodies, self._joints = formulations(scene)
+        self._bodies, self._joints, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()

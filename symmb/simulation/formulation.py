@@ -70,8 +70,8 @@ class InBodies:
     states: ca.Function
 
 
-def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
-    """A scene in coordinates of its bodies, and in those of its joints if it runs in these.
+def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formulation | None]:
+    """A scene in coordinates of its bodies, in those of its joints if it runs in these, and in those without rows.
 
     Raises
     ------
@@ -79,8 +79,9 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
     DeclarationError           if the scene asks for coordinates of joints that it cannot have
     """
     bodies = _in_bodies(scene)
+    free = bodies if not bodies.dae.n_r else None
     if scene.coordinates == "body":
-        return bodies, None
+        return bodies, None, free
     system = scene.system.joint_space()
     if turns := system.joints.whole_turns(bodies.start.q_nominal):
         system = scene.system.joint_space(turns)
@@ -88,10 +89,12 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None]:
     if joints is None and scene.coordinates == "joint":
         why = "it starts close to a singular position" if system.joints.names else "no joint carries a body"
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
+    if free is None and joints is not None and not joints.dae.n_r:
+        free = joints
     if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
-        return bodies, None
+        return bodies, None, free
     counts = f"{joints.operations} operations a stage, {bodies.operations} in those of bodies"
-    return bodies, joints if scene.coordinates else replace(joints, why=f"coordinates of joints: {counts}")
+    return bodies, joints if scene.coordinates else replace(joints, why=f"coordinates of joints: {counts}"), free
 
 
 def _in_bodies(scene: Scene) -> Formulation:

@@ -1,0 +1,97 @@
+"""Proved bounds: Taylor models of the motion, as polynomials with a remainder."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from symmb._options import constructor_text, require_whole
+from symmb._types import Executor
+from symmb.bounds.method import Method
+from symmb.bounds.result import Bounds
+from symmb.bounds.result_file import Kind
+from symmb.enclosures import Enclosure, enclose, problem_of
+from symmb.model import Box
+from symmb.simulation import Progress, Simulator
+
+_PARTS = 1000
+"""Parts of the horizon in which progress is told."""
+
+
+@dataclass(frozen=True)
+class TaylorModel(Method):
+    """Proved bounds of the motions of open mechanisms, as polynomials of the parameters with a remainder.
+
+    All solutions for all parameters in the box lie between lower and upper at every output time, in exact arithmetic of
+    the model as compiled to its expression graph.
+
+    The motion x(xi, t) = u(xi, t) + B(xi, t) w is a polynomial u of time and of the parameters over each step, in
+    Chebyshev form, and a remainder in the coordinates w of a frame B, which follows the variational equation and is
+    itself a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an analytic
+    function; it is interpolated at Chebyshev nodes, where values have bounds of their rounding, and the error of the
+    interpolation is bounded by the largest value on ellipses around the box. A box for w that the equation of w cannot
+    leave is then proved. Ranges of the outputs follow by Bernstein coefficients and halving.
+
+    It takes open chains and trees, first-order states, and scenes without bodies whose outputs are expressions. Rows
+    of closed loops, impacts, kinks and sampled values are refused. Where nothing can be proved any more, bounds are
+    infinite, and ``caution`` tells until when they are proved. Outputs that are not smooth have infinite bounds.
+    The executor is not used, and each box counts as a run.
+
+    Parameters
+    ----------
+    order : highest degree in each parameter
+    boxes : most parts of the box. It is halved where and when the remainder grows, and the bounds are joined
+
+    Raises
+    ------
+    PropagationError
+        From ``bounds``: the scene has equations that it does not take.
+
+    Examples
+    --------
+    >>> TaylorModel(), TaylorModel(order=12, boxes=4)
+    (TaylorModel(order=8), TaylorModel(order=12, boxes=4))
+
+    References
+    ----------
+    Makino and Berz, International Journal of Differential Equations and Applications 10 (2005), preconditioned Taylor
+    models. Lohner, thesis, Karlsruhe (1988), frames. Lin and Stadtherr, Applied Numerical Mathematics 57 (2007),
+    parameters. Nedialkov, Jackson and Corliss, Applied Mathematics and Computation 105 (1999), a-priori enclosures.
+    Neumaier, Reliable Computing 9 (2003), Taylor forms. Trefethen, Approximation Theory and Approximation Practice
+    (2013), theorems 8.1 and 15.2, interpolation of analytic functions.
+    """
+
+    order: int = 8
+    boxes: int = 1
+
+    kind: ClassVar[Kind] = "enclosure"
+
+    def __post_init__(self) -> None:
+        require_whole("TaylorModel", "order", self.order, 1)
+        require_whole("TaylorModel", "boxes", self.boxes, 1)
+
+    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        problem = problem_of(self, simulator, box)
+
+        def tell(share: float) -> None:
+            if progress is not None:
+                progress(min(int(share * _PARTS), _PARTS), _PARTS)
+
+        found = enclose(problem, self.order, self.boxes, tell)
+        tell(1.0)
+        caution = self._caution(found, float(simulator.times[0]))
+        return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
+
+    def _caution(self, found: Enclosure, begin: float) -> str:
+        """The caution about times or outputs of which nothing is proved."""
+        if found.why:
+            return (
+                f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}; try a higher order, "
+                "more boxes or smaller intervals"
+            )
+        if not np.isfinite(found.upper).all():
+            return "infinite for outputs that cannot be shown to be smooth over the box; try smaller intervals"
+        return ""
+
+    def __repr__(self) -> str:
+        return constructor_text(self, f"order={self.order}")

@@ -1,0 +1,8 @@
+"""Proved enclosures of the motions of open mechanisms over a box of parameters.
+
+A motion is a Chebyshev polynomial of time and of the parameters over each step, computed without proof, plus a
+remainder in a frame, which is proved afterwards.
+"""
+
+from symmb.enclosures.boxes import Enclosure, enclose
+from symmb.enclosures.scene_problem import problem_of

@@ -1,0 +1,102 @@
+"""Bounds of the defects of the motion and of its frame over a step."""
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures import chebyshev as ch
+from symmb.enclosures import points
+from symmb.enclosures.curves import Step
+from symmb.enclosures.ellipses import Control, node_counts
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.patches import largest_on
+from symmb.enclosures.rounding import U, above, of_sum
+
+_FINEST = 6
+"""Most nodes of a variable over the terms of a polynomial."""
+_ALIAS = 0.2
+"""Share of the bound of a defect that may be due to aliasing."""
+_GROWTH = 1e-3
+"""Relative growth of the remainder in a step that may be due to aliasing."""
+_UNRESOLVED = 30.0
+"""Aliasing over what is wanted above which a step is too long."""
+_TRIALS = 3
+"""Grids that are tried until the aliasing is small."""
+
+
+def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control) -> Array:
+    """Bounds (n,) of |C d| with d = u' - f(u).
+
+    Parameters
+    ----------
+    rho : ellipses
+    C_on : (n, n) bounds of C on them
+    most_rate : (n,) bounds of f(u) on them
+    w : (n,) remainder, of which aliasing may be a small share
+
+    Raises
+    ------
+    ProofError         if no grid tried is fine enough
+    """
+    n, k = step.problem.n, len(rho)
+    most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
+    top = tuple(_FINEST * (degree + 1) + 8 for degree in step.degrees)
+    wanted = np.maximum(_ALIAS * control.wanted, _GROWTH * w / step.h)
+    counts = node_counts(rho, 0.3 * float((wanted / most).min()), top)
+    for _ in range(_TRIALS):
+        f, f_errors = _stack(
+            step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0], counts
+        )
+        rate, rate_errors = ch.values(step.x.rate, counts)
+        d = rate - f
+        d_errors = above(rate_errors + f_errors + U * ch.largest(d, k))
+        C, C_errors = ch.values(step.C, counts)
+        d_most, C_most = ch.largest(d, k), ch.largest(C, k)
+        g = np.einsum("ij...,j...->i...", C, d)
+        errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
+        sampled = ch.bound_of_samples(g, errors, k)
+        alias = above(ch.aliasing(rho, counts) * most)
+        wanted = np.maximum(_ALIAS * sampled, _GROWTH * w / step.h)
+        if (alias <= wanted).all():
+            break
+        finer = node_counts(rho, 0.3 * float((wanted / most).min()), top)
+        if all(a <= b for a, b in zip(finer, counts, strict=True)):
+            break
+        counts = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
+    if (alias > _UNRESOLVED * wanted).any():
+        raise ProofError("the motion is not resolved")
+    control.wanted = float(sampled.max())
+    return above(sampled + alias)
+
+
+def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
+    """Bounds (n, n) of |C (A B - B')|.
+
+    Parameters
+    ----------
+    rho : ellipses
+    C_on : (n, n) bounds of C on them
+    most_slope : (n, n) bounds of A on them
+    w : (n,) remainder, of which aliasing may be a small share
+    """
+    n, k = step.problem.n, len(rho)
+    B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
+    most = above(C_on @ (most_slope @ (B_on + step.B.error.reshape(n, n)) + rate_on))
+    ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
+    counts = node_counts(rho, ratio, tuple(_FINEST * size + 8 for size in step.B.c.shape[1:]))
+    found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
+    A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
+    (B, B_errors), (C, C_errors) = step.frame_at(counts), ch.values(step.C, counts)
+    rate, rate_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.rate, counts))
+    A_most, B_most, C_most = (ch.largest(a, k) for a in (A, B, C))
+    d = np.einsum("ij...,jk...->ik...", A, B) - rate
+    d_most = ch.largest(d, k)
+    d_errors = above(A_most @ B_errors + A_errors @ (B_most + B_errors) + of_sum(n + 2) * (A_most @ B_most)
+                     + rate_errors + U * d_most)  # fmt: skip
+    g = np.einsum("ij...,jk...->ik...", C, d)
+    errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
+    return above(ch.bound_of_samples(g, errors, k) + ch.aliasing(rho, counts) * most)
+
+
+def _stack(found: list[points.Point], counts: tuple[int, ...]) -> tuple[Array, Array]:
+    """Values (m, *counts) and errors (m,)."""
+    return np.stack([np.broadcast_to(a[0], counts) for a in found]), np.array([a[1] for a in found])

@@ -1,0 +1,194 @@
+"""The choice of ellipses around the box, on which the equations are bounded, and of nodes for interpolations.
+
+Large ellipses make coefficients small that are cut, but bounds large. Any choice gives a proof.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures import discs
+from symmb.enclosures.curves import Step
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.patches import Patches, largest_on
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How far states move on the ellipses of time and of the parameters, over their room, and patches of each."""
+
+    spread: tuple[float, float] = (0.5, 0.5)
+    patches: tuple[int, int] = (8, 8)
+
+    def smaller(self) -> "Choice":
+        """Smaller ellipses with more patches."""
+        a, b = self.spread
+        return replace(self, spread=(0.6 * a, 0.6 * b), patches=(self.patches[0], min(self.patches[1] + 2, _FINEST)))
+
+    def turned(self, turn: int) -> "Choice":
+        """One of the eight neighbours."""
+        factor = 1.4 if turn % 2 else 1 / 1.4
+        which = turn // 2 % 4
+        (a, b), (k, m) = self.spread, self.patches
+        if which == 0:
+            return replace(self, spread=(a * factor, b))
+        if which == 1:
+            return replace(self, spread=(a, b * factor))
+        if which == 2:
+            return replace(self, patches=(_bounded(k * factor), m))
+        return replace(self, patches=(k, _bounded(m * factor)))
+
+
+def _bounded(count: float) -> int:
+    return min(max(round(count), _COARSEST), _FINEST)
+
+
+_COARSEST, _FINEST = 4, 40
+"""Fewest and most patches of a variable."""
+
+
+@dataclass
+class Control:
+    """What is adapted from step to step.
+
+    Attributes
+    ----------
+    choice : ellipses and patches
+    wanted : size of the defects of the last step, to which errors of their interpolation are compared
+    turn : which choices are compared next
+    """
+
+    choice: Choice = Choice()
+    wanted: float = 1e-12
+    turn: int = 0
+
+
+def ellipses(step: Step, spread: tuple[float, float]) -> list[float]:
+    """Parameters of ellipses on which states and parameters move farther than on the box, by a share of their room."""
+    problem = step.problem
+    rows = np.abs(step.x.c) / step.room[(slice(None), *(None,) * (step.x.c.ndim - 1))]
+    if problem.d:  # parameters are linear polynomials of their variables
+        own = np.zeros((problem.d, *rows.shape[1:]))
+        for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
+            if j >= 0:
+                place = (j, 0, *(int(i == j) for i in range(problem.d)))
+                own[place] = _STIFFER * radius / max(abs(middle), radius)
+        rows = np.concatenate([rows, own])
+    rows[(slice(None), *(0,) * (rows.ndim - 1))] = 0.0
+    rho = []
+    for axis in range(1, rows.ndim):
+        c = rows.sum(axis=tuple(i for i in range(1, rows.ndim) if i != axis))
+        c[:, 0] = 0.0
+        own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
+        rho.append(_largest_below(lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max() <= most, _MOST))
+    own, allowed = rows.reshape(len(rows), -1).sum(axis=1), sum(spread)
+    share = _largest_below(
+        lambda r: (largest_on([max(s ** (r - 1.0), _LEAST) for s in rho], rows) - own).max(initial=0.0) <= allowed, 2.0
+    )
+    return [max(r ** (share - 1.0), _LEAST) for r in rho]
+
+
+def _largest_below(holds: Callable[[float], bool], top: float) -> float:
+    """About the largest number between 1 and `top` for which a condition holds."""
+    low, high = 1.0, top
+    if holds(top):
+        return top
+    for _ in range(20):
+        middle = 0.5 * (low + high) if high < 3.0 else math.sqrt(low * high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+_STIFFER = 3.0
+"""How much less parameters may move than states."""
+_LEAST, _MOST = 1.02, 30.0
+"""Ellipses that are tried. With parameter 30 an interpolation in 12 nodes errs by 1e-17."""
+REAL_PATCHES = 8
+"""Patches in each variable: discs are then half as large as a motion that spreads over the whole ellipse."""
+
+
+def reaches(found: list[discs.Disc]) -> Array:
+    """Largest moduli of discs, (m,)."""
+    return np.array([float(discs.reach(a).max()) for a in found])
+
+
+def patches_on(step: Step, rho: list[float], patches: tuple[int, int]) -> Patches:
+    """Patches of polyellipses: so many of time, and of each parameter."""
+    return Patches(rho, [patches[0], *[patches[1]] * (len(rho) - 1)], step.degrees)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, and what their use takes."""
+
+    choice: Choice
+    rho: list[float]
+    rates: Array
+    slopes: Array
+    cost: float
+    nodes: float
+
+
+def adapted(step: Step, control: Control) -> Tried:
+    """Ellipses and patches, with bounds of the equations there.
+
+    Those of the last step are compared with others, of which the cheapest are taken.
+
+    Raises
+    ------
+    ProofError         if the equations cannot be shown to be analytic in any of them
+    """
+    best = _tried(step, control.choice, control.wanted)
+    for _ in range(_NARROWINGS):
+        if np.isfinite(best.cost):
+            break
+        best = _tried(step, best.choice.smaller(), control.wanted)
+    else:
+        raise ProofError("the equations cannot be shown to be smooth over the box")
+    for trial in range(_MOST_COMPARED):
+        if trial >= _COMPARED and best.nodes <= _MANY:
+            break
+        control.turn += 1
+        other = _tried(step, best.choice.turned(control.turn), control.wanted)
+        best = min(best, other, key=lambda found: found.cost)
+    control.choice = best.choice
+    return best
+
+
+def _tried(step: Step, choice: Choice, wanted: float) -> Tried:
+    n = step.problem.n
+    rho = ellipses(step, choice.spread)
+    patches = patches_on(step, rho, choice.patches)
+    rates, slopes = (
+        reaches(found)
+        for found in step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches))
+    )
+    if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
+        return Tried(choice, rho, rates, slopes, np.inf, np.inf)
+    most = float((rates + largest_on(rho, step.x.rate)).max())
+    nodes = math.prod(max(1.0, m) for m in _wanted(rho, wanted / most))
+    count = choice.patches[0] * float(choice.patches[1]) ** (len(rho) - 1)
+    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _PATCH * count, nodes)
+
+
+_NARROWINGS = 10
+"""Smaller ellipses that are tried where the equations cannot be shown to be analytic."""
+_COMPARED, _MOST_COMPARED = 2, 16
+"""Other choices that are compared in a step, and most of them where many nodes are needed."""
+_MANY = 1e5
+"""Nodes of a grid above which other choices are compared longer."""
+_PATCH = 20.0
+"""Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""
+
+
+def node_counts(rho: list[float], ratio: float, most: tuple[int, ...]) -> tuple[int, ...]:
+    """Nodes with which the aliasing is about a given share of the bound on the polyellipse."""
+    return tuple(int(min(top, max(2, math.ceil(m)))) for m, top in zip(_wanted(rho, ratio), most, strict=True))
+
+
+def _wanted(rho: list[float], ratio: float) -> list[float]:
+    product = math.prod(1.0 + 2.0 / (r - 1.0) for r in rho)
+    return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-30)) / math.log(r) for r in rho]

@@ -1,0 +1,142 @@
+"""The approximate motion over a step, and its frame: polynomials that need not be exact.
+
+What they lack is bounded afterwards, in `step`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures.chebyshev import along, coefficients_from_nodes, integral, nodes, sums, values_at_nodes
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.points import PLAIN, plain
+from symmb.enclosures.problem import Problem
+from symmb.enclosures.rounding import U, above, of_sum
+
+_ITERATIONS = 60
+"""Most iterations of Picard's: they halve the error at least, or the step is too long."""
+_SPARE = 2
+"""Nodes in each parameter beside the least number, so that cut terms alias little."""
+_SETTLED = 2e-15
+"""Change over the size of a state at which the iteration ends: rounding."""
+
+_NOISE = 4e-16
+"""Coefficients of rates over the largest one that are rounding. They would be large on ellipses."""
+
+
+def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
+    """Parameters for values of the variables, each (m_i,), on axes behind `leading` other ones."""
+    d = len(variables)
+    found: list[Array | float] = []
+    for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
+        if j < 0:
+            found.append(float(middle))
+        else:
+            shape = [-1 if i == leading + j else 1 for i in range(leading + d)]
+            found.append(middle + radius * variables[j].reshape(shape))
+    return found
+
+
+def fit(values: Array, lengths: Sequence[int]) -> Array:
+    """Coefficients (..., lengths) of values at nodes (..., m0, m1, ...), cut after the interpolation."""
+    return along([coefficients_from_nodes(m)[:n] for m, n in zip(values.shape[-len(lengths) :], lengths, strict=True)],
+                 values)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Polynomials (m, K + 1, N + 1, ...) of time and parameters.
+
+    They are begin + h / 2 times the integral of `rate` from s = -1 in exact arithmetic; `c` has the coefficients, with
+    which the polynomials err by at most `error` (m,).
+    """
+
+    c: Array
+    error: Array
+    rate: Array
+
+
+def integrated(begin: Array, rate: Array, h: float) -> Curve:
+    """The curve from begin (m, N + 1, ...) with a rate (m, K, N + 1, ...), over a step h."""
+    matrix = integral(rate.shape[1])
+    others = [None] * (rate.ndim - 2)
+    c = 0.5 * h * along([matrix, *others], rate)
+    c[:, 0] += begin
+    d = rate.ndim - 1
+    terms = 0.5 * h * along([np.abs(matrix), *others], np.abs(rate))
+    return Curve(c, above(of_sum(len(matrix) + 4) * sums(terms, d) + 2 * U * sums(c, d)), rate)
+
+
+def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:
+    """The motion from x0 (n, N + 1, ...) at t0 over a step h, with so many terms of its rate.
+
+    Picard's iteration at Chebyshev nodes of time and of the parameters, all at once.
+    """
+    lengths = x0.shape[1:]
+    counts = [n + _SPARE for n in lengths]
+    begin = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
+    s = nodes(terms)
+    p = parameters_at(problem, [nodes(m) for m in counts])
+    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
+    step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
+    x = np.repeat(begin[:, None], terms, axis=1)
+    size = np.maximum(problem.scales, np.abs(begin).max(axis=tuple(range(1, begin.ndim))))
+    last = np.inf
+    for _ in range(_ITERATIONS):
+        f = rates_at(problem, x, p, t)
+        new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
+        change = float((np.abs(new - x).max(axis=tuple(range(1, x.ndim))) / size).max(initial=0.0))
+        x = new
+        if not np.isfinite(change) or change > 1e3:
+            raise ProofError("the motion does not converge in a step")
+        if change <= _SETTLED or (change < 1e-12 and change > 0.3 * last):
+            break
+        last = change
+    else:
+        raise ProofError("the motion does not converge in a step")
+    f = fit(rates_at(problem, x, p, t), (terms, *lengths))
+    f[np.abs(f) < _NOISE * np.abs(f).max(axis=tuple(range(1, f.ndim)), keepdims=True)] = 0.0
+    return integrated(x0, f, h)
+
+
+def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
+    """f at states (n, ...), (n, ...)."""
+    found = problem.rate_tape.run(PLAIN, plain, [list(x), p, [t]])[0]
+    return np.stack([np.broadcast_to(value, x.shape[1:]) for value in found])
+
+
+def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int) -> tuple[Curve, Array]:
+    """B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
+
+    The motion has the coefficients x (n, K + 1, N + 1, ...).
+    """
+    n, lengths = problem.n, B0.shape[2:]
+    counts = [size + 1 for size in lengths]
+    p = parameters_at(problem, [nodes(m) for m in counts])
+    s = nodes(terms)
+    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
+    at = [values_at_nodes(m, size) for m, size in zip((terms, *counts), x.shape[1:], strict=True)]
+    states = along(at, x)
+    found = problem.jacobian_tape.run(PLAIN, plain, [list(states), p, [t]])[1]
+    A = np.stack([np.broadcast_to(value, states.shape[1:]) for value in found], axis=-1)
+    A = A.reshape(*states.shape[1:], n, n).swapaxes(-1, -2)  # column-major
+    begin = along([values_at_nodes(m, size) for m, size in zip(counts, lengths, strict=True)], B0)
+    begin = np.moveaxis(begin, (0, 1), (-2, -1))
+    step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
+    B = np.repeat(begin[None], terms, axis=0)
+    last = np.inf
+    for _ in range(_ITERATIONS):
+        new = begin + np.tensordot(step, A @ B, (1, 0))
+        change = float(np.abs(new - B).max() / np.abs(new).max())
+        B = new
+        if not np.isfinite(change) or change > 1e3:
+            raise ProofError("the frame does not converge in a step")
+        if change < 1e-12 or change > 0.5 * last:
+            break
+        last = change
+    rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))
+    inverse = np.moveaxis(np.linalg.inv(B), (-2, -1), (0, 1))
+    curve = integrated(B0.reshape(n * n, *lengths), rate.reshape(n * n, terms, *lengths), h)
+    return curve, fit(inverse, (terms, *lengths))

@@ -1,0 +1,117 @@
+"""Bounds of the outputs at times of a step."""
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures import chebyshev as ch
+from symmb.enclosures import discs, points
+from symmb.enclosures.curves import Step, parameter_points
+from symmb.enclosures.ellipses import REAL_PATCHES, Choice, ellipses, node_counts, patches_on, reaches
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.ranges import cut, ranges
+from symmb.enclosures.rounding import U, above
+
+SHARP = 1e-6
+"""Share of the width by which bounds may be off because ranges are searched no further."""
+
+
+def output_bounds(
+    step: Step, w: Array, times: Array, choice: Choice, sharp: float = SHARP
+) -> tuple[Array, Array, Array]:
+    """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
+
+    All have the shape (n_t, n_y). The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are bounded, and
+    widened by the aliasing, the rounding and the largest sensitivity dy/dx times the largest B w. Outputs that cannot
+    be shown to be smooth have infinite bounds.
+    """
+    problem, n_t = step.problem, len(times)
+    n_y = problem.outputs.numel_out(0)
+    with np.errstate(all="ignore"):
+        rho = [1.0, *ellipses(step, choice.spread)[1:]]
+        on = patches_on(step, rho, (REAL_PATCHES, choice.patches[1]))
+        most = reaches(problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
+        e = above(step.B_largest @ w)
+        real = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
+        slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+        of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
+        good = np.flatnonzero(np.isfinite(most) & np.isfinite(of_states))
+        lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
+        try:
+            low, high, rest = _good_bounds(
+                step, times, tuple(good.tolist()), rho[1:], most[good], of_states[good], sharp
+            )
+        except ProofError:
+            return -lower, upper, remainder
+        lower[:, good], upper[:, good], remainder[:, good] = -low, high, rest
+        return -lower, upper, remainder
+
+
+def _good_bounds(
+    step: Step, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
+) -> tuple[Array, Array, Array]:
+    """The same of some outputs, which are at most `most` on the ellipses rho of the parameters."""
+    d = len(rho)
+    c, rest = interpolation(step, times, which, rho, most, of_states, sharp)
+    width = (ch.sums(c, d) - np.abs(c[(..., *(0,) * d)])).max(axis=1)
+    flat, gone = cut(c.reshape(-1, *c.shape[2:]), np.repeat(0.1 * sharp * width, len(times)))
+    rest = above(rest + of_states[:, None] + gone.reshape(rest.shape))
+    low, high = (bounds.reshape(rest.shape) for bounds in ranges(flat, sharp))
+    low, high = low - rest, high + rest
+    return (low - 4 * U * np.abs(low)).T, (high + 4 * U * np.abs(high)).T, rest.T
+
+
+def interpolation(
+    step: Step,
+    times: Array,
+    which: tuple[int, ...],
+    rho: list[float],
+    most: Array,
+    blurred: Array,
+    sharp: float = SHARP,
+) -> tuple[Array, Array]:
+    """Coefficients (m, n_t, n1, ...) of outputs in the parameters, and bounds (m, n_t) of the errors.
+
+    Parameters
+    ----------
+    rho : ellipses of the parameters
+    most : (m,) bounds of the outputs on them
+    blurred : (m,) errors beside which those of aliasing need not be smaller
+    sharp : share of the width up to which they may be larger
+    """
+    d = len(rho)
+    lengths = step.x.c.shape[2:]
+    counts, top = tuple(m + 4 for m in lengths), tuple(4 * m + 8 for m in lengths)
+    while True:
+        values, errors = _values(step, times, counts, which)
+        mean = values.mean(axis=tuple(range(2, values.ndim)))
+        moved = values - mean[(..., *(None,) * d)]
+        c = ch.along([ch.coefficients_from_nodes(m) for m in counts], moved)
+        width = ch.sums(c, d).max(axis=1)
+        alias = above(ch.aliasing(rho, counts) * most)
+        allowed = 0.1 * (sharp * width + blurred) + errors
+        if (alias <= allowed).all():
+            break
+        wanted = node_counts(rho, float((allowed / most).min()), top)
+        finer = tuple(max(a, b) for a, b in zip(wanted, counts, strict=True))
+        if finer == counts:
+            break
+        counts = finer
+    c[(..., *(0,) * d)] += mean
+    lost = 2.0**d * np.prod(counts, dtype=float) * ch.rounding_of(counts, 2 * ch.ENTRY) * ch.largest(moved, d)
+    lebesgue = np.prod([2.0 / np.pi * np.log(m) + 1.0 for m in counts])
+    peak = ch.largest(values, d)
+    return c, above(lost + lebesgue * (errors[:, None] + 2 * U * peak) + 2 * U * peak + alias[:, None])
+
+
+def _values(step: Step, times: Array, counts: tuple[int, ...], which: tuple[int, ...]) -> tuple[Array, Array]:
+    """Outputs (m, n_t, *counts) at times and nodes of the parameters, and bounds of the errors (m,)."""
+    problem, d = step.problem, len(counts)
+    at = step.at(times)
+    x, errors = ch.values(at[0], counts)
+    errors = above(errors + at[1]).max(axis=1)
+    states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
+    p = parameter_points(problem, counts, 1)
+    t = [points.point(times.reshape(-1, *(1,) * d))]
+    found = problem.tape_of_outputs(which).run(points.OPERATIONS, points.point, [states, p, t])[0]
+    shape = (len(times), *counts)
+    return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])

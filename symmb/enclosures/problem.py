@@ -1,0 +1,114 @@
+"""The initial value problem of a scene as expression graphs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures.tape import Tape
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """x' = f(x, p, t) with outputs y(x, p, t), for parameters p_i = middle_i + radius_i xi_j, xi in [-1, 1]^d.
+
+    Attributes
+    ----------
+    rates : (x, p, t) -> x' (n_x,)
+    outputs : (x, p, t) -> y (n_y,)
+    start : the states at the first time
+    middle, radius : (n_p,) of all parameters
+    variables : number of the variable xi_j of each parameter, -1 where it is fixed
+    times : (n_t,) output times [s]
+    scales : (n_x,) sizes of the states
+    """
+
+    rates: ca.Function
+    outputs: ca.Function
+    middle: Array
+    radius: Array
+    variables: tuple[int, ...]
+    times: Array
+    scales: Array
+    start: "StartEquations"
+
+    def over(self, variable: int, side: int) -> "Problem":
+        """The problem over the half of the box where a variable is negative (side -1) or positive (1)."""
+        mine = np.array(self.variables) == variable
+        radius = np.where(mine, 0.5 * self.radius, self.radius)
+        half = replace(self, middle=np.where(mine, self.middle + side * radius, self.middle), radius=radius)
+        half.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
+        return half
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.rates.numel_in(0)
+
+    @property
+    def d(self) -> int:
+        """Number of uncertain parameters."""
+        return max(self.variables, default=-1) + 1
+
+    @cached_property
+    def rate_tape(self) -> Tape:
+        """(x, p, t) -> x'."""
+        return Tape(self.rates)
+
+    @cached_property
+    def jacobian_tape(self) -> Tape:
+        """(x, p, t) -> x', and its Jacobian (n, n) in column-major order."""
+        return with_jacobian(self.rates)
+
+    @cached_property
+    def output_tape(self) -> Tape:
+        """(x, p, t) -> y."""
+        return Tape(self.outputs)
+
+    def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
+        """(x, p, t) -> some outputs."""
+        if which not in self._tapes:
+            arguments = [ca.SX.sym(f"a{i}", self.outputs.numel_in(i)) for i in range(3)]
+            y = ca.densify(self.outputs(*arguments))[list(which)]
+            self._tapes[which] = Tape(ca.Function("some", arguments, [y], {"cse": True}))
+        return self._tapes[which]
+
+    @cached_property
+    def _tapes(self) -> dict[tuple[int, ...], Tape]:
+        return {}
+
+    @cached_property
+    def sensitivity_tape(self) -> Tape:
+        """(x, p, t) -> y, and its Jacobian (n_y, n) in column-major order."""
+        return with_jacobian(self.outputs)
+
+
+_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "_tapes")
+"""What does not depend on the box."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartEquations:
+    """The start x of the states: u solves residual(u, p) = 0, and x is given by u and p.
+
+    Attributes
+    ----------
+    residual : (u, p, t) -> (n_u,)
+    states : (u, p, t) -> x (n_x,)
+    solve : P (N, n_p) -> approximate u (N, n_u)
+    """
+
+    residual: ca.Function
+    states: ca.Function
+    solve: Callable[[Array], Array]
+
+
+def with_jacobian(f: ca.Function) -> Tape:
+    """The tape of f(x, p, t) and of its Jacobian by x."""
+    arguments = [ca.SX.sym(f"a{i}", f.numel_in(i)) for i in range(f.n_in())]
+    value = ca.densify(f(*arguments))
+    jacobian = ca.densify(ca.jacobian(value, arguments[0]))
+    return Tape(ca.Function("with_jacobian", arguments, [value, ca.vec(jacobian)], {"cse": True}))

@@ -1,0 +1,35 @@
+"""Bounds of rounding errors of double precision numbers.
+
+Error bounds are sums of products of numbers that are not negative. Their own rounding is covered by a factor.
+"""
+
+from typing import TypeVar
+
+import numpy as np
+
+T = TypeVar("T", float, np.ndarray)
+
+U = 2.0**-53
+"""Largest relative error of a sum, a product, a quotient or a square root."""
+FUNCTION = 16 * U
+"""Relative error of an elementary function: eight units in the last place, four times those of C libraries.
+tests/bounds/test_interval.py"""
+COMPLEX = 32 * U
+"""The same of an operation on complex numbers, over its modulus."""
+_SAFE = 1.0 + 2.0**-30
+"""Covers the rounding of a bound, a sum of up to eight million terms that are not negative (Higham 2002, eq. 4.4)."""
+_LEAST = 1e-290
+"""Covers underflow."""
+
+
+def above(bound: T) -> T:
+    """A number that is not below the exact value of a computed sum of terms that are not negative."""
+    return bound * _SAFE + _LEAST
+
+
+def of_sum(terms: int) -> float:
+    """Relative error of a sum of products, over the sum of the products' moduli, in whatever order it is computed.
+
+    Source: Higham (2002), Accuracy and Stability of Numerical Algorithms, eq. (3.5).
+    """
+    return above(terms * U / (1.0 - terms * U))

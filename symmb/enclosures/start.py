@@ -1,0 +1,139 @@
+"""The states at the first time as a front: the starting equations are solved, and the solution is proved."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures import chebyshev as ch
+from symmb.enclosures import discs
+from symmb.enclosures.curves import Step
+from symmb.enclosures.ellipses import REAL_PATCHES, ellipses, reaches
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.flow import Curve, fit, integrated, parameters_at
+from symmb.enclosures.front import Front
+from symmb.enclosures.outputs import interpolation
+from symmb.enclosures.patches import Patches
+from symmb.enclosures.problem import Problem
+from symmb.enclosures.ranges import cut
+from symmb.enclosures.rounding import above, of_sum
+
+_SHARE = 1e-17
+"""Share of a state below which coefficients of its start are cut."""
+
+_NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
+"""No frame."""
+
+
+def first_front(problem: Problem, order: int) -> Front:
+    """The start of the states, with the frame of their scales.
+
+    Raises
+    ------
+    ProofError         if the start cannot be enclosed
+    """
+    with np.errstate(all="ignore"):
+        return _first_front(problem, order)
+
+
+def _first_front(problem: Problem, order: int) -> Front:
+    start, n, d = problem.start, problem.n, problem.d
+    own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
+                  np.ones(start.residual.numel_in(0)), start)  # fmt: skip
+    u = integrated(_unknowns(own, order), np.zeros((own.n, 1, *(order + 1,) * d)), 1.0)
+    step = Step(own, 0.0, 1.0, u, _NONE, _NONE.c)
+    e = _distance(step)
+    every = tuple(range(n))
+    rho, most = _largest(step, start_of="outputs")
+    c, rest = interpolation(step, np.zeros(1), every, rho, most, np.zeros(n))
+    real = _patches(step, [1.0] * (d + 1))
+    slopes = own.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+    of_unknowns = above(reaches(slopes).reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
+    c = c[:, 0]
+    size = ch.sums(c, d)
+    x, lost = _cut_to(c, order + 1)
+    x_short, gone = cut(x, _SHARE * size)
+    x = np.zeros((n, *(order + 1,) * d))
+    x[(slice(None), *(slice(0, m) for m in x_short.shape[1:]))] = x_short
+    frame_terms = max(2, order // 2) + 1
+    B = np.zeros((n, n, *(frame_terms,) * d))
+    B[(np.arange(n), np.arange(n), *(0,) * d)] = problem.scales
+    error = above(rest[:, 0] + of_unknowns + lost + gone)
+    if not np.isfinite(error).all():
+        raise ProofError("the starting values cannot be shown to be smooth over the box")
+    return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
+
+
+def _cut_to(c: Array, terms: int) -> tuple[Array, Array]:
+    """Coefficients up to a number of terms in each variable, and the sums of the others (m,)."""
+    part = (slice(None), *(slice(0, terms),) * (c.ndim - 1))
+    others = c.copy()
+    others[part] = 0.0
+    return c[part], ch.sums(others, c.ndim - 1)
+
+
+def _unknowns(problem: Problem, order: int) -> Array:
+    """Approximate solution u (n_u, order + 1, ...) of the starting equations as polynomials of the parameters."""
+    n_u, d = problem.n, problem.d
+    counts = [order + 3] * d
+    if not n_u:
+        return np.zeros((0, *(order + 1,) * d))
+    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
+    P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
+    u = problem.start.solve(P).T.reshape(n_u, *counts)
+    if not np.isfinite(u).all():
+        raise ProofError("there are parameters for which the scene cannot be started")
+    return fit(u, [order + 1] * d)
+
+
+def _patches(step: Step, rho: list[float]) -> Patches:
+    return Patches(rho, [1, *[REAL_PATCHES] * (len(rho) - 1)], step.degrees)
+
+
+def _largest(step: Step, start_of: str) -> tuple[list[float], Array]:
+    """Ellipses of the parameters, and bounds of the states or of the residual on them."""
+    problem = step.problem
+    tape = problem.output_tape if start_of == "outputs" else problem.rate_tape
+    for spread in (0.5, 0.1, 0.02):
+        rho = [1.0, *ellipses(step, (spread, spread))[1:]]
+        most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho)))[0])
+        if np.isfinite(most).all():
+            return rho[1:], most
+    raise ProofError("the starting values cannot be shown to be smooth over the box")
+
+
+def _distance(step: Step) -> Array:
+    """Bounds (n_u,) of the distance of the solution from the polynomials u.
+
+    With Y about the inverse of the Jacobian J at the middle, |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves one
+    solution within e, the only one there.
+
+    Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
+    """
+    problem, n = step.problem, step.problem.n
+    if not n:
+        return np.zeros(0)
+    d = problem.d
+    rho, most = _largest(step, "rates")
+    residual = Problem(problem.rates, problem.rates, problem.middle, problem.radius, problem.variables, problem.times,
+                       problem.scales, problem.start)  # fmt: skip
+    same = replace(step, problem=residual)
+    c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
+    off = above(ch.sums(c[:, 0], d) + rest[:, 0])
+    real = _patches(step, [1.0] * (d + 1))
+    middle = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[1]
+    Y = np.linalg.inv(np.array([float(np.real(centre).mean()) for centre, _ in middle]).reshape(n, n).T)
+    g = above(np.abs(Y) @ off)
+    e = above(2.0 * g)
+    for _ in range(8):
+        slopes = problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+        shape = np.broadcast_shapes(*(np.shape(centre) for centre, _ in slopes))
+        J = np.stack([np.broadcast_to(np.real(a[0]), shape).ravel() for a in slopes], axis=-1)
+        R = np.stack([np.broadcast_to(a[1], shape).ravel() for a in slopes], axis=-1)
+        J, R = (a.reshape(-1, n, n).swapaxes(1, 2) for a in (J, R))
+        D = np.abs(np.eye(n) - Y @ J) + np.abs(Y) @ (above(R) + of_sum(n + 3) * np.abs(J)) + of_sum(n + 3)
+        new = above(g + above(D.max(axis=0)) @ e)
+        if (new < e).all():
+            return new
+        e = above(1.5 * new)
+    raise ProofError("the solution of the starting equations cannot be proved")

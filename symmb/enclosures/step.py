@@ -1,0 +1,111 @@
+"""What a step proves: the distance of the true motion from the polynomials, in the coordinates of a frame.
+
+With x = u + B w, where u and B are polynomials of time and parameters, and C is about the inverse of B,
+
+    w' = B^-1 ((A B - B') w + (int A(u + s B w) - A(u) ds) B w - d),      d = u' - f(u),      A = df/dx at u.
+
+Bounds of |C d|, |C (A B - B')|, |I - C B| and of the change of A over the candidate box W give F(W) >= |w| for all
+times of the step as long as |w| <= W. If F(W) < W, w cannot leave the box.
+
+References
+----------
+Picard and Lindelof's theorem in the form of Nedialkov, Jackson and Corliss, Applied Mathematics and Computation 105
+(1999), section 5. Lohner (1988), thesis, Karlsruhe, chapter 3, frames. Makino and Berz, International Journal of
+Differential Equations and Applications 10 (2005), preconditioned Taylor models. Lin and Stadtherr, Applied Numerical
+Mathematics 57 (2007), parameters as intervals. Neumaier, Reliable Computing 9 (2003).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures import chebyshev as ch
+from symmb.enclosures import discs
+from symmb.enclosures.curves import Step
+from symmb.enclosures.defects import defect_of_frame, defect_of_motion
+from symmb.enclosures.ellipses import REAL_PATCHES, Control, adapted, patches_on
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.patches import largest_on
+from symmb.enclosures.rounding import U, above
+
+_TRIALS = 12
+"""Candidates for the box of w."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """|w| <= W (n,) during a step, and |w| <= end (n,) at its end."""
+
+    W: Array
+    end: Array
+
+
+def prove(step: Step, w0: Array, control: Control) -> Proof:
+    """Bounds of w over a step from |w| <= w0 (n,) at its beginning.
+
+    Raises
+    ------
+    ProofError         if no box can be shown to hold w
+    """
+    with np.errstate(all="ignore"):
+        return _prove(step, w0, control)
+
+
+def _prove(step: Step, w0: Array, control: Control) -> Proof:
+    n = step.problem.n
+    chosen = adapted(step, control)
+    rho = chosen.rho
+    C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
+    defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
+    growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
+    change = _Curvature(step, rho)
+    W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
+    for _ in range(_TRIALS):
+        e = above(step.B_largest @ W)
+        quadratic = above(step.C_largest @ (change(e) @ e))
+        end = above(w0 + step.h * step.solved(above(growth @ W + quadratic + defect)))
+        if not np.isfinite(end).all():
+            break
+        if (end < W).all():
+            return Proof(W, end)
+        W = above(np.maximum(W, 1.01 * end))
+    raise ProofError("the remainder grows too fast")
+
+
+class _Curvature:
+    """How far the Jacobian changes between the motion and states beside it.
+
+    A(u + s e) is analytic in s for |s| <= 1 / kappa, where |e| <= kappa r and all discs with the radii r are where the
+    equations are analytic. It stays in discs of radius R there, so that by Schwarz's lemma it changes by at most
+    2 R kappa s, and its mean over s in [0, 1] by at most R kappa.
+    """
+
+    def __init__(self, step: Step, rho: list[float]) -> None:
+        self._step = step
+        self._patches = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
+        own = ch.sums(step.x.c, step.x.c.ndim - 1)
+        self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
+        self._radius, self._change = np.zeros(0), np.zeros(0)
+
+    def __call__(self, e: Array) -> Array:
+        """Bounds (n, n) of the mean change of A over |e_i| (n,)."""
+        if not self._radius.size or not (e <= self._radius).all():
+            largest = max(2.0, 0.5 / float((e / self._room).max()))
+            for factor in _SHRUNK:
+                self._radius = above(e * max(2.0, factor * largest))
+                self._change = self._changes()
+                if np.isfinite(self._change).all():
+                    break
+        kappa = above(float((e / self._radius).max()) * (1 + 4 * U))
+        return above(self._change * kappa)
+
+    def _changes(self) -> Array:
+        """Largest radii (n, n) of the Jacobian's discs."""
+        tape, n = self._step.problem.jacobian_tape, self._step.problem.n
+        found = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, self._radius))[1]
+        return np.array([float(np.where(np.isnan(r), np.inf, r).max()) for _, r in found]).reshape(n, n).T
+
+
+_SHRUNK = (1.0, 0.2, 0.04, 0.008)
+"""Shares of the largest discs about the states that are tried."""
