@@ -16,7 +16,19 @@ from symmb.mechanics.constraint import Constraint
 from symmb.mechanics.element import Bind, point_faults, pose_faults
 from symmb.mechanics.pose import Planar, Pose, Spatial
 from symmb.mechanics.rotation import Rotation
-from symmb.symbolic import Symbol, is_zero, triad, turn, unit, vector, without_rounding
+from symmb.symbolic import (
+    Kind,
+    Symbol,
+    is_time,
+    is_zero,
+    lookup,
+    symbols_in,
+    triad,
+    turn,
+    unit,
+    vector,
+    without_rounding,
+)
 
 Axis = tuple[Expr, ...]
 _Z: Axis = (0, 0, 1)
@@ -112,7 +124,10 @@ class AxisJoint(Joint):
             self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True
         ):
             a = vector(axis, f"axis of {self.title}")
-            if is_zero(a):
+            moving = [s for s in symbols_in(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
+            if moving:
+                yield f"{self.title}: axis {axis} depends on {moving[0]}. Give one of numbers and parameters."
+            elif is_zero(a):
                 yield f"{self.title}: axis {axis} has no direction. Give a vector that is not zero."
             elif isinstance(body.pose, Planar) and self.turns and not (is_zero(a[0]) and is_zero(a[1])):
                 yield (

@@ -133,7 +133,7 @@ class Start:
         return np.concatenate([self.dae.coordinate_scales, self.dae.displacement_scales, np.ones(self.dae.n_s)])
 
     def _violates_rows(self, x: Array, P: Array) -> Mask:
-        """Whether samples violate rows that were not needed to solve for the start, (N,)."""
+        """Whether samples violate rows that were not needed to solve for the start, or are assembled flipped, (N,)."""
         bad: Mask = np.zeros(len(P), dtype=bool)
         n = self.dae.n_q
         arguments = (x[:, :n], x[:, n : n + self.dae.n_v], *((x[:, n + self.dae.n_v :],) if self.dae.n_s else ()))
@@ -142,6 +142,8 @@ class Start:
             if f is not None:
                 r = batch(f, *arguments, P, np.array([self.t0]))[0]
                 bad = bad | ~(np.abs(r / self.dae.row_scales[: r.shape[1]]).max(axis=1) <= limit)
+        if self.dae.assembly_cosines is not None:  # Newton's method may go on to the flipped root
+            bad = bad | ~(batch(self.dae.assembly_cosines, x[:, :n], P)[0].min(axis=1) > 0)
         if self.joint_residuals is not None:
             r = batch(self.joint_residuals, *arguments[:2], P)[0]
             bad = bad | ~(np.abs(r).max(axis=1) <= limit)
@@ -188,6 +190,8 @@ class Start:
         rows += [self.joint_residuals(*arguments[:2], p)] if self.joint_residuals is not None else []
         limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.state_scales)), ca.SX(1))
         tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
+        if self.dae.assembly_cosines is not None:
+            tests = ca.vertcat(tests, self.dae.assembly_cosines(q, p) > 0)
         if self.implied is not None:
             tests = ca.vertcat(tests, ca.fabs(self.implied(u, p)) <= VIOLATION)
         good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))

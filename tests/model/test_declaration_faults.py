@@ -42,6 +42,10 @@ FAULTS = {
         lambda: [mb.Torque("drive", ROD1, mb.Parameters(m11=1.0).m11)],
         r"symbol 'm11' belongs to no parameter .* Did you mean 'm1'\?",
     ),
+    "an axis that moves in its body": (
+        lambda: [mb.Prismatic("slide", mb.Ground().point(0, 0), ROD1.point(0, 0), axis=(1, mb.t, 0)), ROD1],
+        r"Prismatic 'slide': axis .* depends on t\. Give one of numbers and parameters",
+    ),
     "a near miss in SymPy": (
         lambda: [mb.Torque("drive", ROD1, sp.Symbol("rod1.teta"))],
         r"Torque 'drive': torque: Unknown symbol 'rod1\.teta' .*Did you mean 'rod1\.theta'\?",

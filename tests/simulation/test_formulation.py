@@ -176,3 +176,17 @@ def test_a_slide_may_be_tilted_through_half_a_turn():
         assert_allclose(Y[..., 1], np.pi + np.arctan(E) + 0 * Y[..., 1], atol=1e-9)
         along = -9.81 * E / np.hypot(1, E) / 2 * scene.times**2  # the slide falls along its axis
         assert_allclose(Y[..., 0] - Y[:, :1, 0], along / np.hypot(1, E), atol=1e-9)
+
+
+def test_samples_do_not_start_with_frames_flipped():
+    """Far from the nominal axes Newton's method in coordinates of the body finds the root with opposite axes."""
+    p = mb.Parameters(a=0.1)
+    body = mb.Body("body", 1.0, (0.1, 0.2, 0.15), mb.Spatial())
+    slide = mb.Prismatic("slide", GROUND.point(0, 0), body.point(-0.3, 0.1, 0), (1, p.a, 0.3), (p.a, 1, 0.2))
+    system = mb.System(body, slide, mb.Gravity(0.1, -3, -9.81), parameters=p)
+    scene = mb.Scene(system, times=np.linspace(0, 0.5, 4), outputs={"cosine": slide.assembly_cosines()[0]})
+    A = np.array([[0.1], [1.0], [-1.0], [3.0]])
+    bodies, joints = (mb.DAESimulator(replace(scene, coordinates=c), TIGHT).run(A) for c in ("body", "joint"))
+    assert bodies.ok.tolist() == [True, True, False, False] and joints.ok.all()
+    assert_allclose(bodies.Y[:2], 1.0, atol=1e-9)
+    assert_allclose(joints.Y, 1.0, atol=1e-9)

@@ -44,6 +44,19 @@ def test_modes_rolling_friction_and_impacts_go_on(model, solver):
     assert_goes_on(model.scene(), 1e-8, solver=solver)
 
 
+@pytest.mark.parametrize("time", [1.0, 1.5, 6.0], ids=["at rest", "in flight", "about to be lifted"])
+def test_contacts_stay_closed_or_open(time):
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    floor = mb.Impact("floor", ball.y, restitution=0.5)
+    lift = mb.Force("lift", ball.point(0, 0, 0), (0, 15 * ca.sin(mb.t) ** 9, 0))
+    system = mb.System(ball, mb.Gravity(0, -9.81), floor, lift)
+    scene = mb.Scene(system, {"ball.y": 0.5}, np.linspace(0, 8, 81), {"y": ball.y, "vy": ball.vy})
+    k = round(10 * time)
+    closed = mb.simulate(scene, times=scene.times[: k + 1])(floor.closed)[-1]
+    assert closed == (time != 1.5)
+    assert_goes_on(scene, 1e-9, solver=mb.EventDriven(), k=k)
+
+
 def servo(coordinates):
     """An arm and a tool that turns many times, under a filter and two controllers; and a body that nothing turns."""
     p = mb.Parameters(gain=3.0)
