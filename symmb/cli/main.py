@@ -21,8 +21,9 @@ from symmb.cli.compare import add_compare
 from symmb.cli.equations import equations_text
 from symmb.cli.result_path import result_path
 from symmb.cli.runs import add_runs
-from symmb.cli.scene_file import load_scene, shipped_names
+from symmb.cli.scene_file import is_urdf, load_scene, shipped_names
 from symmb.cli.signals import INTERRUPTED
+from symmb.cli.urdf_scene import parameter_name
 from symmb.codegen import cache
 from symmb.drawing import FORMATS
 from symmb.files import save_json
@@ -95,8 +96,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
         result_path(options.csv, ".csv"),
         result_path(options.plot, *PICTURES),
     )
-    scene = load_scene(options.scene)
-    parameters = _assignments(options.set)
+    scene, parameters = _with_parameters(options)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
     print(trajectory)
@@ -128,11 +128,11 @@ def _equations(options: argparse.Namespace) -> None:
 
 
 def _view(options: argparse.Namespace) -> tuple[str, ...]:
-    scene = load_scene(options.scene)
+    scene, parameters = _with_parameters(options)
     path = options.output or f"{'_'.join(scene.name.split())}.html"
     result_path(path, *FORMATS)
     with Progress(f"drawing {scene.name}"):
-        run = mb.simulate(scene, parameters=_assignments(options.set))
+        run = mb.simulate(scene, parameters=parameters)
         mb.view(run, path)
     print(path)
     return run.doubts
@@ -158,6 +158,15 @@ def _cache(options: argparse.Namespace) -> None:
             shutil.rmtree(path, ignore_errors=True)
     summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
     print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
+
+
+def _with_parameters(options: argparse.Namespace) -> tuple[mb.Scene, dict[str, float]]:
+    """The scene, and the parameters that --set gives; of a URDF file these are its numbers."""
+    values = _assignments(options.set)
+    scene = load_scene(options.scene, values)
+    if is_urdf(options.scene):
+        values = {parameter_name(name): value for name, value in values.items()}
+    return scene, values
 
 
 def _assignments(texts: Sequence[str]) -> dict[str, float]:
@@ -199,7 +208,9 @@ def _parser() -> argparse.ArgumentParser:
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        subcommand.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
+        subcommand.add_argument(
+            "scene", metavar="SCENE", help="a file that defines scene(), a URDF file, or a shipped scene"
+        )
         subcommand.set_defaults(run=run)
         return subcommand
 
