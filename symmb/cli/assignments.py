@@ -4,6 +4,9 @@ import argparse
 from collections.abc import Sequence
 
 from symmb._errors import DeclarationError
+from symmb.cli.scene_file import is_urdf, load_scene
+from symmb.cli.urdf_scene import parameter_name
+from symmb.model import Scene
 
 
 def add_set(command: argparse.ArgumentParser) -> None:
@@ -12,13 +15,21 @@ def add_set(command: argparse.ArgumentParser) -> None:
     command.add_argument("--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help=text)
 
 
-def assignments(texts: Sequence[str]) -> dict[str, float]:
-    """Values by name.
+def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, float]]:
+    """The scene of a command, and the parameters that --set gives; of a URDF file these are its numbers.
 
     Raises
     ------
-    DeclarationError    if a text is not of the form name=number
+    DeclarationError    if a text is not of the form name=number, or the scene cannot be loaded
     """
+    values = _assignments(options.set)
+    scene = load_scene(options.scene, values)
+    if is_urdf(options.scene):
+        values = {parameter_name(name): value for name, value in values.items()}
+    return scene, values
+
+
+def _assignments(texts: Sequence[str]) -> dict[str, float]:
     parameters = {}
     for text in texts:
         name, _, value = text.partition("=")

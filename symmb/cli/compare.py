@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 
@@ -12,7 +12,8 @@ from symmb._errors import DeclarationError
 from symmb._types import Executor
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
-from symmb.cli.scene_file import load_subject
+from symmb.cli.scene_file import is_urdf, load_subject
+from symmb.cli.urdf_scene import parameter_name
 from symmb.codegen import SLOW, has_compiler
 from symmb.files import save_json
 from symmb.plot import PICTURES
@@ -33,6 +34,14 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
         "box of the file names; the others stay nominal",
     )
     compare.add_argument(
+        "--uncertain",
+        metavar="NAME",
+        nargs="+",
+        action="extend",
+        help="parameters that get the intervals of --spread, instead of those that the box of the file names; of a "
+        "URDF file its numbers, such as forearm.mass elbow.origin.x",
+    )
+    compare.add_argument(
         "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
     )
     compare.add_argument("--solver", metavar="S", help="solver of all methods")
@@ -50,7 +59,11 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
-    subject, box = load_subject(options.scene)
+    if options.uncertain and options.spread is None:
+        raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
+    uncertain = options.uncertain or []
+    subject, box = load_subject(options.scene, uncertain)
+    names = [parameter_name(name) for name in uncertain] if is_urdf(options.scene) else uncertain
     if (
         isinstance(subject, mb.Scene)
         and (solver is None or isinstance(solver, mb.DormandPrince))
@@ -58,7 +71,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     ):
         print(_SLOW, file=sys.stderr)
     if options.spread is not None:
-        box = _with_spread(subject, box, _share(options.spread))
+        box = _with_spread(subject, box, _share(options.spread), names)
     if options.store is not None:
         if isinstance(subject, mb.Scene):
             subject, solver = mb.DAESimulator(subject, solver), None
@@ -87,18 +100,19 @@ def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
     except (OSError, ValueError) as error:
         raise DeclarationError(f"--dask {options.dask}: {error}") from None
     with client:
-        client.upload_file(options.scene)
+        if not is_urdf(options.scene):
+            client.upload_file(options.scene)
         yield client
 
 
-def _with_spread(subject: mb.Scene | Simulator, box: mb.Box | None, spread: float) -> mb.Box:
-    if box is None:
+def _with_spread(subject: mb.Scene | Simulator, box: mb.Box | None, spread: float, names: Sequence[str]) -> mb.Box:
+    if box is None and not names:
         raise DeclarationError(
             f"--spread: {subject!r} has no box that says which parameters are uncertain. "
-            "Give its Scene box=mb.Box.around(p, 0.05), or box=mb.Box(name=(lower, upper))."
+            "Name them by --uncertain, or give its Scene box=mb.Box.around(p, 0.05) or box=mb.Box(name=(lower, upper))."
         )
     parameters: Mapping[str, float] = (subject.system if isinstance(subject, mb.Scene) else subject).parameters
-    return mb.Box.around(parameters, spread, box.names)
+    return mb.Box.around(parameters, spread, names or (box.names if box else ()))
 
 
 def _share(text: str) -> float:

@@ -5,9 +5,8 @@ from collections.abc import Callable
 
 import symmb as mb
 from symmb._progress import Progress
-from symmb.cli.assignments import add_set, assignments
+from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.result_path import result_path
-from symmb.cli.scene_file import load_scene
 from symmb.files import save_json
 
 
@@ -23,7 +22,7 @@ def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
 
 def _linearize(options: argparse.Namespace) -> tuple[str, ...]:
     json_file = result_path(options.json, ".json")
-    scene, parameters = load_scene(options.scene), assignments(options.set)
+    scene, parameters = scene_and_parameters(options)
     with Progress(f"linearising {scene.name}"):
         if options.time is None:
             result, doubts = mb.linearize(scene, parameters=parameters), ()

@@ -17,7 +17,7 @@ from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._interrupts import partial_of
 from symmb._progress import Progress
 from symmb.cli import specs
-from symmb.cli.assignments import add_set, assignments
+from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.compare import add_compare
 from symmb.cli.equations import equations_text
 from symmb.cli.linearize import add_linearize
@@ -97,8 +97,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
         result_path(options.csv, ".csv"),
         result_path(options.plot, *PICTURES),
     )
-    scene = load_scene(options.scene)
-    parameters = assignments(options.set)
+    scene, parameters = scene_and_parameters(options)
     with Progress(f"simulating {scene.name}"):
         trajectory = mb.simulate(scene, solver, parameters)
     print(trajectory)
@@ -130,10 +129,9 @@ def _equations(options: argparse.Namespace) -> None:
 
 
 def _view(options: argparse.Namespace) -> tuple[str, ...]:
-    scene = load_scene(options.scene)
+    scene, parameters = scene_and_parameters(options)
     path = options.output or f"{'_'.join(scene.name.split())}.html"
     result_path(path, *FORMATS)
-    parameters = assignments(options.set)
     with Progress(f"drawing {scene.name}"):
         if options.mode is None:
             run = mb.simulate(scene, parameters=parameters)
@@ -196,7 +194,9 @@ def _parser() -> argparse.ArgumentParser:
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        subcommand.add_argument("scene", metavar="SCENE", help="a file that defines scene(), or a shipped scene")
+        subcommand.add_argument(
+            "scene", metavar="SCENE", help="a file that defines scene(), a URDF file, or a shipped scene"
+        )
         subcommand.set_defaults(run=run)
         return subcommand
 

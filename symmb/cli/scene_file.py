@@ -1,15 +1,16 @@
-"""Scenes from a file or by name: errors are told in one sentence."""
+"""Scenes from a Python or URDF file, or by name: errors are told in one sentence."""
 
 import importlib.util
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
+from symmb.cli.urdf_scene import urdf_scene
 from symmb.model import Box, Scene
 from symmb.simulation import Simulator
 
@@ -18,21 +19,26 @@ _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.pa
 """Folders of shipped scenes: in an installed package, and beside it in a checkout."""
 
 
-def load_scene(given: str) -> Scene:
-    """The scene of a Python file, or of a shipped model by its name.
+def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
+    """The scene of a Python file, of a URDF file, or of a shipped model by its name.
 
     The file runs with its own `__file__`, and it can import from its folder. `scene()` is called without arguments. A
-    scene without a name gets that of the file.
+    scene without a name gets that of the file. `numbers` of a URDF file become parameters.
 
     Raises
     ------
     DeclarationError    if there is no such file or model, it defines no `scene()`, or running it raises
     """
     path = _find(given)
-    return _scene(_module(path), path)
+    return urdf_scene(path, numbers) if is_urdf(given) else _scene(_module(path), path)
 
 
-def load_subject(given: str) -> tuple[Scene | Simulator, Box | None]:
+def is_urdf(given: str) -> bool:
+    """Whether a scene is a URDF file."""
+    return given.lower().endswith(".urdf")
+
+
+def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
     """What a file bounds, and the box: its `scene()`, or the pair of a simulator and its box of its `simulator()`.
 
     Raises
@@ -40,6 +46,8 @@ def load_subject(given: str) -> tuple[Scene | Simulator, Box | None]:
     DeclarationError    as `load_scene`
     """
     path = _find(given)
+    if is_urdf(given):
+        return urdf_scene(path, numbers), None
     module = _module(path)
     if hasattr(module, "scene") or not hasattr(module, "simulator"):
         scene = _scene(module, path)
@@ -58,7 +66,9 @@ def _module(path: Path) -> ModuleType:
     """The module of a file. Other processes find it by its name, so that its functions can be sent to them."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
-        raise DeclarationError(f"{path} is not a Python file; a scene file ends in .py and defines scene().")
+        raise DeclarationError(
+            f"{path} is not a Python file; a scene file ends in .py and defines scene(), or in .urdf."
+        )
     module = importlib.util.module_from_spec(spec)
     known = sys.modules.setdefault(path.stem, module)
     if getattr(known, "__file__", None) == str(path):
@@ -88,7 +98,7 @@ def _find(given: str) -> Path:
     for path in (Path(given), _MODELS / f"{given}.py"):
         if path.is_file():
             return path
-    if given.endswith(".py") or len(Path(given).parts) > 1:
+    if given.endswith(".py") or is_urdf(given) or len(Path(given).parts) > 1:
         raise DeclarationError(f"There is no scene file {given}.")
     raise DeclarationError(
         f"There is no scene file and no shipped scene {given!r}.{did_you_mean(given, shipped_names())}"

@@ -1,6 +1,6 @@
 """Bodies put where coordinates of the joints that carry them say: listed, guessed, or zero."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,6 +37,11 @@ class JointPlacement:
             return None
         moves_b = joint.bodies()[1].owner is self.scene.system.bodies[body]
         return self._placed(q, joint, self._joints[joint], body, moves_b)
+
+    @property
+    def pairs(self) -> Iterable[frozenset[int]]:
+        """The bodies that each joint with values connects, by their numbers."""
+        return self._joint_between.keys()
 
     @cached_property
     def _joint_between(self) -> dict[frozenset[int], AxisJoint]:

@@ -28,7 +28,8 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     element_of = np.empty(dae.n_c, dtype=np.intp)
     for number, where in enumerate(dae.rows.values()):
         element_of[where] = number
-    for body, carrier in JointTree(carrying, range(len(scene.system.bodies))).carriers.items():
+    tree = JointTree(carrying, range(len(scene.system.bodies)), joints.pairs)
+    for body, carrier in tree.carriers.items():
         moved = joints.moved(q, body, carrier)
         if moved is not None:
             q = moved

@@ -209,7 +209,7 @@ def test_axes_of_a_welded_link():
 
 def test_names_that_are_not_there_have_near_misses():
     robot = mb.load_urdf(FILES / "gantry.urdf")
-    with pytest.raises(mb.DeclarationError, match="no link 'masd'. Did you mean 'mast'"):
+    with pytest.raises(mb.DeclarationError, match=r"no link 'masd'. Did you mean 'mast'"):
         robot.bodies["masd"]
 
 

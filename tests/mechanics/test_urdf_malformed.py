@@ -205,5 +205,5 @@ def test_extensions_of_other_programs_are_passed_over(tmp_path):
 
 
 def test_a_file_that_is_not_there():
-    with pytest.raises(mb.DeclarationError, match="none.urdf: this file cannot be read"):
+    with pytest.raises(mb.DeclarationError, match=r"none.urdf: this file cannot be read"):
         mb.load_urdf("none.urdf")

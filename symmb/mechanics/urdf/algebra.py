@@ -26,7 +26,7 @@ def plain(value: ca.SX) -> Scalar:
 
 def is_nought(value: Scalar) -> bool:
     """Whether it is 0 as it stands."""
-    return value == 0.0 if isinstance(value, float) else bool(value.is_zero())
+    return bool(value.is_zero()) if isinstance(value, ca.SX) else value == 0.0
 
 
 def add(a: Vector, b: Vector) -> Vector:
@@ -100,11 +100,11 @@ def matrix(e: Vector) -> Matrix:
 
 
 def _exact(cosine: Scalar) -> Scalar:
-    if not isinstance(cosine, float):
+    if isinstance(cosine, ca.SX):
         return plain(cosine)
     return float(round(cosine)) if abs(cosine - round(cosine)) < _ROUNDING else cosine
 
 
 def rotation(e: Vector) -> Rotation:
     """The rotation of a unit quaternion."""
-    return Rotation(ca.SX(ca.DM(e)) if all(isinstance(x, float) for x in e) else ca.vertcat(*e))
+    return Rotation(ca.densify(ca.vertcat(*map(ca.SX, e))))

@@ -201,7 +201,8 @@ def _replaced(
             values[name] = float(value) if isinstance(value, int | float) else scalar(value, f"replace: {name!r}")
     for link in description.links:
         entries = [values[f"{link}.inertia.{entry}"] for entry in ("xx", "xy", "xz", "yy", "yz", "zz")]
-        fault = inertia_fault(tuple(entries)) if all(isinstance(entry, float) for entry in entries) else ""
+        given = tuple(entry for entry in entries if not isinstance(entry, ca.SX))
+        fault = inertia_fault(given) if len(given) == len(entries) else ""
         if fault:
             faults.append(f"replace: inertia of {link!r}: {fault}")
     if faults:
