@@ -127,6 +127,8 @@ from .structures.section import Material as Material
 from .structures.section import Section as Section
 from .study.compare import compare as compare
 from .study.comparison_result import Comparison as Comparison
+from .study.root_locus import RootLocus as RootLocus
+from .study.root_locus import root_locus as root_locus
 from .study.stability import Stability as Stability
 from .study.stability import stability as stability
 from .symbolic.symbols import ddt as ddt

@@ -4,6 +4,7 @@ The method that chooses its own runs is in `bounds.adaptive`.
 """
 
 from symmb.bounds.method import Method, parameter_samples, require_method, units_of
+from symmb.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bounds.propagation import propagate
 from symmb.bounds.registry import METHODS, read_method
 from symmb.bounds.result import Bounds

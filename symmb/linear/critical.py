@@ -9,7 +9,7 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number
 from symmb._types import Array
-from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
+from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
 from symmb.model import Scene
 from symmb.simulation import BlackBox
@@ -54,14 +54,8 @@ class CriticalSimulator(BlackBox):
 
     def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
         self._family = LinearFamily(scene)
+        lower, upper = require_range("critical", scene, parameter, range)
         names = list(scene.system.parameters)
-        if parameter not in names:
-            raise DeclarationError(f"critical: no parameter {parameter!r}.{did_you_mean(str(parameter), names)}")
-        if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
-            raise DeclarationError(f"critical: range must be two numbers, lower and upper, got {range!r}.")
-        lower, upper = map(float, range)
-        if not lower < upper:
-            raise DeclarationError(f"critical: the lower end of the range must be below the upper one, got {range!r}.")
         self._number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
         self.name, self._parameter = scene.name, parameter
         nominal = {name: value for name, value in scene.system.parameters.items() if name != parameter}
@@ -111,14 +105,28 @@ class CriticalSimulator(BlackBox):
 
     def _eigen(self, P: Array) -> list[Eigenvalues]:
         """Eigenvalues for parameters P (N, n_p)."""
-        A, _, reasons = self._family.matrices(P)
-        for p, reason in zip(P, reasons, strict=True):
-            if reason:
-                raise SimulationError(f"{reason} at {self._parameter} = {p[self._number]:g}")
-        return [eigenvalues(one) for one in A]
+        return [eigen for eigen, _ in self._family.eigen_of(P)]
 
     def __repr__(self) -> str:
         return f"critical({self.name!r}, {self._parameter!r}, ({self._grid[0]:g}, {self._grid[-1]:g}))"
+
+
+def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, float]) -> tuple[float, float]:
+    """The ends of the range of a parameter.
+
+    Raises
+    ------
+    DeclarationError           if there is no such parameter, or the range is empty
+    """
+    names = list(scene.system.parameters)
+    if parameter not in names:
+        raise DeclarationError(f"{owner}: no parameter {parameter!r}.{did_you_mean(str(parameter), names)}")
+    if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
+        raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {range!r}.")
+    lower, upper = map(float, range)
+    if not lower < upper:
+        raise DeclarationError(f"{owner}: the lower end of the range must be below the upper one, got {range!r}.")
+    return lower, upper
 
 
 def _growth(found: Eigenvalues) -> float:

@@ -31,6 +31,11 @@ class Eigenvalues:
         """Which have a positive imaginary part (n,)."""
         return self.values.imag > self.errors
 
+    @property
+    def damped(self) -> Array:
+        """The values (n,), with real part 0 where it is only rounding."""
+        return np.where(np.abs(self.values.real) <= self.errors, 1j * self.values.imag, self.values)
+
     def __getitem__(self, which: Indices) -> "Eigenvalues":
         return Eigenvalues(self.values[which], self.vectors[:, which], self.errors[which])
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from symmb._errors import SimulationError, warn_of
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
-from symmb.linear.linear_equations import LinearEquations, lifts
+from symmb.linear.linear_equations import Blocks, LinearEquations, lifts
 from symmb.linear.linearization import formulation_of, free_states
 from symmb.linear.point import require_smooth, started, steadiness
 from symmb.model import Scene
@@ -15,7 +15,7 @@ from symmb.simulation import require_scene
 class LinearFamily:
     """The linearisation of a scene at its start as a function of its parameters.
 
-    A scene that starts neither in equilibrium nor in a steady motion is a SymmbWarning.
+    A scene that starts neither in equilibrium nor in a steady motion is a SymmbWarning, and stands in `doubts`.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -27,29 +27,39 @@ class LinearFamily:
         self._formulation, self._equations = formulation, LinearEquations(formulation, often=True)
         point = started(scene, formulation, self.nominal, self.t, None)
         require_smooth(formulation, point, self._equations)
-        self._free = free_states(self._equations, self._equations.blocks(point.x[None], self.nominal[None], self.t))
-        A = self.matrices(self.nominal[None])[0][0]
-        warn_of(steadiness(self._equations, point, A, self._free), f"Linearisation of {scene.name}")
-
-    def matrices(self, P: Array) -> tuple[Array, Array, tuple[str, ...]]:
-        """A (N, n, n) for parameters P (N, n_p), all displacements for the states (N, n_z, n), and N reasons.
-
-        A reason says why a start fails. It is empty where the start succeeds.
-        """
-        X, reasons = self._formulation.start.states(P)
-        ok = np.array([not reason for reason in reasons], dtype=bool)
-        A = np.full((len(P), len(self._free), len(self._free)), np.nan)
-        lift = np.full((len(P), self._equations.n_z, len(self._free)), np.nan)
-        if ok.any():
-            blocks = self._equations.blocks(X[ok], P[ok], self.t)
-            lift[ok] = lifts(blocks, self._free)
-            A[ok] = (blocks.A @ lift[ok])[:, self._free]
-        return A, lift, reasons
+        blocks = self._equations.blocks(point.x[None], self.nominal[None], self.t)
+        A, _, free = _reduced(self._equations, blocks)
+        self.doubts = steadiness(self._equations, point, A, free)
+        warn_of(self.doubts, f"Linearisation of {scene.name}")
 
     def eigen(self, p: Array) -> tuple[Eigenvalues, Array]:
         """Eigenvalues and the displacements of their modes (n_v, n) over their sizes, for parameters p (n_p,)."""
-        A, lift, (reason,) = self.matrices(p[None])
-        if reason:
-            raise SimulationError(reason)
-        eigen, n_v = eigenvalues(A[0]), self._formulation.dae.n_v
-        return eigen, (lift[0] @ eigen.vectors)[:n_v] / self._equations.sizes[:n_v, None]
+        (found,) = self.eigen_of(p[None])
+        return found
+
+    def eigen_of(self, P: Array) -> list[tuple[Eigenvalues, Array]]:
+        """The same for each row of P (N, n_p)."""
+        X, reasons = self._formulation.start.states(P)
+        faults = [k for k, reason in enumerate(reasons) if reason]
+        if faults:
+            changed = np.flatnonzero(np.ptp(P, axis=0)) if len(P) > 1 else []
+            names = list(self.scene.system.parameters)
+            where = ", ".join(f"{names[k]} = {P[faults[0], k]:g}" for k in changed)
+            raise SimulationError(reasons[faults[0]] + (f" at {where}" if where else ""))
+        blocks, n_v, found = self._equations.blocks(X, P, self.t), self._formulation.dae.n_v, []
+        for k in range(len(P)):
+            A, lift, _ = _reduced(self._equations, blocks[k])
+            eigen = eigenvalues(A)
+            found.append((eigen, (lift @ eigen.vectors)[:n_v] / self._equations.sizes[:n_v, None]))
+        return found
+
+
+def _reduced(equations: LinearEquations, blocks: Blocks) -> tuple[Array, Array, Indices]:
+    """A (n, n) of one sample, all displacements for its states (n_z, n), and the numbers of these.
+
+    Each sample has its own states. Those of another one may depend on each other here, as the heading of a bicycle,
+    which follows from its sideways motion only while it runs.
+    """
+    free = free_states(equations, blocks)
+    lift = lifts(blocks, free)[0]
+    return (blocks.A[0] @ lift)[free], lift, free

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.linear.eigenvalues import Eigenvalues
 
 _ALIKE = 0.9
 """Overlap of two shapes from which they belong to the same mode: shapes at right angles to the first have up to 0.1."""
+_ALIKE_ALONE = 0.5
+"""The same for a mode that is the only one on both sides."""
 _SHORTEST = 2.0**-10
 """Shortest step along the way. Shapes that turn within less of it cross there."""
 
@@ -22,12 +24,14 @@ class Followed:
     ----------
     values : (n,) complex      eigenvalues in the order of the modes at the start; nan of modes that have ended
     errors : (n,)              their errors by rounding
+    places : (n,)              their numbers among the eigenvalues at the end; -1 of modes that have ended
     crossings : set of pairs   numbers of modes whose frequencies cross on the way
     veerings : set of pairs    numbers of modes that exchange their shapes within the shortest step
     """
 
     values: Array
     errors: Array
+    places: Indices
     crossings: set[tuple[int, int]]
     veerings: set[tuple[int, int]]
 
@@ -55,7 +59,8 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
         rows, columns = linear_sum_assignment(-overlap)
         alike, following = overlap[rows, columns], candidates[columns]
         swapped = _swapped(np.abs(eigen.values[place[rows]]), np.abs(new.values[following]))
-        if step > _SHORTEST and (len(rows) < len(place) or alike.min(initial=1.0) < _ALIKE or swapped):
+        least = _ALIKE if len(place) + len(candidates) > 2 else _ALIKE_ALONE
+        if step > _SHORTEST and (len(rows) < len(place) or alike.min(initial=1.0) < least or swapped):
             step /= 2
             continue
         turned = set(modes[rows[alike < _ALIKE]].tolist())
@@ -64,10 +69,10 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
         modes, place, eigen, shapes = modes[rows], following, new, new_shapes
         share, step = share + step, 2 * step
     values: Array = np.full(n, np.nan, dtype=complex)
-    errors = np.zeros(n)
-    values[modes], errors[modes] = eigen.values[place], eigen.errors[place]
+    errors, places = np.zeros(n), np.full(n, -1, dtype=np.intp)
+    values[modes], errors[modes], places[modes] = eigen.values[place], eigen.errors[place], place
     values = np.where(np.abs(values.real) <= errors, 1j * values.imag, values)
-    return Followed(values, errors, crossings, veerings)
+    return Followed(values, errors, places, crossings, veerings)
 
 
 def _swapped(before: Array, after: Array) -> list[tuple[int, int]]:

@@ -1,6 +1,6 @@
 """The linear equations of motion at a state, in independent coordinates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, cast
 
@@ -42,6 +42,10 @@ class Blocks:
     C: Array
     D: Array
     bodies: Array
+
+    def __getitem__(self, k: int) -> "Blocks":
+        """Those of one sample."""
+        return Blocks(**{field.name: getattr(self, field.name)[k : k + 1] for field in fields(self)})
 
 
 @dataclass(frozen=True, eq=False)

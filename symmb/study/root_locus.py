@@ -1,0 +1,267 @@
+"""Root loci and Campbell diagrams: eigenvalues over one parameter, with bands over the box of the others."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb import files, plot
+from symmb._errors import DeclarationError
+from symmb._table import aligned
+from symmb._types import Array
+from symmb.bounds import Method, PolynomialChaos, parameter_samples, propagate
+from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
+from symmb.model import Box, Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_CORNERS = 6
+"""Parameters of a box up to which all corners are looked at for oscillations that end inside the box."""
+_HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RootLocus:
+    """Eigenvalues over one parameter. `print` tells its oscillations, `plot` draws them, `save` and `load` keep all.
+
+    Attributes
+    ----------
+    name, parameter : str
+    values : (n,)                       of the parameter
+    eigenvalues : (n, m) complex        all, by size [1/s]
+    modes : (n, k) complex              oscillations with positive imaginary part, each followed by its shape; nan where
+                                        it does not oscillate [1/s]
+    bands : dict                        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the
+                                        box, nan where the oscillation ends inside the box; empty without a box
+    box : Box                           of the other parameters, or None
+    method, evaluations : str, int      of the bands
+    remarks : tuple of str              where frequencies cross, and where shapes are exchanged
+    doubts : tuple of str               what cannot be trusted
+    """
+
+    name: str
+    parameter: str
+    values: Array
+    eigenvalues: Array
+    modes: Array
+    bands: dict[str, tuple[Array, Array]]
+    box: Box | None
+    method: str
+    evaluations: int
+    remarks: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def frequencies(self) -> Array:
+        """(n, k) of the oscillations, nan where there is none [Hz]."""
+        return np.abs(self.modes) / (2 * np.pi)
+
+    @property
+    def damping(self) -> Array:
+        """(n, k) of the oscillations as shares of the critical one, nan where there is none [-]."""
+        return (0.0 - self.modes.real) / np.abs(self.modes)
+
+    def __str__(self) -> str:
+        table = aligned(self._rows()) if self.modes.size else []
+        return "\n".join([self._head(), *table, *self._foot()])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        table = html.table(self._rows()) if self.modes.size else ""
+        foot = html.text("\n".join(self._foot()))
+        return html.page(html.text(self._head()), table, foot, html.picture(plot.png(self.plot())))
+
+    def _head(self) -> str:
+        span = f"{self.parameter} = {self.values[0]:g} to {self.values[-1]:g}"
+        count = self.modes.shape[1]
+        return f"{self.name}: {count} oscillation{'s' * (count != 1)} over {len(self.values)} values, {span}"
+
+    def _rows(self) -> list[list[str]]:
+        rows = [[*_HEAD]]
+        for k, (f, zeta) in enumerate(zip(self.frequencies.T, self.damping.T, strict=True), 1):
+            known = np.flatnonzero(~np.isnan(f))
+            first, last, least = known[0], known[-1], known[zeta[known].argmin()]
+            numbers = self.values[first], self.values[last], f[first], f[last], zeta[least], self.values[least]
+            rows.append([str(k), *(f"{number:.4g}" for number in numbers)])
+        return rows
+
+    def _foot(self) -> list[str]:
+        bands = []
+        if self.box is not None:
+            bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
+        return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
+
+    def plot(self, path: str | Path | None = None, ax: "Axes | list[Axes] | None" = None) -> "Figure":
+        """Draw the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
+
+        Parameters
+        ----------
+        path : optional            where to write the picture
+        ax : matplotlib Axes       to draw in, in the place of a new figure: up to three, for these diagrams
+        """
+        curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
+        return plot.plot_root_locus(
+            self.values, self.eigenvalues, curves, self.bands, path, parameter=self.parameter, title=self.name, ax=ax
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as lists, texts and numbers. Complex numbers are two arrays, numbers that are not known None."""
+        return files.in_json(self._record())
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz or .json file.
+
+        Raises
+        ------
+        DeclarationError       if the name has another suffix
+        """
+        files.save(path, self._record())
+
+    @classmethod
+    def load(cls, path: str | Path) -> "RootLocus":
+        """Read a file of `save`.
+
+        Raises
+        ------
+        DeclarationError       if the file is damaged or has other contents
+        """
+        return files.load(path, "a saved RootLocus", cls._of_record)
+
+    def _record(self) -> Mapping[str, Any]:
+        parts = {"eigenvalues": self.eigenvalues, "modes": self.modes}
+        plain = ("parameter", "values", "method", "evaluations", "remarks", "doubts")
+        return {
+            "scene": self.name,
+            **{name: getattr(self, name) for name in plain},
+            **{name: {"re": part.real, "im": part.imag} for name, part in parts.items()},
+            "bands": {name: {"lower": lower, "upper": upper} for name, (lower, upper) in self.bands.items()},
+            "box": None if self.box is None else dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
+        }
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "RootLocus":
+        values = record.array("values", None)
+        n = len(values)
+        parts = {}
+        for name in ("eigenvalues", "modes"):
+            real, imaginary = (record.record(name).array(part, n, None, finite=False) for part in ("re", "im"))
+            parts[name] = real + 1j * imaginary
+        shape = parts["modes"].shape
+        bands = record.record("bands")
+        box = record.record("box") if "box" in record else None
+        return cls(
+            name=record.text("scene"),
+            parameter=record.text("parameter"),
+            values=values,
+            eigenvalues=parts["eigenvalues"],
+            modes=parts["modes"],
+            bands={
+                name: tuple(bands.record(name).array(end, *shape, finite=False) for end in ("lower", "upper"))
+                for name in bands.plain
+            },
+            box=None if box is None else Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+            method=record.text("method"),
+            evaluations=record.whole("evaluations"),
+            remarks=record.texts("remarks"),
+            doubts=record.texts("doubts"),
+        )
+
+
+def root_locus(
+    scene: Scene,
+    parameter: str,
+    range: tuple[float, float],
+    method: Method | None = None,
+    box: Box | None = None,
+    *,
+    count: int = 41,
+) -> RootLocus:
+    """The eigenvalues of a scene at its start over one parameter, with bands over the box of the others.
+
+    Each oscillation is followed along the parameter, and to each sample of the box, by its shape.
+
+    Parameters
+    ----------
+    scene : Scene              one that starts in equilibrium, or in a steady motion, for every value in the range
+    parameter : str            such as a speed
+    range : (lower, upper)     values that are looked at
+    method : optional          of the bands; default: PolynomialChaos()
+    box : Box, optional        of the other parameters; default: that of the scene
+    count : int                how many values, evenly spaced
+
+    Raises
+    ------
+    DeclarationError           if there is no such parameter, or the range is empty
+    SimulationError            if the scene does not start at one of the values
+    PropagationError           if too many samples of the box fail
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(k=9.0, c=0.0)
+    >>> mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    >>> law = mb.Force("law", mass.point(0, 0, 0), (-p.k * mass.x - p.c * mass.vx, 0, 0))
+    >>> scene = mb.Scene(mb.System(mass, law, parameters=p), box=mb.Box(k=(4.0, 16.0)))
+    >>> locus = root_locus(scene, "c", (0.0, 2.0), mb.Vertex(), count=3)
+    >>> locus.damping[:, 0].round(6)
+    array([0.      , 0.166667, 0.333333])
+    >>> locus.bands["zeta"][1][:, 0].round(6)
+    array([0.  , 0.25, 0.5 ])
+    """
+    lower, upper = require_range("root_locus", scene, parameter, range)
+    if not isinstance(count, int) or isinstance(count, bool) or count < 2:
+        raise DeclarationError(f"root_locus: count must be a whole number from 2 on, got {count!r}.")
+    family = LinearFamily(scene)
+    box = _others(scene, parameter, box)
+    locus = nominal_locus(family, parameter, np.linspace(lower, upper, count))
+    modes = locus.modes
+    bands, evaluations, doubts, text = {}, 0, family.doubts, ""
+    if box is not None and locus.count:
+        method = PolynomialChaos() if method is None else method
+        simulator = LocusSimulator(family, parameter, locus)
+        simulator.restrict(parameter_samples(simulator, box, _corners(len(box))))
+        bounds = propagate(simulator, method, box)
+        ends = [np.split(end, len(QUANTITIES), axis=1) for end in (bounds.lower, bounds.upper)]
+        known = simulator.known
+        bands = {
+            name: (np.where(known, least, np.nan), np.where(known, most, np.nan))
+            for name, least, most in zip(QUANTITIES, *ends, strict=True)
+        }
+        text, evaluations, doubts = bounds.method, bounds.evaluations, (*doubts, *bounds.doubts)
+    return RootLocus(
+        name=scene.name,
+        parameter=parameter,
+        values=locus.values,
+        eigenvalues=np.array([eigen.values for eigen, _ in locus.points]),
+        modes=modes,
+        bands=bands,
+        box=box if bands else None,
+        method=text,
+        evaluations=evaluations,
+        remarks=locus.remarks,
+        doubts=doubts,
+    )
+
+
+def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
+    """The box without the parameter, None if nothing is left."""
+    box = scene.box if box is None else box
+    if box is None:
+        return None
+    left = {name: ends for name, ends in zip(box.names, box.bounds, strict=True) if name != parameter}
+    return Box(**left) if left else None
+
+
+def _corners(d: int) -> Array:
+    """Corners (N, d) of the unit box; of one with many parameters, as many random ones as one of six has."""
+    if d <= _CORNERS:
+        return np.array(list(product((-1.0, 1.0), repeat=d)))
+    return np.random.default_rng(0).choice([-1.0, 1.0], (2**_CORNERS, d))

@@ -1,0 +1,88 @@
+"""Root loci against closed forms and published eigenvalues."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import symmb as mb
+from models import bicycle
+
+
+def oscillators() -> mb.Scene:
+    """Two masses of 1 kg on springs and dampers that do not act on each other."""
+    p = mb.Parameters(k1=100.0, c1=0.0, k2=104.0, c2=0.5)
+    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
+    on_a = mb.Force("on_a", a.point(0, 0, 0), (-p.k1 * a.x - p.c1 * a.vx, 0, 0))
+    on_b = mb.Force("on_b", b.point(0, 0, 0), (-p.k2 * b.x - p.c2 * b.vx, 0, 0))
+    return mb.Scene(mb.System(a, b, on_a, on_b, parameters=p), box=mb.Box(k1=(90.0, 110.0)), name="oscillators")
+
+
+def test_frequencies_cross_over_the_parameter():
+    locus = mb.root_locus(oscillators(), "k2", (50.0, 150.0), mb.Vertex(), count=11)
+    k2 = np.linspace(50.0, 150.0, 11)
+    np.testing.assert_allclose(locus.values, k2)
+    np.testing.assert_allclose(2 * np.pi * locus.frequencies, np.sqrt(np.stack([k2, 100 + 0 * k2], 1)), rtol=1e-12)
+    np.testing.assert_allclose(locus.damping, np.stack([0.25 / np.sqrt(k2), 0 * k2], 1), atol=1e-14)
+    assert len(locus.remarks) == 1 and locus.remarks[0].startswith("f1 and f2 cross between k2 = ")
+    lower, upper = (2 * np.pi * end for end in locus.bands["f"])
+    np.testing.assert_allclose(lower, np.sqrt(np.stack([k2, 90 + 0 * k2], 1)), rtol=1e-12)
+    np.testing.assert_allclose(upper, np.sqrt(np.stack([k2, 110 + 0 * k2], 1)), rtol=1e-12)
+    assert locus.evaluations == 2 and "bands over Box(k1=(90, 110)) by Vertex()" in str(locus)
+
+
+def test_an_oscillation_that_ends_and_one_that_begins():
+    """c1 passes the critical damping 2 sqrt(k1), from 19 on somewhere in the box; c1 < 0 is unstable."""
+    locus = mb.root_locus(oscillators(), "c1", (-24.0, 24.0), mb.Vertex(), count=25)
+    c1 = np.linspace(-24.0, 24.0, 25)
+    (late,) = [k for k in range(locus.modes.shape[1]) if np.isnan(locus.modes[0, k])]
+    np.testing.assert_array_equal(np.isnan(locus.modes[:, late]), np.abs(c1) >= 20)
+    inside = np.abs(c1) < 20
+    np.testing.assert_allclose(locus.damping[inside, late], c1[inside] / 20, atol=1e-12)
+    least, most = (end[:, late] for end in locus.bands["zeta"])
+    known = np.abs(c1) < 2 * np.sqrt(90)
+    np.testing.assert_array_equal(~np.isnan(least), known)
+    ends = np.sort(c1[known, None] / (2 * np.sqrt([90, 110])), axis=1)
+    np.testing.assert_allclose(np.stack([least, most], 1)[known], ends, atol=1e-12)
+
+
+def test_eigenvalues_of_the_bicycle():
+    """Meijaard et al. (2007), table 2: eigenvalues at 0 and 5 m/s; weave begins at 0.684 m/s."""
+    scene = bicycle.scene()
+    locus = mb.root_locus(scene, "v", (0.0, 10.0), box=mb.Box(v=(0.0, 10.0)), count=21)
+    assert not locus.bands and locus.box is None  # the box names the parameter alone
+    at_rest = locus.eigenvalues[0][locus.eigenvalues[0] != 0]
+    np.testing.assert_allclose(np.sort(at_rest.real)[:2], [-5.53094371765393, -3.13164324790656], rtol=1e-9)
+    assert np.isnan(locus.modes[:2]).all() and not np.isnan(locus.modes[2:]).any()
+    assert locus.modes[10, 0] == pytest.approx(-0.77534188219585 + 4.46486771378823j, rel=1e-9)
+
+
+def test_pictures_and_files(tmp_path):
+    locus = mb.root_locus(oscillators(), "c1", (-24.0, 24.0), mb.Vertex(), count=9)
+    assert isinstance(locus.plot(tmp_path / "locus.png"), Figure)
+    assert (tmp_path / "locus.png").read_bytes().startswith(b"\x89PNG")
+    axes = Figure().subplots(1, 2)
+    assert locus.plot(ax=list(axes)) is axes[0].figure and axes[1].get_ylabel() == "frequency [Hz]"
+    with pytest.raises(mb.DeclarationError, match="there are three diagrams, got 4 axes"):
+        locus.plot(ax=list(Figure().subplots(1, 4)))
+    assert "<table" in locus._repr_html_()
+    for suffix in (".npz", ".json"):
+        locus.save(tmp_path / f"locus{suffix}")
+        again = mb.RootLocus.load(tmp_path / f"locus{suffix}")
+        assert str(again) == str(locus)
+        np.testing.assert_array_equal(again.modes, locus.modes)
+        np.testing.assert_array_equal(again.bands["im"], locus.bands["im"])
+        again.plot()
+    with pytest.raises(mb.DeclarationError, match="does not hold a saved Linearization"):
+        mb.Linearization.load(tmp_path / "locus.json")
+
+
+def test_faults():
+    scene = oscillators()
+    with pytest.raises(mb.DeclarationError, match=r"root_locus: no parameter 'k3'"):
+        mb.root_locus(scene, "k3", (0, 1))
+    with pytest.raises(mb.DeclarationError, match="range must be two numbers"):
+        mb.root_locus(scene, "k1", (0, float("nan")))
+    with pytest.raises(mb.DeclarationError, match="lower end of the range must be below"):
+        mb.root_locus(scene, "k1", (2, 1))
+    with pytest.raises(mb.DeclarationError, match="count must be a whole number from 2 on"):
+        mb.root_locus(scene, "k1", (1, 2), count=1)
