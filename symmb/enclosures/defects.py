@@ -1,5 +1,7 @@
 """Bounds of the defects of the motion and of its frame over a step."""
 
+import math
+
 import numpy as np
 
 from symmb._types import Array
@@ -11,8 +13,8 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above, of_sum
 
-_FINEST = 6
-"""Most nodes of a variable over the terms of a polynomial."""
+_FINEST, _LARGEST = 300, 3e5
+"""Most nodes of a variable, and of a grid: its values take seconds."""
 _ALIAS = 0.2
 """Share of the bound of a defect that may be due to aliasing."""
 _GROWTH = 1e-3
@@ -39,7 +41,7 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     """
     n, k = step.problem.n, len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
-    top = tuple(_FINEST * (degree + 1) + 8 for degree in step.degrees)
+    top = (_FINEST,) * k
     wanted = np.maximum(_ALIAS * control.wanted, _GROWTH * w / step.h)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()), top)
     for _ in range(_TRIALS):
@@ -82,7 +84,9 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (most_slope @ (B_on + step.B.error.reshape(n, n)) + rate_on))
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
-    counts = node_counts(rho, ratio, tuple(_FINEST * size + 8 for size in step.B.c.shape[1:]))
+    counts = node_counts(rho, ratio, (_FINEST,) * k)
+    if math.prod(counts) > _LARGEST:
+        raise ProofError("the frame is not resolved")
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
     (B, B_errors), (C, C_errors) = step.frame_at(counts), ch.values(step.C, counts)

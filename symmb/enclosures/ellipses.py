@@ -169,7 +169,7 @@ def _tried(step: Step, choice: Choice, wanted: float) -> Tried:
     if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
         return Tried(choice, rho, rates, slopes, np.inf, np.inf)
     most = float((rates + largest_on(rho, step.x.rate)).max())
-    nodes = math.prod(max(1.0, m) for m in _wanted(rho, wanted / most))
+    nodes = nodes_needed(rho, wanted / most)
     count = choice.patches[0] * float(choice.patches[1]) ** (len(rho) - 1)
     return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _PATCH * count, nodes)
 
@@ -182,6 +182,11 @@ _MANY = 1e5
 """Nodes of a grid above which other choices are compared longer."""
 _PATCH = 20.0
 """Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""
+
+
+def nodes_needed(rho: list[float], ratio: float) -> float:
+    """About the nodes of a grid with which the aliasing is about a given share of the bound on the polyellipse."""
+    return math.prod(max(1.0, m) for m in _wanted(rho, ratio))
 
 
 def node_counts(rho: list[float], ratio: float, most: tuple[int, ...]) -> tuple[int, ...]:

@@ -22,6 +22,8 @@ _SPARE = 2
 _SETTLED = 2e-15
 """Change over the size of a state at which the iteration ends: rounding."""
 
+_FRAME_SETTLED, _CLOSE = 1e-10, 1e-12
+"""The same for frames, which need not be as exact; and the change below which it ends where it no longer falls."""
 _NOISE = 4e-16
 """Coefficients of rates over the largest one that are rounding. They would be large on ellipses."""
 
@@ -91,7 +93,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         x = new
         if not np.isfinite(change) or change > 1e3:
             raise ProofError("the motion does not converge in a step")
-        if change <= _SETTLED or (change < 1e-12 and change > 0.3 * last):
+        if change <= _SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change
     else:
@@ -133,7 +135,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         B = new
         if not np.isfinite(change) or change > 1e3:
             raise ProofError("the frame does not converge in a step")
-        if change < 1e-12 or change > 0.5 * last:
+        if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change
     rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))

@@ -1,16 +1,20 @@
 """Bounds of the outputs at times of a step."""
 
+import math
+
 import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import Step, parameter_points
-from symmb.enclosures.ellipses import REAL_PATCHES, Choice, ellipses, node_counts, patches_on, reaches
+from symmb.enclosures.ellipses import REAL_PATCHES, Choice, ellipses, node_counts, nodes_needed, patches_on, reaches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
+_FINEST, _LARGEST = 300, 3e6
+"""Most nodes of a variable, and of the grids of all times: their values take seconds."""
 SHARP = 1e-6
 """Share of the width by which bounds may be off because ranges are searched no further."""
 
@@ -27,9 +31,7 @@ def output_bounds(
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
-        rho = [1.0, *ellipses(step, choice.spread)[1:]]
-        on = patches_on(step, rho, (REAL_PATCHES, choice.patches[1]))
-        most = reaches(problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
+        rho, most = _ellipses(step, choice)
         e = above(step.B_largest @ w)
         real = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
         slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
@@ -44,6 +46,24 @@ def output_bounds(
             return -lower, upper, remainder
         lower[:, good], upper[:, good], remainder[:, good] = -low, high, rest
         return -lower, upper, remainder
+
+
+def _ellipses(step: Step, choice: Choice) -> tuple[list[float], Array]:
+    """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs."""
+    found = []
+    for factor in _FACTORS:
+        rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
+        on = patches_on(step, rho, (REAL_PATCHES, choice.patches[1]))
+        most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
+        smooth = most[np.isfinite(most)]
+        nodes = nodes_needed(rho[1:], SHARP / float(smooth.max(initial=1.0)))
+        found.append((len(smooth), -nodes, rho, most))
+    _, _, rho, most = max(found, key=lambda choice: choice[:2])
+    return rho, most
+
+
+_FACTORS = (1.0, 0.3, 3.0, 10.0)
+"""Ellipses of the parameters that are tried, over those on which the rates are bounded."""
 
 
 def _good_bounds(
@@ -80,7 +100,7 @@ def interpolation(
     """
     d = len(rho)
     lengths = step.x.c.shape[2:]
-    counts, top = tuple(m + 4 for m in lengths), tuple(4 * m + 8 for m in lengths)
+    counts, top = tuple(m + 4 for m in lengths), (_FINEST,) * d
     while True:
         values, errors = _values(step, times, counts, which)
         mean = values.mean(axis=tuple(range(2, values.ndim)))
@@ -93,7 +113,7 @@ def interpolation(
             break
         wanted = node_counts(rho, float((allowed / most).min()), top)
         finer = tuple(max(a, b) for a, b in zip(wanted, counts, strict=True))
-        if finer == counts:
+        if finer == counts or math.prod(finer) * len(times) > _LARGEST:
             break
         counts = finer
     c[(..., *(0,) * d)] += mean
