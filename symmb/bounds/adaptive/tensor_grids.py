@@ -99,6 +99,7 @@ def _range_or_refinement(
     width, varies = union.upper - union.lower, np.isfinite(widths)
     is_doubted = is_doubtful(estimate, width, runs.noise)[:, varies].any()
     for_a_moment = is_doubtful_in_window(estimate, width, runs.noise, CHEAP_SHARE * DOUBTFUL)[:, varies].any()
+    parts = worst.refined_parts()
     is_cheap = _affordable(parts, runs) and len(runs) + _cost(parts, runs) <= CHEAP_RUNS
     if is_cheap and (is_doubted or for_a_moment):
         return worst, parts
