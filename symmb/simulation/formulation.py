@@ -87,7 +87,7 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formula
         system = scene.system.joint_space(turns)
     joints = _in_joints(scene, bodies, system) if system.joints.names else None
     if joints is None and scene.coordinates == "joint":
-        why = "it starts close to a singular position" if system.joints.names else "no joint carries a body"
+        why = "it starts close to a singular position" if system.joints.names else "no joint carries a rigid body"
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
     if free is None and joints is not None and not joints.dae.n_r:
         free = joints

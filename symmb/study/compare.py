@@ -69,15 +69,17 @@ def compare(
     with shown(progress, "comparing methods") as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
         if not isinstance(simulator, DAESimulator):
-            return compare_simulator(
-                simulator,
-                chosen,
-                box,
-                reference,
-                scene=repr(simulator),
-                units=units_of(simulator),
-                executor=executor,
-                progress=progress,
+            return _doubted(
+                compare_simulator(
+                    simulator,
+                    chosen,
+                    box,
+                    reference,
+                    scene=repr(simulator),
+                    units=units_of(simulator),
+                    executor=executor,
+                    progress=progress,
+                )
             )
         comparison = compare_simulator(
             simulator,
@@ -94,8 +96,17 @@ def compare(
             executor=executor,
             progress=progress,
         )
-    warn_of(simulator.doubts, f"Comparison of {simulator.name}")
-    return replace(comparison, doubts=simulator.doubts)
+    return _doubted(replace(comparison, doubts=simulator.doubts))
+
+
+def _doubted(comparison: Comparison) -> Comparison:
+    """The comparison with a doubt about runs that failed, and a warning of all its doubts."""
+    counts = {"the reference": comparison.reference.failed or 0} | {row.name: row.failed for row in comparison.rows}
+    if failed := ", ".join(f"{count} of {name}" for name, count in counts.items() if count):
+        doubt = f"Runs failed: {failed}. The bounds are those of the others, and what happens near these is not known."
+        comparison = replace(comparison, doubts=(*comparison.doubts, doubt))
+    warn_of(comparison.doubts, f"Comparison of {comparison.scene}")
+    return comparison
 
 
 def _methods(given: Any) -> tuple[Method, ...]:

@@ -59,7 +59,7 @@ def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
-        finding = f"absolute error of {', '.join(misses)}" if misses else "all bounds are right there"
+        finding = f"absolute error of {', '.join(misses)}" if misses else "all bounds equal the reference there"
         lines.append(wrapped(f"{outputs[i]} has no width and is left out of the means: {finding}."))
     return lines
 

@@ -60,3 +60,12 @@ def test_corners_that_are_screened_are_near_any_corner():
         corners = screening_corners(d)
         every = np.indices((2,) * d).reshape(d, -1).T * 2 - 1
         assert ((every @ corners.T).max(axis=1) >= d / 2).all() and len(corners) <= 16
+
+
+@pytest.mark.parametrize("place", [0.9, 0.95, 0.99])
+def test_a_step_on_a_slope_is_bounded_on_the_whole_box(place):
+    """Pieces of the box that check runs call for are refined in the place of themselves, not of others."""
+    simulator = mb.FunctionSimulator(lambda x: [x + 5.0 * (x > place)], {"x": 0.0}, [0.0], ["y"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(-1.0, 1.0)))
+    np.testing.assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], [-1.0, 6.0], atol=1e-9)
+    assert bounds.estimate.max() < 0.1 * 7 and not bounds.doubts

@@ -6,8 +6,15 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bounds.adaptive.constants import MOST_NUMBERS, MOST_RUNS, TENSOR_PARAMETERS, UNKNOWN_SHARE
-from symmb.bounds.adaptive.runs import EstimatedRange, Runs, rms
+from symmb.bounds.adaptive.constants import (
+    MOST_NUMBERS,
+    MOST_RUNS,
+    ROUNDING_OF_VALUES,
+    ROUNDING_WIDTH,
+    TENSOR_PARAMETERS,
+    UNKNOWN_SHARE,
+)
+from symmb.bounds.adaptive.runs import EstimatedRange, OutgrownError, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import sparse_bounds
 from symmb.bounds.adaptive.tensor_grids import tensor_bounds
 from symmb.bounds.failed_region import failed_region
@@ -37,11 +44,21 @@ def adaptive_bounds(
     most = max(min(MOST_RUNS, MOST_NUMBERS // numbers), 2 * first) if budget is None else budget
     if first > most:
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
-    runs = Runs(simulator, box, most, executor, progress)
-    estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, patient=budget is not None)
+    runs, estimated = Runs(simulator, box, most, executor, progress), None
+    while estimated is None:
+        try:
+            is_patient = budget is not None
+            estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, is_patient)
+        except OutgrownError:
+            runs = runs.anew()
+            if first > runs.left:
+                raise PropagationError(
+                    f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to "
+                    "begin anew. Take the logarithm as an output, or a larger budget."
+                ) from None
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
     lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
-    remarks = _remarks(runs, estimate, tolerance, estimated.is_enough)
+    remarks = (*_remarks(runs, estimate, tolerance, estimated.is_enough), *_of_rounding(runs, is_noise))
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
         t=simulator.times,
@@ -91,6 +108,30 @@ def _remarks(runs: Runs, estimate: Array, tolerance: float, is_enough: bool) -> 
         return ()
     error = float(np.max(rms(estimate) / widths, initial=0.0))
     return (f"The tolerance {tolerance:g} was not reached: the estimated error is {error:.0e} of the width.",)
+
+
+def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
+    """Which outputs vary by more than numbers are rounded, and yet by so little that it counts as rounding."""
+    lowest, highest = runs.extremes
+    if runs.rounding < ROUNDING_WIDTH:  # the simulator has told its noise
+        return ()
+    widths, sizes = highest - lowest, np.maximum(np.abs(lowest), np.abs(highest))
+    names = [
+        name
+        for i, name in enumerate(runs.simulator.outputs)
+        if is_noise[i] and (widths[:, i] > 16 * ROUNDING_OF_VALUES * sizes[:, i]).any()
+    ]
+    if not names:
+        return ()
+    listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+    return (
+        f"{listed}: a width below 1e-9 of the values counts as rounding. FunctionSimulator(..., noise=...) tells a "
+        "smaller error of runs.",
+    )
+
+
+_NAMED = 4
+"""Outputs that a sentence names."""
 
 
 def _scaled(values: Array, power: Indices) -> Array:

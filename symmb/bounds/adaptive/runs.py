@@ -46,6 +46,10 @@ class EstimatedRange(NamedTuple):
     is_enough: bool = False
 
 
+class OutgrownError(Exception):
+    """Runs give values far above those of earlier runs, by which outputs are scaled: the study begins anew."""
+
+
 @dataclass
 class Runs:
     """All runs of a study: at nodes, none of which is run twice, and at check points.
@@ -57,6 +61,7 @@ class Runs:
     ----------
     most : the runs that are allowed
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
+    before : runs of the study before it began anew with larger powers
     rounding : share of an output's scale below which its width is rounding
     nodes : (N, n_t, n_y) responses at nodes
     is_attained : (N,) which nodes have run without failure
@@ -80,6 +85,7 @@ class Runs:
     ok: Mask = field(init=False)
     power: Indices = field(init=False)
     noise: Array = field(init=False)
+    before: int = 0
     events: Indices | None = None
     failed: tuple[Failure, ...] = ()
 
@@ -90,6 +96,7 @@ class Runs:
         self.points = self.tried = np.empty((0, len(self.box)))
         self.ok = np.empty(0, dtype=bool)
         self.power = np.zeros(self.shape[1], dtype=np.intp)
+        self._least_power = np.full(self.shape[1], np.iinfo(np.int32).min)
         self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
@@ -99,12 +106,18 @@ class Runs:
 
     def __len__(self) -> int:
         """Number of runs so far, with those that failed."""
-        return len(self.tried)
+        return self.before + len(self.tried)
 
     @property
     def left(self) -> int:
         """Runs that are still allowed."""
         return self.most - len(self)
+
+    def anew(self) -> "Runs":
+        """No runs, with the powers that were too small, and as many runs that are allowed as are left."""
+        runs = Runs(self.simulator, self.box, self.most, self.executor, self.progress, before=len(self))
+        runs._least_power = self._least_power
+        return runs
 
     def unknown(self, points: Array) -> int:
         """How many of the points (N, d) are not nodes yet."""
@@ -243,17 +256,14 @@ class Runs:
 
         Raises
         ------
-        PropagationError        if others exceed earlier ones so far that their squares overflow
+        OutgrownError           if others exceed earlier ones so far that their squares overflow
         """
         largest = np.maximum(largest, 0.0 if self._told is None else self._told)
-        new = np.where(largest > 0, np.frexp(largest)[1], self.power)
+        new = np.maximum(np.where(largest > 0, np.frexp(largest)[1], self.power), self._least_power)
         varies = np.isfinite(self.extremes[0]).any(axis=0) & (np.abs(self.extremes) > 0).any(axis=(0, 1))
         if (too_large := varies & (new - self.power > ORDINARY)).any():
-            name = self.simulator.outputs[int(too_large.argmax())]
-            raise PropagationError(
-                f"Runs give values of '{name}' that are 1e90 times those of earlier runs. "
-                "Take its logarithm as an output."
-            )
+            self._least_power = np.where(too_large, new, self._least_power)
+            raise OutgrownError
         self.power = np.where(varies | (np.abs(new) < ORDINARY / 2), self.power, new)
 
 
