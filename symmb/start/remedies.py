@@ -112,7 +112,7 @@ def _guesses(failed: FailedScene) -> Iterator[tuple[str, Expr, str]]:
 
 def _guesses_of(free: list[str], size: float) -> Iterator[tuple[str, Expr, str]]:
     """Guesses of coordinates, rotations first."""
-    turned = dict.fromkeys(key.split("_")[0] for key in free if ".rotation_" in key)
+    turned = dict.fromkeys(key.rpartition("_")[0] for key in free if ".rotation_" in key)
     for key in turned:
         for axis, angle in product(_AXES, _ANGLES[1:]):
             yield key, rotation(axis, angle), f"rotation({axis}, {angle})"

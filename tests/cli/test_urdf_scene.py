@@ -1,7 +1,6 @@
 """URDF files as scenes of the command line."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest

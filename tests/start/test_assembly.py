@@ -113,9 +113,9 @@ def unassembled():
         mb.Revolute("D", GROUND.point(1.0, 0), rocker.point(0, 0)),
     )  # fmt: skip
     yield mb.Scene(four_bar, {"crank.theta": 0.0})
-    top = mb.Body("top", 1.0, (1, 1, 1), mb.Spatial())
+    top = mb.Body("spinning_top", 1.0, (1, 1, 1), mb.Spatial())
     yield mb.Scene(mb.System(top, mb.Revolute("clamp", GROUND.point(0, 0), top.point(0, 0), axis=(1, 0, 0))),
-                   guess={"top.rotation": mb.rotation((0, 0, 1), 3.0)})  # fmt: skip
+                   guess={"spinning_top.rotation": mb.rotation((0, 0, 1), 3.0)})  # fmt: skip
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     yield mb.Scene(mb.System(ball, mb.Distance("rope", GROUND.point(0, 0), ball.point(0, 0), 2.0)))
 

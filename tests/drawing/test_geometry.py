@@ -1,0 +1,107 @@
+"""Shapes that stand in URDF files, drawn."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+from symmb.drawing import draw
+
+FILES = Path(__file__).parents[1] / "data" / "urdf"
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3], [0.1, 0.1, 0.1]])
+"""Corners, and a point inside."""
+
+
+def drawing_of(robot):
+    return draw(mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start)))
+
+
+def test_shapes_are_drawn_where_the_file_puts_them():
+    """The trunk's cylinder stands on the turntable, and the left arm's box lies along the x of its link."""
+    robot = mb.load_urdf(FILES / "branch.urdf")
+    drawing = drawing_of(robot)
+    solids = {shape.name: shape for shape in drawing.shapes if shape.form == "solid" and shape.kind != ""}
+    trunk, arm = solids["trunk"], solids["left_arm"]
+    assert (trunk.kind, trunk.size, arm.kind, arm.size) == ("cylinder", (1.0,), "box", (0.0,))
+    assert_allclose(drawing.position(trunk.places[0], 0), [0, 0, 0.4], atol=1e-12)
+    assert_allclose(trunk.direction, np.diag([0.08, 0.08, 0.3]))
+    link = robot.bodies["left_arm"]
+    run = mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start))
+    assert_allclose(drawing.position(arm.places[0], 0), run(link.point(0.25, 0, 0).r)[0], atol=1e-12)
+    assert_allclose(arm.direction, np.diag([0.25, 0.03, 0.03]), atol=1e-15)
+    ball = next(shape for shape in drawing.shapes if shape.kind == "sphere")
+    assert ball.name == "left_hand"  # which carries the tool
+    assert_allclose(drawing.position(ball.places[0], 0), run(robot.bodies["tool"].point(0, 0, 0).r)[0], atol=1e-12)
+
+
+def test_a_body_with_a_shape_has_no_other():
+    drawing = drawing_of(mb.load_urdf(FILES / "branch.urdf"))
+    own = {name: [s.form for s in drawing.shapes if s.name == name] for name in ("trunk", "right_arm")}
+    assert own["trunk"] == ["solid"] and "bar" in own["right_arm"]
+
+
+@pytest.fixture
+def with_mesh(tmp_path):
+    text = (FILES / "branch.urdf").read_text()
+    (tmp_path / "arm" / "meshes").mkdir(parents=True)
+    mesh = '<mesh filename="package://arm/meshes/hand.stl" scale="1 2 1"/>'
+    path = tmp_path / "arm" / "arm.urdf"
+    path.write_text(text.replace('<sphere radius="0.04"/>', mesh))
+    (tmp_path / "arm" / "meshes" / "hand.stl").write_text(_stl(TETRAHEDRON))
+    return path
+
+
+def _stl(points):
+    facets = (points[[0, 2, 1]], points[[0, 1, 3]], points[[0, 3, 2]], points[[1, 2, 3]], points[[0, 1, 4]])
+    lines = ["solid hand"]
+    for corners in facets:
+        lines += [
+            "facet normal 0 0 0",
+            "outer loop",
+            *("vertex {} {} {}".format(*p) for p in corners),
+            "endloop",
+            "endfacet",
+        ]
+    return "\n".join([*lines, "endsolid hand"])
+
+
+def hull_is_drawn(path, page):
+    robot = mb.load_urdf(path)
+    drawing = drawing_of(robot)
+    hull = next(shape for shape in drawing.shapes if shape.form == "hull")
+    assert hull.name == "left_hand" and hull.direction.shape == (4 * 3, 3)
+    run = mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start))
+    pose = drawing.pose(drawing.places[hull.places[0]].frame, 0)
+    seen = hull.direction @ pose[:, :3].T + pose[:, 3]
+    expected = [run(robot.bodies["tool"].point(x, 2 * y, z).r)[0] for x, y, z in TETRAHEDRON[:4]]
+    assert max(np.abs(seen - corner).max(axis=1).min() for corner in expected) < 1e-12
+    a, b, c = (seen[k::3] for k in range(3))
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - np.mean(expected, axis=0))
+    assert (outward > 0).all()
+    mb.view(run, page)
+    assert page.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("suffix", ["html", "svg"])
+def test_the_convex_hull_of_a_mesh(with_mesh, monkeypatch, suffix):
+    """As trimesh would read it: all corners of the file, in a class of its own."""
+    monkeypatch.setitem(
+        sys.modules, "trimesh", SimpleNamespace(load=lambda path, force: SimpleNamespace(vertices=TETRAHEDRON))
+    )
+    hull_is_drawn(with_mesh, with_mesh.with_suffix(f".{suffix}"))
+
+
+def test_a_mesh_by_trimesh(with_mesh):
+    pytest.importorskip("trimesh")
+    hull_is_drawn(with_mesh, with_mesh.with_suffix(".html"))
+
+
+def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    drawing = drawing_of(mb.load_urdf(with_mesh))
+    assert [note for note in drawing.notes if "tool" in note] == ["Geometry 'tool:0'"]
+    assert "bar" in [shape.form for shape in drawing.shapes if shape.name == "left_hand"]
