@@ -12,7 +12,7 @@ from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
 from symmb.model import Scene
-from symmb.simulation import BlackBox
+from symmb.simulation import BlackBox, require_scene
 
 _VALUES = 65
 """Values of the parameter at which stability is looked at: a stable range must be wider than their distance."""
@@ -53,8 +53,9 @@ class CriticalSimulator(BlackBox):
     """What `critical` gives. With several critical values, outputs have numbers: v1, v2, ..."""
 
     def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
-        self._family = LinearFamily(scene)
+        require_scene(scene)
         lower, upper = require_range("critical", scene, parameter, range)
+        self._family = LinearFamily(scene)
         names = list(scene.system.parameters)
         self._number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
         self.name, self._parameter = scene.name, parameter

@@ -91,7 +91,7 @@ class LinearEquations:
             raise DeclarationError("linearize: the scene has no states: nothing in it moves.")
         f, cuts = self._slopes
         if self.often and f.n_instructions() * n <= _MOST_INSTRUCTIONS:
-            values = batch(self._jacobian, X, P, np.full((N, 1), t))[0]
+            values = batch(self._jacobian, X, P, np.full((N, 1), t))[0].reshape(N, -1, n)
         else:
             seeds = np.tile(np.eye(n), (N, 1))
             repeated = [np.repeat(values, n, axis=0) for values in (X, P)]

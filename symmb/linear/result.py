@@ -176,7 +176,8 @@ class Linearization:
         return html.page(html.text(self._head()), table, html.text("\n".join(self._foot())))
 
     def _head(self) -> str:
-        return f"{self.name}: linearised at {self.time:g} s, {len(self.states)} states, {self.stability}"
+        n = len(self.states)
+        return f"{self.name}: linearised at {self.time:g} s, {n} state{'s' * (n != 1)}, {self.stability}"
 
     def _rows(self) -> list[list[str]]:
         lines = [

@@ -11,11 +11,14 @@ import numpy as np
 from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._options import require_instance
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds import Method, PolynomialChaos, parameter_samples, propagate
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
+from symmb.simulation import require_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -216,11 +219,12 @@ def root_locus(
     >>> locus.bands["zeta"][1][:, 0].round(6)
     array([0.  , 0.25, 0.5 ])
     """
+    require_scene(scene)
     lower, upper = require_range("root_locus", scene, parameter, range)
     if not isinstance(count, int) or isinstance(count, bool) or count < 2:
         raise DeclarationError(f"root_locus: count must be a whole number from 2 on, got {count!r}.")
-    family = LinearFamily(scene)
     box = _others(scene, parameter, box)
+    family = LinearFamily(scene)
     locus = nominal_locus(family, parameter, np.linspace(lower, upper, count))
     modes = locus.modes
     bands, evaluations, doubts, text = {}, 0, family.doubts, ""
@@ -256,6 +260,11 @@ def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
     box = scene.box if box is None else box
     if box is None:
         return None
+    require_instance("root_locus: box", box, Box, "a Box")
+    for name in box.names:
+        if name not in scene.system.parameters:
+            known = did_you_mean(name, scene.system.parameters)
+            raise DeclarationError(f"root_locus: no parameter {name!r}, which the box names.{known}")
     left = {name: ends for name, ends in zip(box.names, box.bounds, strict=True) if name != parameter}
     return Box(**left) if left else None
 

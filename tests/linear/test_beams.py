@@ -14,8 +14,8 @@ ROOTS = {
     "pinned-pinned": [np.pi, 2 * np.pi, 3 * np.pi, 4 * np.pi],
     "clamped-mass": [1.2479174096064695, 4.0311394367149595, 7.1341322409397458, 10.256621073714029],
 }
-"""beta L of cos(bL) cosh(bL) = -1, 1, tan(bL) = tanh(bL), and of a cantilever with its own mass at the tip, by 19 digits
-of mpmath (Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1)."""
+"""beta L of cos(bL) cosh(bL) = -1, 1, tan(bL) = tanh(bL), and of a cantilever with its own mass at the tip; roots by
+mpmath (Blevins, Formulas for Natural Frequency and Mode Shape, 1979, table 8-1)."""
 JOINTS = {"clamped": mb.Weld, "pinned": mb.Revolute}
 STEEL, LENGTH, ELEMENTS = mb.Material(E=2.1e11, nu=0.3, density=7850.0), 1.0, 40
 
@@ -35,4 +35,4 @@ def test_four_frequencies(ends):
             guess |= {"tip.x": x}
     lin = mb.linearize(mb.Scene(mb.System(*elements), guess=guess, times=[0.0, 1.0]))
     rate = np.sqrt(STEEL.E * section.Iz / (STEEL.density * section.area * LENGTH**4))
-    np.testing.assert_allclose(2 * np.pi * lin.frequencies[:4], np.square(ROOTS[ends]) * rate, rtol=5e-5)
+    np.testing.assert_allclose(2 * np.pi * lin.frequencies[:4], np.square(ROOTS[ends]) * rate, rtol=1e-4)

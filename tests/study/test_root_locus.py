@@ -86,3 +86,28 @@ def test_faults():
         mb.root_locus(scene, "k1", (2, 1))
     with pytest.raises(mb.DeclarationError, match="count must be a whole number from 2 on"):
         mb.root_locus(scene, "k1", (1, 2), count=1)
+    with pytest.raises(mb.DeclarationError, match="Expected a Scene, got System"):
+        mb.root_locus(scene.system, "k1", (1, 2))
+    with pytest.raises(mb.DeclarationError, match="no parameter 'q', which the box names"):
+        mb.root_locus(scene, "k1", (1, 2), box=mb.Box(q=(1, 2)))
+    with pytest.raises(mb.DeclarationError, match="root_locus: box: expected a Box"):
+        mb.root_locus(scene, "k1", (1, 2), box={"k2": (1, 2)})
+
+
+def test_scenes_without_oscillations():
+    p = mb.Parameters(rate=2.0)
+    decay = mb.Scene(mb.System(mb.State("z", rate=lambda z: -p.rate * z), parameters=p), box=mb.Box(rate=(1.0, 3.0)))
+    locus = mb.root_locus(decay, "rate", (1.0, 3.0), count=3)
+    np.testing.assert_allclose(locus.eigenvalues, [[-1], [-2], [-3]])
+    assert str(locus) == "scene: 0 oscillations over 3 values, rate = 1 to 3"
+    assert isinstance(locus.plot(), Figure)
+    with pytest.raises(mb.DeclarationError, match="scene has no oscillation"):
+        mb.ModalSimulator(decay)
+
+
+def test_a_scene_that_does_not_start():
+    p = mb.Parameters(m=1.0)
+    mass = mb.Body("mass", p.m, pose=mb.Particle())
+    scene = mb.Scene(mb.System(mass, mb.Force("f", mass.point(0, 0, 0), (-mass.x, 0, 0)), parameters=p))
+    with pytest.raises(mb.SimulationError, match="mass is -1, not positive at m = -1"):
+        mb.root_locus(scene, "m", (-1.0, 1.0), count=3)
