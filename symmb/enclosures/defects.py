@@ -19,6 +19,8 @@ _ALIAS = 0.2
 """Share of the bound of a defect that may be due to aliasing."""
 _GROWTH = 1e-3
 """Relative growth of the remainder in a step that may be due to aliasing."""
+_SMALLEST = 1e-3
+"""Least part of the largest remainder that is told apart from none."""
 _UNRESOLVED = 30.0
 """Aliasing over what is wanted above which a step is too long."""
 _TRIALS = 3
@@ -83,6 +85,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     n, k = step.problem.n, len(rho)
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (most_slope @ (B_on + step.B.error.reshape(n, n)) + rate_on))
+    w = np.maximum(w, _SMALLEST * w.max())
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio, (_FINEST,) * k)
     if math.prod(counts) > _LARGEST:

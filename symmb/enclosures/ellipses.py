@@ -108,8 +108,8 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
 
 _STIFFER = 3.0
 """How much less parameters may move than states."""
-_LEAST, _MOST = 1.02, 30.0
-"""Ellipses that are tried. With parameter 30 an interpolation in 12 nodes errs by 1e-17."""
+_LEAST, _MOST = 1.02, 1000.0
+"""Ellipses that are tried. With parameter 1000 an interpolation in six nodes errs by 1e-18."""
 _USUAL, _TOGETHER = 8, 1000
 """Patches of a variable, and about the most of them in all."""
 
