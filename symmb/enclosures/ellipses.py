@@ -62,7 +62,7 @@ class Control:
     """
 
     choice: Choice
-    wanted: float = 1e-12
+    wanted: float = 1e-9
     turn: int = 0
 
 
