@@ -19,6 +19,10 @@ _ALIAS = 0.2
 """Share of the bound of a defect that may be due to aliasing."""
 _GROWTH = 1e-3
 """Relative growth of the remainder in a step that may be due to aliasing."""
+_EXACT = 1e-10
+"""Aliasing over the rates of the states that is as good as none."""
+_SMALLEST = 1e-2
+"""Least part of the largest remainder that is told apart from none."""
 _UNRESOLVED = 30.0
 """Aliasing over what is wanted above which a step is too long."""
 _TRIALS = 3
@@ -42,7 +46,9 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     n, k = step.problem.n, len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
     top = (_FINEST,) * k
-    wanted = np.maximum(_ALIAS * control.wanted, _GROWTH * w / step.h)
+    harmless = np.maximum(_GROWTH * w / step.h, _EXACT * (step.C_largest @ ch.sums(step.x.rate, k)))
+    harmless = np.maximum(harmless, _SMALLEST * harmless.max())
+    wanted = np.maximum(_ALIAS * control.wanted, harmless)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()), top)
     for _ in range(_TRIALS):
         f, f_errors = _stack(
@@ -57,16 +63,17 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
         errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
         sampled = ch.bound_of_samples(g, errors, k)
         alias = above(ch.aliasing(rho, counts) * most)
-        wanted = np.maximum(_ALIAS * sampled, _GROWTH * w / step.h)
+        wanted = np.maximum(_ALIAS * sampled, harmless)
         if (alias <= wanted).all():
             break
         finer = node_counts(rho, 0.3 * float((wanted / most).min()), top)
-        if all(a <= b for a, b in zip(finer, counts, strict=True)):
+        finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
+        if finer == counts or math.prod(finer) > _LARGEST:
             break
-        counts = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
+        counts = finer
     if (alias > _UNRESOLVED * wanted).any():
         raise ProofError("the motion is not resolved")
-    control.wanted = float(sampled.max())
+    control.wanted = float(np.maximum(sampled, harmless).max())
     return above(sampled + alias)
 
 
@@ -83,6 +90,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     n, k = step.problem.n, len(rho)
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (most_slope @ (B_on + step.B.error.reshape(n, n)) + rate_on))
+    w = np.maximum(w, _SMALLEST * w.max())
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio, (_FINEST,) * k)
     if math.prod(counts) > _LARGEST:

@@ -38,16 +38,16 @@ class Choice:
         if which == 1:
             return replace(self, spread=(a, b * factor))
         if which == 2:
-            return replace(self, patches=(_bounded(k * factor), m))
-        return replace(self, patches=(k, _bounded(m * factor)))
+            return replace(self, patches=(_bounded(k * factor + (turn % 2)), m))
+        return replace(self, patches=(k, _bounded(m * factor + (turn % 2))))
 
 
 def _bounded(count: float) -> int:
-    return min(max(round(count), _COARSEST), _FINEST)
+    return min(max(round(count), 1), _FINEST)
 
 
-_COARSEST, _FINEST = 4, 40
-"""Fewest and most patches of a variable."""
+_FINEST = 40
+"""Most patches of a variable."""
 
 
 @dataclass
@@ -61,8 +61,8 @@ class Control:
     turn : which choices are compared next
     """
 
-    choice: Choice = Choice()
-    wanted: float = 1e-12
+    choice: Choice
+    wanted: float = 1e-9
     turn: int = 0
 
 
@@ -83,8 +83,12 @@ def ellipses(step: Step, spread: tuple[float, float]) -> list[float]:
         c = rows.sum(axis=tuple(i for i in range(1, rows.ndim) if i != axis))
         c[:, 0] = 0.0
         own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
-        rho.append(_largest_below(lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max() <= most, _MOST))
-    own, allowed = rows.reshape(len(rows), -1).sum(axis=1), sum(spread)
+        rho.append(
+            _largest_below(
+                lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most, _MOST
+            )
+        )
+    own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
     share = _largest_below(
         lambda r: (largest_on([max(s ** (r - 1.0), _LEAST) for s in rho], rows) - own).max(initial=0.0) <= allowed, 2.0
     )
@@ -104,10 +108,15 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
 
 _STIFFER = 3.0
 """How much less parameters may move than states."""
-_LEAST, _MOST = 1.02, 30.0
-"""Ellipses that are tried. With parameter 30 an interpolation in 12 nodes errs by 1e-17."""
-REAL_PATCHES = 8
-"""Patches in each variable: discs are then half as large as a motion that spreads over the whole ellipse."""
+_LEAST, _MOST = 1.02, 1000.0
+"""Ellipses that are tried. With parameter 1000 an interpolation in six nodes errs by 1e-18."""
+_USUAL, _TOGETHER = 8, 1000
+"""Patches of a variable, and about the most of them in all."""
+
+
+def usual_patches(d: int) -> int:
+    """Patches of each variable beside d parameters that are taken first."""
+    return min(_USUAL, int(_TOGETHER ** (1.0 / (d + 1))))
 
 
 def reaches(found: list[discs.Disc]) -> Array:

@@ -24,8 +24,8 @@ _SETTLED = 2e-15
 
 _FRAME_SETTLED, _CLOSE = 1e-10, 1e-12
 """The same for frames, which need not be as exact; and the change below which it ends where it no longer falls."""
-_NOISE = 4e-16
-"""Coefficients of rates over the largest one that are rounding. They would be large on ellipses."""
+_NOISE, _FRAME_NOISE = 4e-16, 1e-11
+"""Coefficients over the largest one that are rounding: those of rates, and of frames. They would be large on ellipses."""
 
 
 def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
@@ -99,8 +99,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     else:
         raise ProofError("the motion does not converge in a step")
     f = fit(rates_at(problem, x, p, t), (terms, *lengths))
-    f[np.abs(f) < _NOISE * np.abs(f).max(axis=tuple(range(1, f.ndim)), keepdims=True)] = 0.0
-    return integrated(x0, f, h)
+    return integrated(x0, _without_noise(f, _NOISE), h)
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
@@ -140,5 +139,11 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         last = change
     rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))
     inverse = np.moveaxis(np.linalg.inv(B), (-2, -1), (0, 1))
-    curve = integrated(B0.reshape(n * n, *lengths), rate.reshape(n * n, terms, *lengths), h)
-    return curve, fit(inverse, (terms, *lengths))
+    rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
+    C = _without_noise(fit(inverse, (terms, *lengths)).reshape(rate.shape), _FRAME_NOISE)
+    return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
+
+
+def _without_noise(c: Array, share: float) -> Array:
+    """Polynomials (m, n0, ...) without the coefficients that are below a share of their largest one."""
+    return np.where(np.abs(c) < share * np.abs(c).max(axis=tuple(range(1, c.ndim)), keepdims=True), 0.0, c)

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import Step
-from symmb.enclosures.ellipses import Control
+from symmb.enclosures.ellipses import Choice, Control, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
@@ -27,6 +27,8 @@ _FIRST = 50
 """Horizon over the first step that is tried."""
 _SMALL = 1e-6
 """Remainder over the width of the states up to which a front is a checkpoint."""
+_LOST, _CRAWL = 1e-2, 2.0**-6
+"""Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
 _GRAINS = 2.0**30
 """Steps are multiples of a power of 2, that of the horizon over this: times of steps are then sums without rounding."""
 
@@ -74,13 +76,15 @@ def march(
     course, times = Course.empty(problem), problem.times
     end = float(times[-1])
     grain = 2.0 ** float(np.ceil(np.log2(end))) / _GRAINS if end else 1.0
-    control = Control()
+    usual = usual_patches(problem.d)
+    control = Control(Choice(patches=(usual, usual)))
     try:
         front = first_front(problem, order) if begin is None else begin
     except ProofError as error:
         course.why = f"the start is not: {error}"
         return course
     h = (end or 1.0) / _FIRST
+    longest = 0.0
     stored = int(np.searchsorted(times, front.t, side="left" if begin is None else "right"))
     course.until, course.front, course.checkpoint = front.t, front, front
     while stored < len(times):
@@ -99,11 +103,14 @@ def march(
             )
         stored, course.until, course.front = behind, front.t, front
         progress(front.t)
-        share = front.share()
+        share, longest = front.share(), max(longest, step.h)
         if share <= _SMALL:
             course.checkpoint = front
         if share > largest:
             course.why = "the remainder is large"
+            return course
+        if share > _LOST and step.h < _CRAWL * longest:
+            course.why = "the remainder grows too fast"
             return course
     return course
 

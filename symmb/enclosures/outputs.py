@@ -8,11 +8,13 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import Step, parameter_points
-from symmb.enclosures.ellipses import REAL_PATCHES, Choice, ellipses, node_counts, nodes_needed, patches_on, reaches
+from symmb.enclosures.ellipses import Choice, ellipses, node_counts, nodes_needed, patches_on, reaches, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
+_MANY_PATCHES = 24
+"""Patches of each variable where outputs cannot be shown to be smooth with fewer ones."""
 _FINEST, _LARGEST = 300, 3e6
 """Most nodes of a variable, and of the grids of all times: their values take seconds."""
 SHARP = 1e-6
@@ -31,12 +33,16 @@ def output_bounds(
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
-        rho, most = _ellipses(step, choice)
         e = above(step.B_largest @ w)
-        real = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
-        slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
-        of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
-        good = np.flatnonzero(np.isfinite(most) & np.isfinite(of_states))
+        for patches in (usual_patches(problem.d), _MANY_PATCHES):
+            rho, most = _ellipses(step, choice, patches)
+            real = patches_on(step, [1.0] * len(rho), (patches, patches))
+            slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
+            of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
+            smooth = np.isfinite(most) & np.isfinite(of_states)
+            if smooth.all() or _MANY_PATCHES ** len(rho) > _LARGEST:
+                break
+        good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
         try:
             low, high, rest = _good_bounds(
@@ -48,12 +54,12 @@ def output_bounds(
         return -lower, upper, remainder
 
 
-def _ellipses(step: Step, choice: Choice) -> tuple[list[float], Array]:
+def _ellipses(step: Step, choice: Choice, patches: int) -> tuple[list[float], Array]:
     """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs."""
     found = []
     for factor in _FACTORS:
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
-        on = patches_on(step, rho, (REAL_PATCHES, choice.patches[1]))
+        on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
         most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
         smooth = most[np.isfinite(most)]
         nodes = nodes_needed(rho[1:], SHARP / float(smooth.max(initial=1.0)))

@@ -8,7 +8,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.curves import Step
-from symmb.enclosures.ellipses import REAL_PATCHES, ellipses, reaches
+from symmb.enclosures.ellipses import ellipses, reaches, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit, integrated, parameters_at
 from symmb.enclosures.front import Front
@@ -87,7 +87,7 @@ def _unknowns(problem: Problem, order: int) -> Array:
 
 
 def _patches(step: Step, rho: list[float]) -> Patches:
-    return Patches(rho, [1, *[REAL_PATCHES] * (len(rho) - 1)], step.degrees)
+    return Patches(rho, [1, *[usual_patches(step.problem.d)] * (len(rho) - 1)], step.degrees)
 
 
 def _largest(step: Step, start_of: str) -> tuple[list[float], Array]:

@@ -24,7 +24,7 @@ from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.curves import Step
 from symmb.enclosures.defects import defect_of_frame, defect_of_motion
-from symmb.enclosures.ellipses import REAL_PATCHES, Control, adapted, patches_on
+from symmb.enclosures.ellipses import Control, adapted, patches_on, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above
@@ -67,10 +67,15 @@ def _prove(step: Step, w0: Array, control: Control) -> Proof:
         end = above(w0 + step.h * step.solved(above(growth @ W + quadratic + defect)))
         if not np.isfinite(end).all():
             break
-        if (end < W).all():
+        if stays(end, W):
             return Proof(W, end)
         W = above(np.maximum(W, 1.01 * end))
     raise ProofError("the remainder grows too fast")
+
+
+def stays(end: Array, W: Array) -> bool:
+    """Whether w, which is at most `end` as long as it is at most W, cannot reach W: it is continuous."""
+    return bool((end < W).all())
 
 
 class _Curvature:
@@ -83,7 +88,8 @@ class _Curvature:
 
     def __init__(self, step: Step, rho: list[float]) -> None:
         self._step = step
-        self._patches = patches_on(step, [1.0] * len(rho), (REAL_PATCHES, REAL_PATCHES))
+        count = usual_patches(step.problem.d)
+        self._patches = patches_on(step, [1.0] * len(rho), (count, count))
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)

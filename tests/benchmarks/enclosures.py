@@ -1,0 +1,108 @@
+"""Proved bounds: excess of the width and time; and random equations against samples.
+
+    PYTHONPATH=.:tests python tests/benchmarks/enclosures.py            the table
+    PYTHONPATH=.:tests python tests/benchmarks/enclosures.py samples    200 random equations and the small scenes
+
+The excess is the part of the width that is remainder, over the rest, the largest over outputs and times up to the one
+given whose width is at least a hundredth of the largest.
+"""
+
+import argparse
+import time
+
+import casadi as ca
+import numpy as np
+from enclosure_samples import check, ode
+from enclosure_scenes import SCENES, chain_of_four, duffing, pendulum, spherical_pendulum, van_der_pol
+
+import symmb as mb
+from models import double_pendulum
+from symmb.enclosures import enclose, problem_of
+from symmb.simulation import DAESimulator
+
+
+def _double_pendulum(spread, end):
+    scene = double_pendulum.scene()
+    box = mb.Box.around(scene.system.parameters, spread)
+    return mb.Scene(scene.system, scene.start, outputs=scene.outputs, times=np.linspace(0, end, 1 + int(20 * end)),
+                    box=box, name=scene.name)  # fmt: skip
+
+
+CASES = (
+    (_double_pendulum, 0.01, 10.0, 8, 1, (1, 3, 5, 10)),
+    (_double_pendulum, 0.01, 10.0, 10, 1, (1, 3, 5, 10)),
+    (_double_pendulum, 0.05, 3.0, 10, 1, (1, 2, 3)),
+    (_double_pendulum, 0.05, 3.0, 12, 1, (1, 2, 3)),
+    (_double_pendulum, 0.05, 10.0, 12, 25, (3, 5, 7, 10)),
+    (pendulum, 0.05, 10.0, 16, 1, (5, 10)),
+    (van_der_pol, 0.05, 20.0, 8, 1, (10, 20)),
+    (duffing, 0.05, 50.0, 6, 1, (25, 50)),
+    (spherical_pendulum, 0.05, 5.0, 8, 1, (1, 3, 5)),
+    (chain_of_four, 0.05, 5.0, 4, 1, (1, 5)),
+)
+
+
+def table() -> None:
+    print(f"{'scene':20} {'spread':>6} {'order':>5} {'boxes':>5} {'seconds':>8}  excess at times")
+    for make, spread, end, order, boxes, times in CASES:
+        scene = make(spread=spread, end=end).with_times(np.linspace(0, end, 1 + int(20 * end)))
+        begin = time.perf_counter()
+        problem = problem_of("benchmark", DAESimulator(scene), scene.box)
+        found = enclose(problem, order, boxes)
+        seconds = time.perf_counter() - begin
+        width = found.upper - found.lower
+        largest = np.where(np.isfinite(width), width, 0.0).max(axis=0)
+        with np.errstate(all="ignore"):
+            excess = 2 * found.remainder / (width - 2 * found.remainder)
+        excess[width < 1e-2 * largest] = 0.0
+        excess[~np.isfinite(width)] = np.inf
+        parts = "  ".join(f"{t:g} s: {excess[problem.times <= t].max():.1e}" for t in times)
+        end_of = f"  proved up to {found.until:.2f} s: {found.why}" if found.why else ""
+        print(f"{scene.name:20} {spread:6} {order:5} {found.boxes:5} {seconds:8.1f}  {parts}{end_of}", flush=True)
+
+
+def _random(seed: int):
+    """Two or three states, two parameters, random smooth rates over intervals of random width."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 4))
+    c = rng.uniform(-1.0, 1.0, (n, 9))
+
+    def f(x, p, t):
+        a, b, z = x[0], x[1], x[n - 1]
+        features = [a, b, a * z, ca.sin(a + p[0]), ca.exp(-(b**2)), p[1] * z, a / (2 + ca.cos(b)), ca.cos(2 * t) * p[0],
+                    ca.sqrt(1 + z**2)]  # fmt: skip
+        return [sum(k * g for k, g in zip(row, features, strict=True)) for row in c]
+
+    box = [(0.5, 0.5 + 10 ** rng.uniform(-3, -0.3)), (1.0, 1.0 + 10 ** rng.uniform(-3, -0.3))]
+    return ode(f, lambda p: [0.5 * p[0], -0.3 + 0.2 * p[1], 0.1][:n], box, np.linspace(0, 1.5, 7))
+
+
+def samples(count: int, equations: int) -> None:
+    worst, total, lost = -np.inf, 0, 0
+    for seed in range(equations):
+        problem = _random(seed)
+        found = enclose(problem, 3 + seed % 5, 1)
+        worst = max(worst, check(problem, found, count, seed).outside)
+        total, lost = total + count, lost + bool(found.why)
+    print(
+        f"{equations} random equations, {lost} lost before the end: largest violation {worst:.1e} of an output's size"
+    )
+    for make in SCENES:
+        scene = make()
+        simulator = DAESimulator(scene)
+        problem = problem_of("benchmark", simulator, scene.box)
+        assert simulator.unconstrained is not None
+        start = simulator.unconstrained.start.states
+        result = check(problem, enclose(problem, 5, 1), count, start=start)
+        total += count
+        print(f"{scene.name}: largest violation {result.outside:.1e}, filled {result.filled:.3f}", flush=True)
+    print(f"{total} samples in all; the samples' own errors are about 1e-12")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", nargs="?", default="table", choices=("table", "samples"))
+    parser.add_argument("--count", type=int, default=5000, help="samples of each problem")
+    parser.add_argument("--equations", type=int, default=200, help="random equations")
+    options = parser.parse_args()
+    table() if options.what == "table" else samples(options.count, options.equations)

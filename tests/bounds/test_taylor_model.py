@@ -1,0 +1,121 @@
+"""TaylorModel: proved bounds of scenes, what it refuses, and what it says where a proof ends."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from enclosure_scenes import pendulum, van_der_pol
+
+import symmb as mb
+from models import bouncing_ball, cubic, four_bar, heavy_top
+from symmb.bounds import read_method
+
+
+def test_the_cubic_is_exact():
+    """Eq. (13): [0, 4/27]."""
+    bounds = mb.propagate(cubic.scene(), mb.TaylorModel())
+    assert bounds.kind == "enclosure" and not bounds.doubts
+    assert bounds.lower[0, 0] <= 0.0 and bounds.upper[0, 0] >= 4 / 27
+    np.testing.assert_allclose(bounds["f"], [[0.0], [4 / 27]], atol=1e-12)
+
+
+def test_bounds_of_a_scene_hold_runs_and_are_close_to_them():
+    scene = pendulum(spread=0.05)
+    bounds = mb.propagate(scene, mb.TaylorModel(order=6))
+    inner = mb.propagate(scene, mb.Scanning(41))
+    assert bounds.evaluations == 1 and not bounds.doubts
+    scale = np.abs(inner.upper).max(axis=0)
+    assert (bounds.lower <= inner.lower + 1e-8 * scale).all() and (inner.upper <= bounds.upper + 1e-8 * scale).all()
+    width = (inner.upper - inner.lower).max(axis=0)
+    assert (np.abs(bounds.lower - inner.lower) <= 1e-3 * width).all()
+    assert (np.abs(bounds.upper - inner.upper) <= 1e-3 * width).all()
+
+
+def test_times_that_begin_later():
+    early, late = van_der_pol(end=1.0), van_der_pol(end=1.0).with_times(np.linspace(0.0, 1.0, 21) + 7.0)
+    first, second = (mb.propagate(scene, mb.TaylorModel(order=4)) for scene in (early, late))
+    np.testing.assert_allclose(first.upper, second.upper, rtol=1e-9)
+
+
+def _mass(force):
+    """A mass that starts at 1 m, with a force that depends on a parameter k and its place x."""
+    p = mb.Parameters(k=1.0)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    push = mb.Force("push", mass.point(0, 0), (force(p, mass.x), 0))
+    return mb.Scene(
+        mb.System(mass, push, parameters=p),
+        start={"mass.x": 1.0},
+        times=np.linspace(0.0, 3.0, 31),
+        outputs={"x": mass.x},
+        box=mb.Box(k=(0.9, 1.1)),
+    )
+
+
+def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
+    scene = _mass(lambda p, x: p.k * x**3)
+    with pytest.warns(mb.SymmbWarning, match=r"proved up to t = 1\.\d+ s only and infinite later.*more boxes"):
+        bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    finite = np.isfinite(bounds.upper[:, 0])
+    assert finite[:11].all() and not finite[-10:].any() and (np.isinf(bounds.lower) == np.isinf(bounds.upper)).all()
+    assert "proved up to" in str(bounds)
+    bounds.save(tmp_path / "bounds.npz")
+    np.testing.assert_array_equal(type(bounds).load(tmp_path / "bounds.npz").upper, bounds.upper)
+    assert bounds.to_json()["upper"][-1] == [None]
+    bounds.plot(tmp_path / "bounds.png")
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (
+            four_bar.scene,
+            r"TaylorModel\(order=8\): joints close loops or have no coordinates of their own \(.*\)\. Its",
+        ),
+        (bouncing_ball.scene, "the scene has impacts"),
+        (lambda: _mass(lambda p, x: -p.k * x * ca.fabs(x)), r"the equations have kinks or jumps \(fabs\)"),
+    ],
+    ids=["loop", "impact", "kink"],
+)
+def test_what_is_refused(scene, message):
+    with pytest.raises(mb.PropagationError, match=message):
+        mb.propagate(scene(), mb.TaylorModel())
+
+
+def test_start_in_equilibrium_is_refused():
+    p = mb.Parameters(k=100.0)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), p.k, length=1.0)
+    system = mb.System(mass, spring, mb.Gravity(0, -9.81), parameters=p)
+    box, guess = mb.Box(k=(90, 110)), {"mass.y": -1.1}
+    scene = mb.Scene(system, equilibrium=True, guess=guess, outputs={"y": mass.y}, times=[0.0, 1.0], box=box)
+    with pytest.raises(mb.PropagationError, match="starts in equilibrium"):
+        mb.propagate(scene, mb.TaylorModel())
+
+
+def test_an_operation_without_remainder_is_refused_by_name():
+    p = mb.Parameters(x=0.5)
+    scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.floor(p.x)}, box=mb.Box(x=(0.0, 1.0)))
+    with pytest.raises(mb.PropagationError, match="no remainder of OP_FLOOR"):
+        mb.propagate(scene, mb.TaylorModel())
+
+
+def test_spatial_joints():
+    """A spherical joint: unit quaternions of joints, from a start that is solved for."""
+    scene = heavy_top.scene().with_times(np.linspace(0.0, 0.02, 3))
+    bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    inner = mb.propagate(scene, mb.Vertex())
+    assert not bounds.doubts
+    assert (bounds.lower <= inner.lower + 1e-9).all() and (inner.upper <= bounds.upper + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "method"),
+    [("tm", mb.TaylorModel()), ("tm:12", mb.TaylorModel(12)), ("tm:6:4", mb.TaylorModel(order=6, boxes=4))],
+)
+def test_specs(text, method):
+    assert read_method(text) == method and eval(repr(method), {"TaylorModel": mb.TaylorModel}) == method
+
+
+@pytest.mark.parametrize("options", [{"order": 0}, {"order": 2.5}, {"boxes": 0}])
+def test_options_out_of_range(options):
+    with pytest.raises(mb.DeclarationError, match="must be an integer of at least 1"):
+        mb.TaylorModel(**options)

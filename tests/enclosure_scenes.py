@@ -1,0 +1,82 @@
+"""Small open scenes that can be enclosed, by name."""
+
+import casadi as ca
+import numpy as np
+
+import symmb as mb
+
+
+def pendulum(spread=0.02, end=1.0):
+    """A rod released from the horizontal."""
+    p = mb.Parameters(l=1.0)
+    rod = mb.Body("rod", mass=p.l, inertia=p.l**3 / 12, pose=mb.Planar())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-p.l / 2, 0))
+    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {"x": rod.x, "theta": rod.theta, "omega": rod.omega, "pull": system.reaction("hinge").fy}
+    return _scene("pendulum", system, {"rod.theta": 0.0}, outputs, end, mb.Box.around(p, spread))
+
+
+def van_der_pol(spread=0.05, end=4.0):
+    """x'' = mu (1 - x^2) x' - x as a mass on a line."""
+    p = mb.Parameters(mu=1.0)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    force = mb.Force("force", mass.point(0, 0), (p.mu * (1 - mass.x**2) * mass.vx - mass.x, 0))
+    system = mb.System(mass, force, parameters=p)
+    return _scene("van der Pol", system, {"mass.x": 1.5}, {"x": mass.x, "v": mass.vx}, end, mb.Box.around(p, spread))
+
+
+def duffing(spread=0.05, end=4.0):
+    """A driven oscillator with a cubic spring."""
+    p = mb.Parameters(a=1.0, d=0.1)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    law = -mass.x - p.a * mass.x**3 - p.d * mass.vx + 0.3 * ca.cos(1.2 * mb.t)
+    system = mb.System(mass, mb.Force("force", mass.point(0, 0), (law, 0)), parameters=p)
+    start = {"mass.x": 1.0 + 0.1 * p.a}
+    return _scene("Duffing", system, start, {"x": mass.x, "v": mass.vx}, end, mb.Box.around(p, spread))
+
+
+def spherical_pendulum(spread=0.02, end=0.5):
+    """A heavy ball on an arm that turns about z, and about its own y."""
+    p = mb.Parameters(length=1.0, turn=2.0)
+    arm = mb.Body("arm", mass=0.1, inertia=(1e-2, 1e-2, 1e-2), pose=mb.Spatial())
+    ball = mb.Body("ball", mass=1.0, inertia=(1e-3, 1e-3, 1e-3), pose=mb.Spatial())
+    post = mb.Revolute("post", mb.Ground().point(0, 0, 0), arm.point(0, 0, 0), axis=(0, 0, 1))
+    hinge = mb.Revolute("hinge", arm.point(0, 0, 0), ball.point(0, 0, p.length), axis=(0, 1, 0))
+    system = mb.System(arm, ball, post, hinge, mb.Gravity(0, 0, -9.81), parameters=p)
+    start = {"hinge.angle": 1.0, "post.angle": 0.0, "post.angle_rate": p.turn, "hinge.angle_rate": 0.0}
+    outputs = {"x": ball.x, "y": ball.y, "z": ball.z}
+    return _scene("spherical pendulum", system, start, outputs, end, mb.Box.around(p, spread))
+
+
+def chain_of_four(spread=0.01, end=0.5):
+    """Four masses in a row on four uncertain springs."""
+    p = mb.Parameters(k1=10.0, k2=10.0, k3=10.0, k4=10.0)
+    masses = [mb.Body(f"m{i}", mass=1.0, pose=mb.Particle()) for i in range(1, 5)]
+    stretches = [b.x - a for a, b in zip([0.0, *(m.x for m in masses)], masses, strict=False)]
+    pulls = [k * s for k, s in zip((p.k1, p.k2, p.k3, p.k4), stretches, strict=True)]
+    forces = [
+        mb.Force(f"force{i}", mass.point(0, 0), (after - before, 0))
+        for i, (mass, before, after) in enumerate(zip(masses, pulls, [*pulls[1:], 0.0], strict=True))
+    ]
+    system = mb.System(*masses, *forces, parameters=p)
+    outputs = {m.name: m.x for m in masses}
+    return _scene("chain of four", system, {"m4.x": 1.0}, outputs, end, mb.Box.around(p, spread))
+
+
+def lagging_motor(spread=0.05, end=1.0):
+    """A wheel whose motor follows with a lag: a first-order state."""
+    p = mb.Parameters(lag=0.2, drag=0.5)
+    wheel = mb.Body("wheel", mass=1.0, inertia=0.5, pose=mb.Planar())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), wheel.point(0, 0))
+    torque = mb.State("torque", rate=lambda z: (ca.sin(3 * mb.t) - z) / p.lag)
+    motor = mb.Actuator("motor", hinge, torque.value - p.drag * ca.tanh(hinge.angle_rate))
+    system = mb.System(wheel, hinge, torque, motor, parameters=p)
+    outputs = {"angle": hinge.angle, "torque": torque.value}
+    return _scene("lagging motor", system, {"torque": 0.1}, outputs, end, mb.Box.around(p, spread))
+
+
+def _scene(name, system, start, outputs, end, box):
+    return mb.Scene(system, start=start, times=np.linspace(0.0, end, 21), outputs=outputs, box=box, name=name)
+
+
+SCENES = (pendulum, van_der_pol, duffing, spherical_pendulum, chain_of_four, lagging_motor)

@@ -1,0 +1,168 @@
+"""Numbers with bounds of rounding, and discs, against mpmath in 40 digits."""
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+from symmb.enclosures import discs, points
+from symmb.enclosures.errors import ProofError
+
+mpmath.mp.dps = 40
+N = 2000
+EXACT = {
+    "OP_ADD": lambda a, b: a + b,
+    "OP_SUB": lambda a, b: a - b,
+    "OP_MUL": lambda a, b: a * b,
+    "OP_DIV": lambda a, b: a / b,
+    "OP_POW": lambda a, b: a**b,
+    "OP_ATAN2": mpmath.atan2,
+    "OP_HYPOT": mpmath.hypot,
+    "OP_NEG": lambda a: -a,
+    "OP_SQ": lambda a: a * a,
+    "OP_TWICE": lambda a: 2 * a,
+    "OP_INV": lambda a: 1 / a,
+    "OP_SQRT": mpmath.sqrt,
+    "OP_SIN": mpmath.sin,
+    "OP_COS": mpmath.cos,
+    "OP_TAN": mpmath.tan,
+    "OP_EXP": mpmath.exp,
+    "OP_LOG": mpmath.log,
+    "OP_SINH": mpmath.sinh,
+    "OP_COSH": mpmath.cosh,
+    "OP_TANH": mpmath.tanh,
+    "OP_ASIN": mpmath.asin,
+    "OP_ACOS": mpmath.acos,
+    "OP_ATAN": mpmath.atan,
+    "OP_ASINH": mpmath.asinh,
+    "OP_ACOSH": mpmath.acosh,
+    "OP_ATANH": mpmath.atanh,
+    "OP_LOG1P": mpmath.log1p,
+    "OP_EXPM1": mpmath.expm1,
+    "OP_ERF": mpmath.erf,
+}
+RANGES = {
+    **{name: [(0.05, 6.0)] for name in ("OP_INV", "OP_SQRT", "OP_LOG")},
+    **{name: [(-0.9, 0.9)] for name in ("OP_ASIN", "OP_ACOS", "OP_ATANH")},
+    "OP_ACOSH": [(1.3, 5.0)],
+    "OP_LOG1P": [(-0.9, 4.0)],
+    "OP_TAN": [(-1.2, 1.2)],
+    "OP_DIV": [(-5.0, 5.0), (-4.0, -0.1)],
+    "OP_POW": [(0.2, 4.0), (-3.0, 3.0)],
+    "OP_HYPOT": [(0.5, 4.0), (-0.4, 0.4)],
+}
+
+
+def _ranges(name, default):
+    arity = 2 if name in ("OP_ADD", "OP_SUB", "OP_MUL", "OP_DIV", "OP_POW", "OP_ATAN2", "OP_HYPOT") else 1
+    return RANGES.get(name, [default] * arity)
+
+
+def _quadrant(name, rng):
+    """Arguments of an angle, in a half plane without the negative axis."""
+    return [rng.uniform(-3, 3, N), rng.uniform(0.5, 3, N)] if name == "OP_ATAN2" else None
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_exact_values_are_within_the_errors_of_values(name):
+    rng = np.random.default_rng(1)
+    x = _quadrant(name, rng) or [rng.uniform(low, high, N) for low, high in _ranges(name, (-5.0, 5.0))]
+    off = [rng.uniform(-1, 1, N) * 1e-9 for _ in x]
+    values, error, low, high = points.OPERATIONS[getattr(ca, name)](*(points.point(a, 1e-9) for a in x))
+    assert low == values.min() and high == values.max()
+    worst = 0.0
+    for value, *arguments in zip(values, *x, *off, strict=True):
+        half = len(arguments) // 2
+        exact = EXACT[name](
+            *(mpmath.mpf(a) + mpmath.mpf(b) for a, b in zip(arguments[:half], arguments[half:], strict=True))
+        )
+        worst = max(worst, float(abs(exact - mpmath.mpf(float(value)))))
+    assert 0.0 < worst <= error
+    assert error < 3e3 * worst + 1e-14  # not absurdly large either
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_rounding_alone_is_within_the_errors(name):
+    rng = np.random.default_rng(2)
+    x = _quadrant(name, rng) or [rng.uniform(low, high, N) for low, high in _ranges(name, (-5.0, 5.0))]
+    values, error, *_ = points.OPERATIONS[getattr(ca, name)](*map(points.point, x))
+    for value, *arguments in zip(values, *x, strict=True):
+        assert abs(EXACT[name](*map(mpmath.mpf, arguments)) - mpmath.mpf(float(value))) <= error
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_discs_hold_all_values_of_their_arguments(name):
+    rng = np.random.default_rng(3)
+    x = _quadrant(name, rng) or [rng.uniform(low, high, N) for low, high in _ranges(name, (-2.0, 2.0))]
+    x = [a + 1j * rng.uniform(-0.02, 0.02, N) for a in x]
+    radii = [rng.uniform(0.0, 0.02, N) for _ in x]
+    with np.errstate(all="ignore"):
+        centres, reach = discs.OPERATIONS[getattr(ca, name)](*(discs.disc(a, r) for a, r in zip(x, radii, strict=True)))
+    assert np.isfinite(reach).all()
+    turned = [rng.choice([0.0, 1.0, 1.0], N) * np.exp(2j * np.pi * rng.random(N)) for _ in x]
+    complex_exact = EXACT | {
+        "OP_ATAN2": lambda y, x: (mpmath.log(x + 1j * y) - mpmath.log(x - 1j * y)) / 2j,
+        "OP_HYPOT": lambda a, b: mpmath.sqrt(a * a + b * b),
+    }
+    for k in range(N):
+        exact = complex_exact[name](*(mpmath.mpc(a[k] + r[k] * u[k]) for a, r, u in zip(x, radii, turned, strict=True)))
+        assert abs(exact - mpmath.mpc(complex(centres[k]))) <= reach[k] * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 2.0, 3.0, -1.0, -2.0, 0.5, -1.5, 2.5])
+def test_constant_powers(exponent):
+    rng = np.random.default_rng(4)
+    x, radius = rng.uniform(0.5, 3.0, 200) + 0.1j, 0.05
+    centres, reach = discs.OPERATIONS[ca.OP_CONSTPOW](discs.disc(x, radius), discs.disc(exponent))
+    values, error, *_ = points.OPERATIONS[ca.OP_CONSTPOW](points.point(x.real, 1e-9), points.point(exponent))
+    for k, angle in enumerate(2 * np.pi * rng.random(200)):
+        exact = mpmath.power(mpmath.mpc(x[k] + radius * np.exp(1j * angle)), exponent)
+        assert abs(exact - mpmath.mpc(complex(np.broadcast_to(centres, 200)[k]))) <= np.broadcast_to(reach, 200)[k]
+        at = mpmath.power(mpmath.mpf(x.real[k]) + mpmath.mpf(1e-9), exponent)
+        assert abs(at - mpmath.mpf(float(np.broadcast_to(values, 200)[k]))) <= error
+
+
+@pytest.mark.parametrize("name", ["OP_INV", "OP_SQRT", "OP_LOG", "OP_FABS", "OP_SIGN", "OP_ACOS", "OP_ATANH"])
+def test_where_a_function_is_not_analytic_nothing_is_proved(name):
+    outside = {"OP_ACOS": 1.0, "OP_ATANH": 1.0}.get(name, 0.0)
+    with np.errstate(all="ignore"):
+        found = discs.OPERATIONS[getattr(ca, name)](discs.disc(np.array([outside, outside + 0.02]), 0.1))
+    assert not np.isfinite(discs.reach(found)).any()
+    with pytest.raises(ProofError):
+        points.OPERATIONS[getattr(ca, name)](points.point(np.array([outside - 0.1, outside + 0.1]), 1e-9))
+
+
+def test_discs_on_both_sides_of_a_pole_prove_nothing():
+    found = discs.OPERATIONS[ca.OP_INV](discs.disc(np.array([-1.0, 1.0]), 0.1))
+    assert np.isinf(found[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "expected"),
+    [
+        ("OP_FABS", (-2.0,), 2.0),
+        ("OP_SIGN", (-2.0,), -1.0),
+        ("OP_FMIN", (1.0, 3.0), 1.0),
+        ("OP_FMAX", (1.0, 3.0), 3.0),
+        ("OP_LT", (1.0, 3.0), 1.0),
+        ("OP_LE", (3.0, 1.0), 0.0),
+        ("OP_EQ", (1.0, 3.0), 0.0),
+        ("OP_NE", (1.0, 3.0), 1.0),
+        ("OP_NOT", (0.0,), 1.0),
+        ("OP_AND", (1.0, 0.0), 0.0),
+        ("OP_OR", (0.0, 1.0), 1.0),
+        ("OP_IF_ELSE_ZERO", (1.0, 5.0), 5.0),
+        ("OP_IF_ELSE_ZERO", (0.0, 5.0), 0.0),
+    ],
+)
+def test_decided_comparisons(name, arguments, expected):
+    code = getattr(ca, name)
+    centre, radius = discs.OPERATIONS[code](*map(discs.disc, arguments))
+    assert complex(centre) == expected and radius < 1e-12
+    value, error, *_ = points.OPERATIONS[code](*map(points.point, arguments))
+    assert float(value) == expected and error < 1e-12
+    assert float(points.PLAIN[code](*arguments)) == expected
+
+
+def test_the_three_arithmetics_know_the_same_operations():
+    assert points.OPERATIONS.keys() == points.PLAIN.keys() == discs.OPERATIONS.keys()

@@ -1,0 +1,189 @@
+"""Enclosures of motions: samples lie inside, bounds are close to them, and planted faults are found."""
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+from enclosure_samples import check, ode, solution
+from enclosure_scenes import SCENES, pendulum
+
+import symmb as mb
+from models import double_pendulum, heavy_top
+from symmb.enclosures import defects, enclose, points, problem_of
+from symmb.enclosures import step as steps
+from symmb.enclosures.curves import Step
+from symmb.enclosures.ellipses import Choice, Control
+from symmb.enclosures.errors import ProofError
+from symmb.enclosures.flow import integrated
+from symmb.simulation import DAESimulator
+
+INSIDE = 1e-11
+"""Error of samples over the size of an output."""
+
+
+def _enclosed(scene, order):
+    simulator = DAESimulator(scene)
+    problem = problem_of("method", simulator, scene.box)
+    return simulator, problem, enclose(problem, order, 1)
+
+
+@pytest.mark.parametrize("make", SCENES, ids=lambda make: make.__name__)
+def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
+    simulator, problem, found = _enclosed(make(), order=4)
+    assert not found.why and np.isfinite(found.upper).all()
+    result = check(problem, found, start=simulator.unconstrained.start.states)
+    assert result.outside <= INSIDE
+    assert result.filled > 0.6  # corners and a few points: extremes may be inside the box
+    width = found.upper - found.lower
+    assert (found.remainder <= 1e-3 * width.max(axis=0)).all()
+
+
+@pytest.mark.parametrize(
+    ("scene", "spread", "order"),
+    [(double_pendulum.scene().with_times(np.linspace(0, 0.6, 13)), 0.05, 6),
+     (heavy_top.scene().with_times(np.linspace(0, 0.05, 11)), 0.02, 6)],
+    ids=["double pendulum", "heavy top"],
+)  # fmt: skip
+def test_samples_of_shipped_models_lie_inside(scene, spread, order):
+    scene = mb.Scene(**{**_parts(scene), "box": mb.Box.around(scene.system.parameters, spread, names=scene.box.names)})
+    simulator, problem, found = _enclosed(scene, order)
+    result = check(problem, found, start=simulator.unconstrained.start.states)
+    assert not found.why and result.outside <= INSIDE and result.filled > 0.6
+
+
+def _parts(scene):
+    return {
+        "system": scene.system,
+        "start": scene.start,
+        "guess": scene.guess,
+        "times": scene.times,
+        "outputs": scene.outputs,
+        "name": scene.name,
+    }
+
+
+def _random_ode(seed):
+    """Two states, two parameters, random smooth rates."""
+    rng = np.random.default_rng(seed)
+    c = rng.uniform(-1.0, 1.0, (2, 8))
+
+    def f(x, p, t):
+        features = [x[0], x[1], x[0] * x[1], ca.sin(x[0] + p[0]), ca.exp(-(x[1] ** 2)), p[1] * x[0],
+                    x[0] / (2 + ca.cos(x[1])), ca.cos(2 * t) * p[0]]  # fmt: skip
+        return [sum(a * g for a, g in zip(row, features, strict=True)) for row in c]
+
+    box = [(0.5, 0.5 + rng.uniform(0.01, 0.1)), (1.0, 1.0 + rng.uniform(0.01, 0.1))]
+    return ode(f, lambda p: [0.5 * p[0], -0.3 + 0.2 * p[1]], box, np.linspace(0, 0.8, 5))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_samples_of_random_equations_lie_inside(seed):
+    problem = _random_ode(seed)
+    found = enclose(problem, 5, 1)
+    result = check(problem, found, seed=seed)
+    assert np.isfinite(found.upper[0]).all() and result.outside <= INSIDE
+
+
+def test_no_uncertain_parameter():
+    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [1.0, 0.0], [(2.0, 2.0)], [0.0, 1.0, 3.0])
+    found = enclose(problem, 4, 1)
+    exact = solution(problem, problem.middle)
+    assert problem.d == 0
+    assert (found.lower <= exact + 1e-12).all() and (exact - 1e-12 <= found.upper).all()
+    assert (found.upper - found.lower).max() < 1e-9
+
+
+def test_decay_against_the_closed_form_in_40_digits():
+    """x' = -k x: the bounds hold exp(-k t) for both ends of k, to the last digit."""
+    problem = ode(lambda x, p, t: [-p[0] * x[0]], lambda p: [1.0], [(0.5, 1.5)], np.linspace(0, 3, 7))
+    found = enclose(problem, 10, 1)
+    with mpmath.workdps(40):
+        for t, low, high in zip(problem.times, found.lower[:, 0], found.upper[:, 0], strict=True):
+            ends = mpmath.exp(-mpmath.mpf(1.5) * float(t)), mpmath.exp(-mpmath.mpf(0.5) * float(t))
+            assert low <= ends[0] and ends[1] <= high
+            assert ends[0] - low < 1e-4 and high - ends[1] < 1e-4
+
+
+def test_halves_of_the_box_are_joined():
+    problem = ode(
+        lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])],
+        lambda p: [p[1], 0.0],
+        [(8.0, 12.0), (1.0, 2.0)],
+        np.linspace(0, 3, 7),
+    )
+    one, four = enclose(problem, 3, 1), enclose(problem, 3, 4)
+    assert four.boxes > 1 and check(problem, four, count=20).outside <= INSIDE
+    finite = np.isfinite(one.upper)
+    assert (four.remainder[-1] < one.remainder[-1]).all() or not finite[-1].any()
+
+
+def test_a_lost_proof_keeps_the_part_that_is_proved():
+    """x' = x^2 leaves every bound at t = 1 / x(0)."""
+    problem = ode(lambda x, p, t: [x[0] ** 2], lambda p: [p[0]], [(0.9, 1.1)], np.linspace(0, 1.2, 13))
+    found = enclose(problem, 6, 1)
+    assert found.why and 0.7 < found.until < 1 / 1.1
+    known = problem.times <= found.until
+    exact = np.array([[x / (1 - x * t) for x in (0.9, 1.1)] for t in problem.times[known]])
+    assert (found.lower[known, 0] <= exact[:, 0]).all() and (exact[:, 1] <= found.upper[known, 0]).all()
+    assert np.isinf(found.upper[~known]).all() and np.isinf(found.lower[~known]).all()
+
+
+def test_an_output_with_a_corner_has_no_bounds_where_it_is_met():
+    problem = ode(
+        lambda x, p, t: [p[0]], lambda p: [-1.0], [(0.9, 1.1)], [0.0, 0.5, 1.0, 2.0],
+        outputs=lambda x, p, t: [ca.fabs(x[0]), x[0]],
+    )  # fmt: skip
+    found = enclose(problem, 3, 1)
+    assert np.isfinite(found.upper[:, 1]).all()
+    assert np.isinf(found.upper[2, 0])
+    finite = np.isfinite(found.upper[:, 0])
+    exact = np.abs(-1.0 + problem.times)[:, None] * np.ones(2)
+    assert (found.lower[finite, 0] <= exact[finite, 0]).all() and (exact[finite, 1] <= found.upper[finite, 0]).all()
+
+
+# Planted faults
+
+
+def test_rounding_left_out_is_found(monkeypatch):
+    """Without bounds of rounding, the exact sine is outside of the computed one."""
+    x = np.random.default_rng(0).uniform(-5, 5, 500)
+    monkeypatch.setattr(points, "FUNCTION", 0.0)
+    values, error, *_ = points.OPERATIONS[ca.OP_SIN](points.point(x))
+    with mpmath.workdps(40):
+        worst = max(abs(mpmath.sin(mpmath.mpf(a)) - mpmath.mpf(float(v))) for a, v in zip(x, values, strict=True))
+    assert worst > error
+
+
+def test_a_defect_left_out_is_found(monkeypatch):
+    scene = pendulum(spread=0.2)
+    simulator, problem, found = _enclosed(scene, order=2)
+    start = simulator.unconstrained.start.states
+    assert check(problem, found, start=start).outside <= INSIDE
+    monkeypatch.setattr(steps, "defect_of_motion", lambda step, *rest: np.full(step.problem.n, 1e-15))
+    assert check(problem, enclose(problem, 2, 1), start=start).outside > 100 * INSIDE
+
+
+def test_aliasing_left_out_is_found(monkeypatch):
+    """On as many nodes as there are terms, a defect is almost invisible."""
+    simulator, problem, _ = _enclosed(pendulum(spread=0.2), order=2)
+    monkeypatch.setattr(defects.ch, "aliasing", lambda rho, counts: 0.0)
+    monkeypatch.setattr(defects, "node_counts", lambda rho, ratio, most: (20, 1))
+    found = enclose(problem, 2, 1)
+    assert check(problem, found, start=simulator.unconstrained.start.states).outside > 100 * INSIDE
+
+
+def _stiff_step():
+    """x' = 3 x over 1 s with a frame that stands still: w grows from 1 to e^3."""
+    problem = ode(lambda x, p, t: [3.0 * x[0]], lambda p: [0.0], [(1.0, 1.0)], [0.0, 1.0])
+    zero, one = integrated(np.zeros(1), np.zeros((1, 2)), 1.0), integrated(np.ones(1), np.zeros((1, 2)), 1.0)
+    return Step(problem, 0.0, 1.0, zero, one, np.array([[[1.0, 0.0]]]))
+
+
+def test_a_box_that_w_leaves_is_not_proved():
+    with pytest.raises(ProofError, match="grows too fast"):
+        steps.prove(_stiff_step(), np.array([1.0]), Control(Choice()))
+
+
+def test_a_contraction_that_is_not_tested_is_found(monkeypatch):
+    monkeypatch.setattr(steps, "stays", lambda end, W: True)
+    assert steps.prove(_stiff_step(), np.array([1.0]), Control(Choice())).end[0] < np.exp(3.0)
