@@ -98,9 +98,7 @@ def simulate(
     return trajectory
 
 
-def _confirmed(
-    runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str
-) -> tuple[Solver, Trajectory, str]:
+def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:
     """The solver, run and reason after runs at tighter tolerances, while two of them do not agree.
 
     A switch of the state that is met at a small angle magnifies errors: a wall that is touched shortly before a motion
@@ -195,7 +193,8 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
 
 _CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
 """Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
-states, a tenth of the error that default runs may have; and least size of a state over that of its part of the scene."""
+states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
+scene."""
 _SAME = 1e-12
 """Share of the horizon by which two switches at one time may differ by rounding."""
 _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"

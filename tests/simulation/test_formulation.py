@@ -95,7 +95,7 @@ def test_the_cheaper_coordinates_are_chosen_and_told():
 
 
 def test_coordinates_that_are_not_possible_are_refused():
-    with pytest.raises(mb.DeclarationError, match='coordinates="joint" are not possible: no joint carries a rigid body'):
+    with pytest.raises(mb.DeclarationError, match="not possible: no joint carries a rigid body"):
         mb.DAESimulator(replace(spherical_pendulum.scene(), coordinates="joint"), mb.DormandPrince())
 
 
