@@ -166,16 +166,21 @@ class RootLocus:
             values=values,
             eigenvalues=parts["eigenvalues"],
             modes=parts["modes"],
-            bands={
-                name: tuple(bands.record(name).array(end, *shape, finite=False) for end in ("lower", "upper"))
-                for name in bands.plain
-            },
-            box=None if box is None else Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
+            bands={name: _ends(bands.record(name), *shape) for name in bands.plain},
+            box=None if box is None else Box(**{name: _interval(box.array(name, 2)) for name in box.plain}),
             method=record.text("method"),
             evaluations=record.whole("evaluations"),
             remarks=record.texts("remarks"),
             doubts=record.texts("doubts"),
         )
+
+
+def _ends(record: files.Record, n: int, k: int) -> tuple[Array, Array]:
+    return record.array("lower", n, k, finite=False), record.array("upper", n, k, finite=False)
+
+
+def _interval(ends: Array) -> tuple[float, float]:
+    return float(ends[0]), float(ends[1])
 
 
 def root_locus(
