@@ -47,7 +47,7 @@ def _rounded(centres: Any, radii: Array, magnitude: Array | None = None) -> Disc
     return centres, above(radii + COMPLEX * of)
 
 
-def _if(holds: object, a: Disc) -> Disc:
+def _if(holds: Any, a: Disc) -> Disc:
     """The discs, with infinite radii unless all patches are where the operation is analytic."""
     return a if np.all(holds) else (np.ones_like(a[0]), np.full(np.shape(a[1]), np.inf))
 
