@@ -20,13 +20,13 @@ _ALIAS = 0.2
 _GROWTH = 1e-3
 """Relative growth of the remainder in a step that may be due to aliasing."""
 _EXACT = 1e-10
-"""Aliasing over the rates of the states that is as good as none."""
+"""Aliasing over the rates of the states that is as good as none, where finer grids are too large."""
 _SMALLEST = 1e-2
 """Least part of the largest remainder that is told apart from none."""
 _UNRESOLVED = 30.0
 """Aliasing over what is wanted above which a step is too long."""
-_TRIALS = 3
-"""Grids that are tried until the aliasing is small."""
+_TRIALS = 2
+"""Finer grids that are tried until the aliasing is small."""
 
 
 def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control) -> Array:
@@ -43,38 +43,46 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     ------
     ProofError         if no grid tried is fine enough
     """
-    n, k = step.problem.n, len(rho)
+    k = len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
     top = (_FINEST,) * k
-    harmless = np.maximum(_GROWTH * w / step.h, _EXACT * (step.C_largest @ ch.sums(step.x.rate, k)))
+    small = _GROWTH * w / step.h
+    harmless = np.maximum(small, _EXACT * (step.C_largest @ ch.sums(step.x.rate, k)))
     harmless = np.maximum(harmless, _SMALLEST * harmless.max())
-    wanted = np.maximum(_ALIAS * control.wanted, harmless)
+    wanted = np.maximum(_ALIAS * control.wanted, small)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()), top)
+    if math.prod(counts) > _LARGEST:
+        counts = node_counts(rho, 0.3 * float((harmless / most).min()), top)
+    if math.prod(counts) > _LARGEST:
+        raise ProofError("the motion is not resolved")
+    sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(_TRIALS):
-        f, f_errors = _stack(
-            step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0], counts
-        )
-        rate, rate_errors = ch.values(step.x.rate, counts)
-        d = rate - f
-        d_errors = above(rate_errors + f_errors + U * ch.largest(d, k))
-        C, C_errors = ch.values(step.C, counts)
-        d_most, C_most = ch.largest(d, k), ch.largest(C, k)
-        g = np.einsum("ij...,j...->i...", C, d)
-        errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
-        sampled = ch.bound_of_samples(g, errors, k)
-        alias = above(ch.aliasing(rho, counts) * most)
-        wanted = np.maximum(_ALIAS * sampled, harmless)
-        if (alias <= wanted).all():
-            break
+        wanted = np.maximum(_ALIAS * sampled, small)
         finer = node_counts(rho, 0.3 * float((wanted / most).min()), top)
         finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
-        if finer == counts or math.prod(finer) > _LARGEST:
+        if (alias <= wanted).all() or finer == counts or math.prod(finer) > _LARGEST:
             break
         counts = finer
-    if (alias > _UNRESOLVED * wanted).any():
+        sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
+    if (alias > _UNRESOLVED * np.maximum(wanted, harmless)).any():
         raise ProofError("the motion is not resolved")
-    control.wanted = float(np.maximum(sampled, harmless).max())
+    control.wanted = float(sampled.max())
     return above(sampled + alias)
+
+
+def _sampled_defect(step: Step, counts: tuple[int, ...]) -> Array:
+    """Bounds (n,) of the interpolation of C d at nodes."""
+    n, k = step.problem.n, len(counts)
+    found = step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0]
+    f, f_errors = _stack(found, counts)
+    rate, rate_errors = ch.values(step.x.rate, counts)
+    d = rate - f
+    d_errors = above(rate_errors + f_errors + U * ch.largest(d, k))
+    C, C_errors = ch.values(step.C, counts)
+    d_most, C_most = ch.largest(d, k), ch.largest(C, k)
+    g = np.einsum("ij...,j...->i...", C, d)
+    errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
+    return ch.bound_of_samples(g, errors, k)
 
 
 def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:

@@ -18,6 +18,7 @@ remainders.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,8 +27,8 @@ from scipy.special import erf
 from symmb._types import Array, Mask
 from symmb.enclosures.rounding import COMPLEX, above
 
-Disc = tuple[Array, Array]
-INFINITE = np.array(np.inf)
+Disc = tuple[Any, Array]
+"""Centres, real or complex, and radii."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
@@ -41,12 +42,12 @@ def reach(a: Disc) -> Array:
     return np.where(np.isnan(total), np.inf, total)
 
 
-def _rounded(centres: Array, radii: Array, magnitude: Array | None = None) -> Disc:
+def _rounded(centres: Any, radii: Array, magnitude: Array | None = None) -> Disc:
     of = np.abs(centres) if magnitude is None else magnitude
     return centres, above(radii + COMPLEX * of)
 
 
-def _if(holds: bool | Mask, a: Disc) -> Disc:
+def _if(holds: Any, a: Disc) -> Disc:
     """The discs, with infinite radii unless all patches are where the operation is analytic."""
     return a if np.all(holds) else (np.ones_like(a[0]), np.full(np.shape(a[1]), np.inf))
 

@@ -25,7 +25,7 @@ _SETTLED = 2e-15
 _FRAME_SETTLED, _CLOSE = 1e-10, 1e-12
 """The same for frames, which need not be as exact; and the change below which it ends where it no longer falls."""
 _NOISE, _FRAME_NOISE = 4e-16, 1e-11
-"""Coefficients over the largest one that are rounding: those of rates, and of frames. They would be large on ellipses."""
+"""Coefficients over the largest one that are rounding, of rates and of frames. They would be large on ellipses."""
 
 
 def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
@@ -138,7 +138,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
             break
         last = change
     rate = fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths))
-    inverse = np.moveaxis(np.linalg.inv(B), (-2, -1), (0, 1))
+    inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), _FRAME_NOISE)
     C = _without_noise(fit(inverse, (terms, *lengths)).reshape(rate.shape), _FRAME_NOISE)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])

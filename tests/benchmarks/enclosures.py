@@ -37,7 +37,7 @@ CASES = (
     (pendulum, 0.05, 10.0, 16, 1, (5, 10)),
     (van_der_pol, 0.05, 20.0, 8, 1, (10, 20)),
     (duffing, 0.05, 50.0, 6, 1, (25, 50)),
-    (spherical_pendulum, 0.05, 5.0, 8, 1, (1, 3, 5)),
+    (spherical_pendulum, 0.05, 5.0, 16, 1, (1, 3, 5)),
     (chain_of_four, 0.05, 5.0, 4, 1, (1, 5)),
 )
 
