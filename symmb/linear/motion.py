@@ -82,8 +82,9 @@ class Origin:
         system, (dae, x) = self.scene.system, self.formulation.in_bodies(self.point.x[None], self.point.p)
         places, turns = [], []
         for body in system.bodies:
-            nodes = range(len(body.modes.positions)) if isinstance(body, FlexibleBody) else ()
-            places += [body.frame.velocity, *(body.node(number).velocity for number in nodes)]
+            places.append(body.frame.velocity)
+            if isinstance(body, FlexibleBody):
+                places += [body.node(number).velocity for number in range(len(body.modes.positions))]
             turns.append(body.frame.omega)
         moved = [ca.densify(self.scene.expression(ca.vertcat(*some))) for some in (places, turns)]
         rates = ca.Function("rates", [system.q, system.v, system.p], moved)

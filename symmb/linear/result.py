@@ -162,7 +162,7 @@ class Linearization:
         k = np.flatnonzero(self._eigen.oscillating)[number]
         label = f"{self.name}, mode {number + 1}, {modes[number].frequency:.4g} Hz"
         vector = self._eigen.vectors[:, k]
-        return self.origin.motion(label, self._eigen.values[k], vector, self.shapes @ vector)
+        return self.origin.motion(label, complex(self._eigen.values[k]), vector, self.shapes @ vector)
 
     def __str__(self) -> str:
         table = aligned(self._rows(), left=_LEFT) if self.modes else []

@@ -57,7 +57,8 @@ def plot_root_locus(
         for k, curve in enumerate(curves[name].T):
             colour = cyclic(COLOURS, k)
             if name in bands:
-                axes.fill_between(values, *(end[:, k] for end in bands[name]), color=colour, alpha=_TINT, linewidth=0)
+                lower, upper = bands[name]
+                axes.fill_between(values, lower[:, k], upper[:, k], color=colour, alpha=_TINT, linewidth=0)
             axes.plot(values, curve, color=colour, linewidth=1.2, label=f"mode {k + 1}")
         axes.set(xlabel=plain(parameter), ylabel=label, xlim=(values[0], values[-1]))
     for axes in panels[2:]:
