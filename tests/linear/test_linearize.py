@@ -1,12 +1,14 @@
 """Linearisations against closed forms, SciPy and runs."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import eigh, expm
 
 import symmb as mb
-from models import bicycle, four_bar
+from models import bicycle, double_pendulum, four_bar, laval_rotor
 
 
 def hanging_chain(n: int) -> np.ndarray:
@@ -29,6 +31,31 @@ def rods(n: int) -> mb.Scene:
         elements += [rod, mb.Revolute(f"joint{k}", at, rod.point(0, L / 2))]
         at = rod.point(0, -L / 2)
     return mb.Scene(mb.System(*elements), {f"rod{k}.theta": 0.0 for k in range(n)})
+
+
+def test_chain_of_masses():
+    """Five masses between six springs: omega_j = 2 sqrt(k/m) sin(j pi / 12)."""
+    n, k, m = 5, 40.0, 2.0
+    ground = mb.Ground()
+    masses = [mb.Body(f"mass{i}", m, 0.1) for i in range(n)]
+    slides = [mb.Prismatic(f"slide{i}", ground.point(i + 1, 0), masses[i].point(0, 0), axis=(1, 0)) for i in range(n)]
+    points = [ground.point(0, 0), *(body.point(0, 0) for body in masses), ground.point(n + 1, 0)]
+    springs = [mb.Spring(f"spring{i}", points[i], points[i + 1], k, 1.0) for i in range(n + 1)]
+    lin = mb.linearize(mb.Scene(mb.System(*masses, *slides, *springs), {f"{s.name}.displacement": 0.0 for s in slides}))
+    expected = 2 * np.sqrt(k / m) * np.sin(np.arange(1, n + 1) * np.pi / (2 * (n + 1)))
+    np.testing.assert_allclose(2 * np.pi * lin.frequencies, expected, rtol=1e-12)
+    assert abs(lin.damping).max() < 1e-12
+
+
+def test_pendulum_with_a_spring():
+    """A hanging rod, a horizontal spring at a height a below the hinge: omega^2 = (m g l/2 + k a^2) / (m l^2/3)."""
+    mass, length, k, a = 1.5, 0.8, 30.0, 0.5
+    ground, rod = mb.Ground(), mb.Body("rod", mass, mass * length**2 / 12)
+    hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(0, length / 2))
+    spring = mb.Spring("spring", ground.point(1.0, -a), rod.point(0, length / 2 - a), k, 1.0)
+    lin = mb.linearize(mb.Scene(mb.System(rod, hinge, spring, mb.Gravity(0, -9.81)), {"hinge.angle": 0.0}))
+    expected = np.sqrt((mass * 9.81 * length / 2 + k * a**2) / (mass * length**2 / 3))
+    np.testing.assert_allclose(2 * np.pi * lin.frequencies, [expected], rtol=1e-12)
 
 
 @pytest.mark.parametrize("coordinates", ["joint", "body"])
@@ -62,9 +89,10 @@ def test_inputs_outputs_and_states_of_a_damped_motor():
 
 
 def pushed(scene: mb.Scene, name: str, size: float, *, horizon: float = 0.5) -> mb.Trajectory:
-    """A run whose start has another value of a parameter."""
-    times = np.linspace(0.0, horizon, 6)
-    return mb.simulate(scene, mb.CVODES(rtol=1e-12, atol=1e-13), {name: size}, times=times)
+    """A run whose start has another value of a parameter, or of a rate."""
+    times, is_parameter = np.linspace(0.0, horizon, 6), name in scene.system.parameters
+    scene = scene if is_parameter else replace(scene, start={**scene.start, name: size})
+    return mb.simulate(scene, mb.CVODES(rtol=1e-12, atol=1e-13), {name: size} if is_parameter else None, times=times)
 
 
 def swinging() -> mb.Scene:
@@ -97,10 +125,27 @@ def ridden() -> mb.Scene:
     return scene.with_outputs(outputs)
 
 
+def hanging() -> mb.Scene:
+    scene = double_pendulum.scene()
+    rods = scene.system.bodies
+    outputs = {f"angle{k}": rod.theta for k, rod in enumerate(rods)}
+    outputs |= {f"rate{k}": rod.omega for k, rod in enumerate(rods)}
+    return replace(scene, start={"rod1.theta": 0.0, "rod2.theta": 0.0}).with_outputs(outputs)
+
+
+def whirling() -> mb.Scene:
+    scene = laval_rotor.scene()
+    shaft = (e for e in scene.system.elements if isinstance(e, mb.Prismatic | mb.Revolute) and e.name != "spin")
+    joints = {joint.name: joint for joint in shaft}
+    outputs = {name: getattr(joint, joint.coordinate) for name, joint in joints.items()}
+    outputs |= {f"{name}_rate": getattr(joint, f"{joint.coordinate}_rate") for name, joint in joints.items()}
+    return scene.with_outputs(outputs)
+
+
 @pytest.mark.parametrize(
     ("make", "name"),
-    [(swinging, "push"), (controlled, "push"), (ridden, "lean_rate")],
-    ids=["rods", "motor", "bicycle"],
+    [(swinging, "push"), (controlled, "push"), (ridden, "lean_rate"), (hanging, "rod1.omega"), (whirling, "push")],
+    ids=["rods", "motor", "bicycle", "double pendulum", "rotor"],
 )
 def test_finite_differences_of_runs(make, name):
     """exp(A t) takes a small deviation along the differences of runs."""
