@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from symmb._errors import DeclarationError
 from symmb._options import constructor_text, require_whole
 from symmb._types import Executor
 from symmb.bounds.method import Method
@@ -14,6 +15,8 @@ from symmb.enclosures import Enclosure, enclose, problem_of
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator
 
+_HIGHEST = 60
+"""Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
 _PARTS = 1000
 """Parts of the horizon in which progress is told."""
 
@@ -69,6 +72,8 @@ class TaylorModel(Method):
     def __post_init__(self) -> None:
         require_whole("TaylorModel", "order", self.order, 1)
         require_whole("TaylorModel", "boxes", self.boxes, 1)
+        if self.order > _HIGHEST:
+            raise DeclarationError(f"TaylorModel: order must be at most {_HIGHEST}, got {self.order}.")
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
@@ -84,6 +89,8 @@ class TaylorModel(Method):
 
     def _caution(self, found: Enclosure, begin: float) -> str:
         """The caution about times or outputs of which nothing is proved."""
+        if found.why and not np.isfinite(found.upper[0]).all():
+            return f"not proved at any time: {found.why}; try a higher order, more boxes or smaller intervals"
         if found.why:
             return (
                 f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}; try a higher order, "

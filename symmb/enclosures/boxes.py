@@ -35,6 +35,7 @@ class Enclosure:
     boxes: int
 
 
+@np.errstate(all="ignore")  # what is not finite proves nothing
 def enclose(
     problem: Problem, order: int, boxes: int, progress: Callable[[float], None] = lambda share: None
 ) -> Enclosure:

@@ -75,13 +75,13 @@ def march(
     """
     course, times = Course.empty(problem), problem.times
     end = float(times[-1])
-    grain = 2.0 ** float(np.ceil(np.log2(end))) / _GRAINS if end else 1.0
+    grain = 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
     usual = usual_patches(problem.d)
     control = Control(Choice(patches=(usual, usual)))
     try:
         front = first_front(problem, order) if begin is None else begin
     except ProofError as error:
-        course.why = f"the start is not: {error}"
+        course.why = f"the start cannot be proved, because {error}"
         return course
     h = (end or 1.0) / _FIRST
     longest = 0.0

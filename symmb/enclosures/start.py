@@ -1,5 +1,6 @@
 """The states at the first time as a front: the starting equations are solved, and the solution is proved."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,11 @@ from symmb.enclosures.rounding import above, of_sum
 
 _SHARE = 1e-17
 """Share of a state below which coefficients of its start are cut."""
+
+_FINER, _FINEST = (1, 4, 16), 300
+"""Patches over the usual ones of each variable, since a start solves equations whose pivots nearly cancel; and over
+those of all variables at most: it is made once.
+"""
 
 _NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """No frame."""
@@ -46,9 +52,7 @@ def _first_front(problem: Problem, order: int) -> Front:
     every = tuple(range(n))
     rho, most = _largest(step, start_of="outputs")
     c, rest = interpolation(step, np.zeros(1), every, rho, most, np.zeros(n))
-    real = _patches(step, [1.0] * (d + 1))
-    slopes = own.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
-    of_unknowns = above(reaches(slopes).reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
+    of_unknowns = above(_slopes(step, e).reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
     c = c[:, 0]
     size = ch.sums(c, d)
     x, lost = _cut_to(c, order + 1)
@@ -86,20 +90,38 @@ def _unknowns(problem: Problem, order: int) -> Array:
     return fit(u, [order + 1] * d)
 
 
-def _patches(step: Step, rho: list[float]) -> Patches:
-    return Patches(rho, [1, *[usual_patches(step.problem.d)] * (len(rho) - 1)], step.degrees)
+def _patches(step: Step, rho: list[float], finer: int = 1) -> Patches:
+    return Patches(rho, [1, *[finer * usual_patches(step.problem.d)] * (len(rho) - 1)], step.degrees)
 
 
 def _largest(step: Step, start_of: str) -> tuple[list[float], Array]:
     """Ellipses of the parameters, and bounds of the states or of the residual on them."""
     problem = step.problem
     tape = problem.output_tape if start_of == "outputs" else problem.rate_tape
-    for spread in (0.5, 0.1, 0.02):
-        rho = [1.0, *ellipses(step, (spread, spread))[1:]]
-        most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho)))[0])
-        if np.isfinite(most).all():
-            return rho[1:], most
+    for finer in _finer(problem.d):
+        for spread in (0.5, 0.1, 0.02):
+            rho = [1.0, *ellipses(step, (spread, spread))[1:]]
+            most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, finer)))[0])
+            if np.isfinite(most).all():
+                return rho[1:], most
     raise ProofError("the starting values cannot be shown to be smooth over the box")
+
+
+def _slopes(step: Step, e: Array) -> Array:
+    """Bounds of the derivatives of the states by the unknowns, over the box and within e (n_u,) of them."""
+    d = step.problem.d
+    found = np.empty(0)
+    for finer in _finer(d):
+        real = step.on_patches(_patches(step, [1.0] * (d + 1), finer), e)
+        found = reaches(step.problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, real)[1])
+        if np.isfinite(found).all():
+            break
+    return found
+
+
+def _finer(d: int) -> Iterator[int]:
+    """Patches of each of d variables that are tried, over the usual ones."""
+    return (finer for finer in _FINER if finer == 1 or finer**d <= _FINEST)
 
 
 def _distance(step: Step) -> Array:

@@ -42,15 +42,15 @@ class _Explicit(CompiledSolver):
         p = problem.p[: len(dae.p_names)]  # without the sides of switches
 
         def at(expression: ca.SX) -> ca.SX:
-            return ca.substitute(expression, problem.x, x[:n_x])
+            return ca.substitute(expression, problem.x, x[:n_x, :])
 
         f = model_function(
             x,
             problem.p,
             problem.t,
             ca.vertcat(at(problem.ode), at(problem.quad)),
-            ca.vertcat(at(outputs), x[n_x:]),
-            None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:]),
+            ca.vertcat(at(outputs), x[n_x:, :]),
+            None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
             start.equations(x, p) if start is not None and compiled and start.compiles else None,
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
         )

@@ -18,6 +18,8 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
     """
     if isinstance(inputs, str):
         raise DeclarationError(f'inputs: expected a list of names, got the text {inputs!r}. Write ["{inputs}"].')
+    if not isinstance(inputs, Sequence):
+        raise DeclarationError(f"inputs: expected a list of names, got {inputs!r}.")
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
     parameters = scene.system.parameters
     known = (*actuators, *parameters)

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
+import numpy as np
+
 from symmb._errors import warn_of
 from symmb._options import require_callable
 from symmb._progress import shown
@@ -105,6 +107,8 @@ def _doubted(comparison: Comparison) -> Comparison:
     if failed := ", ".join(f"{count} of {name}" for name, count in counts.items() if count):
         doubt = f"Runs failed: {failed}. The bounds are those of the others, and what happens near these is not known."
         comparison = replace(comparison, doubts=(*comparison.doubts, doubt))
+    lost = [f"The bounds of {row.name} are {row.caution}." for row in comparison.rows if np.isinf(row.upper).any()]
+    comparison = replace(comparison, doubts=(*comparison.doubts, *lost)) if lost else comparison
     warn_of(comparison.doubts, f"Comparison of {comparison.scene}")
     return comparison
 

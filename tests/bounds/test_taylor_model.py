@@ -119,3 +119,36 @@ def test_specs(text, method):
 def test_options_out_of_range(options):
     with pytest.raises(mb.DeclarationError, match="must be an integer of at least 1"):
         mb.TaylorModel(**options)
+
+
+def test_a_rate_at_the_start_may_follow_a_parameter():
+    """The start divides by pivots that nearly cancel; bounds against runs."""
+    p = mb.Parameters(k=1.0)
+    rod = mb.Body("rod", mass=1.0, inertia=p.k**2 / 12)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, p.k / 2))
+    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
+    start, times = {"hinge.angle": 1.0, "hinge.angle_rate": -p.k}, np.linspace(0, 0.5, 3)
+    scene = mb.Scene(system, start, times, {"angle": hinge.angle, "rate": hinge.angle_rate}, box=mb.Box(k=(0.9, 1.1)))
+    bounds = mb.propagate(scene, mb.TaylorModel())
+    sampled = mb.propagate(scene, mb.Scanning(41), solver=mb.DormandPrince(rtol=1e-12))
+    assert (bounds.lower <= sampled.lower + 1e-11).all() and (sampled.upper <= bounds.upper + 1e-11).all()
+    width = bounds.upper - bounds.lower
+    assert (width <= (sampled.upper - sampled.lower) * 1.01 + 1e-8).all()
+
+
+def test_one_time_is_enough():
+    p = mb.Parameters(k=1.0)
+    z = mb.State("z", rate=lambda z: -p.k * z)
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, [0.0], {"z": z.value}, box=mb.Box(k=(0.9, 1.1)))
+    bounds = mb.propagate(scene, mb.TaylorModel())
+    np.testing.assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], 2.0, rtol=1e-12)
+
+
+def test_infinite_bounds_make_a_comparison_doubtful():
+    p = mb.Parameters(k=1.0)
+    z = mb.State("z", rate=lambda z: p.k * z**2)
+    times = np.linspace(0.0, 1.5, 4)
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 0.6}, times, {"z": z.value}, box=mb.Box(k=(0.9, 1.1)))
+    with pytest.warns(mb.SymmbWarning, match="not proved|infinite later"):
+        found = mb.compare(scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
+    assert found.doubts

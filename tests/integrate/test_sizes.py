@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import ALL_SOLVERS
 from numpy.testing import assert_allclose
 from scipy.special import ellipj, ellipk
 
@@ -86,3 +87,14 @@ def test_angles_of_tiny_mechanisms_are_not_held_below_their_rounding():
         return mb.simulate(scene, mb.DormandPrince()).statistics["integrator"]["steps"]
 
     assert steps(1e-6, 3e4) < 2 * steps(1.0, 1.0)
+
+
+@pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
+def test_a_single_state(solver):
+    """z' = -k z alone: exp(-k t)."""
+    p = mb.Parameters(k=1.0)
+    z = mb.State("z", rate=lambda z: -p.k * z)
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 1.0}, np.linspace(0.0, 1.0, 3), {"z": z.value})
+    bounds = mb.propagate(scene, mb.Vertex(), mb.Box(k=(0.9, 1.1)), solver=solver)
+    np.testing.assert_allclose(bounds.lower[:, 0], np.exp(-1.1 * bounds.t), atol=1e-6)
+    np.testing.assert_allclose(bounds.upper[:, 0], np.exp(-0.9 * bounds.t), atol=1e-6)

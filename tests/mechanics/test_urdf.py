@@ -171,7 +171,7 @@ def test_limits_stop_a_joint_on_request(tmp_path, stop):
     hinge = joint("hinge", "revolute", "base", "arm", '<axis xyz="0 1 0"/><limit lower="-1" upper="0.5"/>')
     text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
     idle, stopped = load(tmp_path, text), load(tmp_path, text, stop=stop, replace={"hinge.limit.upper": 0.7})
-    assert "limits of 1 joints do not act" in repr(idle) and not any(isinstance(e, mb.Stop) for e in idle.elements)
+    assert "the limits of one joint do not act" in repr(idle) and not any(isinstance(e, mb.Stop) for e in idle.elements)
     outputs = {"angle": stopped.joints["hinge"].angle}
     system = mb.System(*stopped.elements, mb.Gravity(0, 0, -9.81))
     run = mb.simulate(mb.Scene(system, stopped.start, np.linspace(0, 2, 21), outputs))
@@ -231,3 +231,17 @@ def test_replacements_that_are_refused(case):
     replace, message = REPLACEMENTS[case]
     with pytest.raises(mb.DeclarationError, match=message):
         mb.load_urdf(FILES / "gantry.urdf", replace=replace)
+
+
+def test_what_is_no_file_and_a_free_base_without_mass_are_told(tmp_path):
+    for path in (None, 5):
+        with pytest.raises(mb.DeclarationError, match="expected the path of a file"):
+            mb.load_urdf(path)
+    file = tmp_path / "robot.urdf"
+    file.write_text(
+        '<robot name="r"><link name="base"/><link name="a"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="j" type="continuous"><parent link="base"/><child link="a"/></joint></robot>'
+    )
+    with pytest.raises(mb.DeclarationError, match="free base 'base' has no mass"):
+        mb.load_urdf(file, fixed_base=False)

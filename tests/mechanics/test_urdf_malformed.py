@@ -95,7 +95,7 @@ MALFORMED = {
         inertial('<mass value="${m}"/>' + moments()),
         3,
         "<mass> of",
-        "which xacro turns into a number",
+        "run the file through xacro first",
     ),
     "mass below 0": (inertial('<mass value="-1"/>' + moments()), 3, "<mass> of", "-1 is negative"),
     "mass infinite": (inertial('<mass value="inf"/>' + moments()), 3, "<mass> of", "not finite"),

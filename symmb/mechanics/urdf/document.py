@@ -87,9 +87,9 @@ class Tag:
         text, values, count = self.attributes[attribute], [], len(default)
         for word in text.split():
             try:
-                values.append(float(word))
+                values.append(float(word if "_" not in word else ""))  # Python takes 1_0 for 10
             except ValueError:
-                hint = ", which xacro turns into a number" if "$" in word else ""
+                hint = "; run the file through xacro first" if "$" in word else ""
                 raise self.fault(f"{attribute}={text!r} holds {word!r}, which is no number{hint}.") from None
         if len(values) != count:
             expected = "one number" if count == 1 else f"{count} numbers"

@@ -118,7 +118,8 @@ class Robot:
         limits = sum(name.endswith(".limit.lower") for name in self.numbers)
         stops = kinds.get("Stop", 0)
         text = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-        idle = f"; limits of {limits} joints do not act, give stop=..." if limits and not stops else ""
+        of_joints = "the limits of one joint" if limits == 1 else f"the limits of {limits} joints"
+        idle = f"; {of_joints} do not act, give stop=..." if limits and not stops else ""
         return f"Robot({self.name!r}: {text}{idle})"
 
 
@@ -171,6 +172,12 @@ def load_urdf(
     >>> float(mb.simulate(scene)["angle"][-1].round(4))
     0.0865
     """
+    if not isinstance(path, str | Path):
+        raise DeclarationError(f"load_urdf: expected the path of a file, got {path!r}.")
+    if isinstance(stop, bool):
+        raise DeclarationError(
+            "load_urdf: stop takes a contact law or a coefficient of restitution, not True or False."
+        )
     description = read_description(Path(path))
     return _Building(description, _replaced(description, replace or {}, fixed_base, stop), fixed_base, stop).robot()
 
@@ -263,6 +270,11 @@ class _Building:
         if self.fixed_base and top == self.description.root:
             return Ground()
         whole = united(masses)
+        if top == self.description.root and is_nought(whole.mass):
+            raise DeclarationError(
+                f"load_urdf: the free base {top!r} has no mass, so that nothing determines its acceleration. Give the "
+                "link an <inertial> with mass and inertia, or fixed_base=True."
+            )
         name = f"{top}_link" if top in self.description.joints else top
         return Body(name, whole.mass, whole.inertia, Spatial(), com=whole.com)
 
