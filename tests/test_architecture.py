@@ -1,6 +1,7 @@
 """The floors: who may import whom, how long a file may be, and what `import symmb` must not load."""
 
 import ast
+import itertools
 import os
 import subprocess
 import sys
@@ -214,3 +215,9 @@ def test_no_circles_between_modules():
         graph[module_name(path)] = names - {module_name(path)}
     doors = {name for name in graph if (ROOT.parent / name.replace(".", "/")).is_dir()}
     assert not circle({name: others & (graph.keys() - doors) for name, others in graph.items() if name not in doors})
+
+
+def test_files_of_tests_have_names_of_their_own():
+    """pytest imports them without their folders."""
+    names = sorted(path.name for path in Path(__file__).parent.rglob("test_*.py"))
+    assert [name for name, following in itertools.pairwise(names) if name == following] == []
