@@ -40,7 +40,7 @@ class Case:
 
 
 def cases(seed: int) -> Iterator[Case]:
-    """The cases of a seed, 68 of them."""
+    """The cases of a seed, 74 of them."""
     rng = np.random.default_rng(seed)
     for kind, number, make in KINDS:
         for k in range(number):
@@ -310,6 +310,20 @@ UQ: tuple[tuple[str, tuple[float, ...], tuple[float, ...], Callable[[Array], Arr
 """Name, ends of the usual box, and function of (d, N). Surjanovic and Bingham, Virtual Library of Simulation
 Experiments (2013); Morris (1991); Sobol (1998)."""
 
+def sums(rng: np.random.Generator, k: int) -> Made:
+    """Sums of functions of one parameter each: |x - c|, or sin(a x + b) over up to a period, in 4 to 10 parameters."""
+    d = int(rng.integers(4, 11))
+    c, w = rng.uniform(-0.7, 0.7, d), rng.uniform(0.3, 1, d)
+    if k % 2 == 0:
+        reach = float(w @ (1 + np.abs(c)))
+        return f"kinks, {d}", d, _scalar(lambda X: np.abs(X - c) @ w), (0.0, reach)
+    a = rng.uniform(1, np.pi, d)
+    x = np.linspace(-1, 1, 20001)[:, None]
+    parts = w * np.sin(a * x + 2 * c)
+    ends = float(parts.min(axis=0).sum()), float(parts.max(axis=0).sum())
+    return f"sines, {d}", d, _scalar(lambda X: np.sin(a * X + 2 * c) @ w), ends
+
+
 KINDS: tuple[tuple[str, int, Callable[[np.random.Generator, int], Made]], ...] = (
     ("bump", 9, bump),
     ("step", 6, step),
@@ -323,5 +337,6 @@ KINDS: tuple[tuple[str, int, Callable[[np.random.Generator, int], Made]], ...] =
     ("gap", 4, gap),
     ("ridge", 6, ridge),
     ("UQ", 9, uq),
+    ("sum", 6, sums),
 )
 """Kinds of functions, how many of a seed, and what makes them."""
