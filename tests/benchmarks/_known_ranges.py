@@ -310,6 +310,7 @@ UQ: tuple[tuple[str, tuple[float, ...], tuple[float, ...], Callable[[Array], Arr
 """Name, ends of the usual box, and function of (d, N). Surjanovic and Bingham, Virtual Library of Simulation
 Experiments (2013); Morris (1991); Sobol (1998)."""
 
+
 def sums(rng: np.random.Generator, k: int) -> Made:
     """Sums of functions of one parameter each: |x - c|, or sin(a x + b) over up to a period, in 4 to 10 parameters."""
     d = int(rng.integers(4, 11))

@@ -26,28 +26,30 @@ def attained(simulator: DAESimulator, box: mb.Box, finest: mb.Bounds) -> tuple[n
     near = np.where(
         rng.uniform(size=(8000, d)) < 0.8, rng.choice([-1.0, 1.0], (8000, d)), rng.uniform(-1, 1, (8000, d))
     )
-    expansion = finest.expansion
-    found = mb.Exact(1e-3, budget=20).search(expansion.alpha, expansion.coefficients.reshape(len(expansion.alpha), -1))
-    points = np.concatenate([corners, near, found.at_lower, found.at_upper])
+    points, expansion = np.concatenate([corners, near]), finest.expansion
+    if expansion is not None:  # there is none where the bounds are those of runs
+        coefficients = expansion.coefficients.reshape(len(expansion.alpha), -1)
+        extremes = mb.Exact(1e-3, budget=20).search(expansion.alpha, coefficients)
+        points = np.concatenate([points, extremes.at_lower, extremes.at_upper])
     low, high = simulator.run(box.from_unit(points)).extremes()
     return np.minimum(low, finest.inner[0]), np.maximum(high, finest.inner[1])
 
 
 def show(name: str, simulator: DAESimulator, box: mb.Box, methods: list[mb.PolynomialChaos], truth=None) -> None:
     """A line for each method; the last one is the finest."""
-    found = []
+    results = []
     for method in methods:
         begin = time.perf_counter()
         bounds = method.bounds(simulator, box)
         seconds = time.perf_counter() - begin
         begin = time.perf_counter()
         simulator.run(box.from_unit(np.zeros((bounds.evaluations, len(box))))).Y.sum()
-        found.append((bounds, seconds, time.perf_counter() - begin))
-    lower, upper = attained(simulator, box, found[-1][0]) if truth is None else truth
+        results.append((bounds, seconds, time.perf_counter() - begin))
+    lower, upper = attained(simulator, box, results[-1][0]) if truth is None else truth
     width = rms(upper - lower)
     width = np.where(width > 1e-9, width, np.inf)
     last = slice(None) if truth is None else simulator.times >= simulator.times[-1] - 5.0
-    for bounds, seconds, running in found:
+    for bounds, seconds, running in results:
         outside = np.maximum(np.maximum(lower - bounds.lower, bounds.upper - upper), 0.0)
         inside = np.maximum(np.maximum(bounds.lower - lower, upper - bounds.upper), 0.0)
         covered = (bounds.estimate + 1e-6 * np.where(np.isfinite(width), width, 1.0) >= np.maximum(outside, inside))[

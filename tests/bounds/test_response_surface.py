@@ -8,11 +8,13 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 import symmb as mb
+from symmb.bounds.adaptive.covariances import Ridge, Smooth, Sum
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
 
 RNG = np.random.default_rng(5)
 X = RNG.uniform(-1, 1, (30, 4))
-KERNEL = Kernel(RNG.normal(size=(2, 4)), np.exp(RNG.normal(size=4)), np.array([0.7, 0.3, 0.5]), 1e-3)
+W, RATES, SUM_RATES = RNG.normal(size=(2, 4)), *np.exp(RNG.normal(size=(2, 4)))
+KERNEL = Kernel(Smooth(0.5, RATES), (Ridge(0.7, W[0]), Ridge(0.3, W[1]), Sum(0.4, SUM_RATES)), 1e-3)
 
 
 def covariance(a, b):
@@ -20,10 +22,10 @@ def covariance(a, b):
     total = np.empty((len(a), len(b)))
     for i, x in enumerate(a):
         for j, y in enumerate(b):
-            ridges = sum(
-                s * np.exp(-(((x - y) @ w) ** 2) / 2) for s, w in zip(KERNEL.sizes, KERNEL.ridges, strict=False)
-            )
-            total[i, j] = ridges + KERNEL.sizes[-1] * np.exp(-np.sum((KERNEL.rates * (x - y)) ** 2) / 2)
+            ridges = sum(s * np.exp(-(((x - y) @ w) ** 2) / 2) for s, w in zip((0.7, 0.3), W, strict=True))
+            z = SUM_RATES * np.abs(x - y)
+            sums = 0.4 * np.mean((1 + z) * np.exp(-z))
+            total[i, j] = ridges + sums + 0.5 * np.exp(-np.sum((RATES * (x - y)) ** 2) / 2)
     return total
 
 
@@ -33,13 +35,13 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
     noisy = covariance(X, X) + (KERNEL.noise + 1e-10) * np.eye(30)
     normal = multivariate_normal(np.zeros(30), noisy)
     expected = -sum(normal.logpdf(y) for y in Y.T) - 30 * np.log(2 * np.pi)
-    mean, deviation = np.zeros_like(vector), np.full_like(vector, 4.0)
-    mean[8:12], mean[-1], deviation[8:12] = np.log(0.3), np.log(1e-6), 1.5
+    mean, deviation, rates = np.zeros_like(vector), np.full_like(vector, 4.0), [0, 1, 2, 3, 15, 16, 17, 18]
+    mean[rates], mean[-1], deviation[rates] = np.log(0.3), np.log(1e-6), 1.5
     prior = np.sum(((vector - mean) / deviation) ** 2) / 2
     value, gradient = KERNEL.unlikeliness(X, Y)
     assert value == pytest.approx(expected + prior)
     for i, step in enumerate(1e-6 * np.eye(len(vector))):
-        ends = [Kernel.of_vector(vector + sign * step, 2).unlikeliness(X, Y)[0] for sign in (1, -1)]
+        ends = [KERNEL.with_vector(vector + sign * step).unlikeliness(X, Y)[0] for sign in (1, -1)]
         assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(gradient[i], rel=1e-5, abs=1e-5)
 
 
@@ -98,6 +100,14 @@ def test_sums_of_functions_of_single_combinations_take_few_runs():
     bounds = bounds_of(lambda x: np.sin(a @ x) + np.exp(0.4 * b @ x), d)
     assert bounds.evaluations <= 150
     assert distance(bounds, -1 + np.exp(-1.6), 1 + np.exp(1.6)) <= 1e-2
+
+
+def test_sums_of_kinks_are_bounded_where_all_kinks_meet():
+    """No run is at the minimum, where the errors of all kinks have one sign."""
+    c, w = np.array([0.31, -0.52, 0.11, 0.63, -0.27]), np.array([0.5, 0.9, 0.4, 0.7, 0.6])
+    bounds = bounds_of(lambda x: w @ np.abs(x - c), len(c))
+    assert bounds.evaluations <= 150
+    assert distance(bounds, 0.0, w @ (1 + np.abs(c))) <= 2e-2
 
 
 @pytest.mark.slow

@@ -160,6 +160,8 @@ DOUBTFUL_SHARE = 0.1
 """Error over the width from which bounds are those that runs attained."""
 SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
 """Points of the box, and as many corners, of which so many start local searches."""
+SEARCH_LINE = 17
+"""Values of a parameter of which the best is looked for: a sine of a period has its extremes within 0.06 of them."""
 EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
 """Most polynomials of the expansion of a surface, and largest error of it, over the standard deviation."""
 

@@ -1,74 +1,83 @@
 """A Gaussian process of responses that vary in few directions most: the most likely response given some runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from symmb._types import Array
+from symmb.bounds.adaptive.covariances import Ridge, Smooth, Sum, Term
 
 _ROUNDING = 1e-10
 """Least variance of the noise, over that of the responses."""
-_MEAN_RATE, _DEVIATION_RATE, _DEVIATION_RIDGE, _DEVIATION_SIZE = np.log(0.3), 1.5, 4.0, 4.0
-"""Expected logarithm of rates; standard deviations of these, of components of ridges, of logarithms of sizes."""
-_LIMIT_RIDGE, _LIMITS_RATE, _LIMITS_SIZE, _LIMITS_NOISE = 15.0, (1e-3, 10.0), (1e-6, 1e4), (_ROUNDING, 1.0)
+_MEAN_NOISE, _DEVIATION_NOISE, _LIMITS_NOISE = float(np.log(1e-6)), 4.0, (_ROUNDING, 1.0)
+"""Expected logarithm of the variance of the noise, its standard deviation, and limits of the variance."""
 _ITERATIONS, _SEARCH_ITERATIONS = 60, 60
 """Most steps to a likely kernel, whose directions turn slowly, and to an extreme."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """Covariance sum_k a_k exp(-(w_k (x - x'))^2 / 2) + a exp(-|l (x - x')|^2 / 2), and that of the noise.
+    """Covariance of responses: that of smooth functions, further terms, and noise.
 
     Attributes
     ----------
-    ridges : (K, d)         directions w_k, in units of the length over which the response varies
-    rates : (d,)            l, the same for single parameters
-    sizes : (K + 1,)        a_k, then a
+    smooth : Smooth
+    further : Sequence[Term]
     noise : variance of the noise
     """
 
-    ridges: Array
-    rates: Array
-    sizes: Array
+    smooth: Smooth
+    further: Sequence[Term]
     noise: float
 
     @classmethod
     def of(cls, d: int) -> "Kernel":
-        """One without ridges, to start from."""
-        return cls(np.empty((0, d)), np.full(d, np.exp(_MEAN_RATE)), np.ones(1), 1e-4)
+        """One without further terms, to start from."""
+        return cls(Smooth.of(d), (), 1e-4)
 
-    def with_ridge(self, ridge: Array) -> "Kernel":
-        """With one more ridge (d,), which takes most of what the others leave."""
-        sizes = np.append(self.sizes, 0.1 * self.sizes[-1])
-        return Kernel(np.concatenate([self.ridges, ridge[None]]), self.rates, sizes, self.noise)
+    def with_term(self, term: Term) -> "Kernel":
+        """With one more term, which takes most of what the others leave."""
+        size = self.smooth.size
+        return Kernel(self.smooth.with_size(0.1 * size), (*self.further, term.with_size(size)), self.noise)
 
-    @classmethod
-    def of_vector(cls, vector: Array, n: int) -> "Kernel":
-        """The inverse of `vector`, with n ridges."""
-        d = (len(vector) - n - 2) // (n + 1)
-        logs = np.exp(vector[n * d :])
-        return cls(vector[: n * d].reshape(n, d), logs[:d], logs[d:-1], float(logs[-1]))
+    def with_vector(self, vector: Array) -> "Kernel":
+        """With other numbers."""
+        ends = np.cumsum([len(term.vector) for term in self.terms])
+        *own, noise = np.split(vector, ends)
+        smooth, *further = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
+        assert isinstance(smooth, Smooth)
+        return Kernel(smooth, further, float(np.exp(noise[0])))
+
+    @property
+    def terms(self) -> Sequence[Term]:
+        """All of them, the smooth one first."""
+        return (self.smooth, *self.further)
+
+    @property
+    def ridges(self) -> Sequence[Ridge]:
+        """The terms that are ridges."""
+        return [term for term in self.further if isinstance(term, Ridge)]
+
+    @property
+    def is_sum(self) -> bool:
+        """Whether a term is a sum of functions of one parameter."""
+        return any(isinstance(term, Sum) for term in self.further)
 
     @property
     def vector(self) -> Array:
-        """Ridges, and logarithms of the other numbers."""
-        return np.concatenate([self.ridges.ravel(), np.log(self.rates), np.log(self.sizes), [np.log(self.noise)]])
+        """The vectors of the terms, and the logarithm of the noise."""
+        return np.concatenate([*(term.vector for term in self.terms), [np.log(self.noise)]])
 
     @property
-    def limits(self) -> Array:
-        """(n, 2) of the vector."""
-        n, d = self.ridges.shape
-        logs = [_LIMITS_RATE] * d + [_LIMITS_SIZE] * (n + 1) + [_LIMITS_NOISE]
-        return np.concatenate([np.tile([-_LIMIT_RIDGE, _LIMIT_RIDGE], (n * d, 1)), np.log(logs)])
+    def size(self) -> float:
+        """Variance of the responses without noise."""
+        return sum(term.size for term in self.terms)
 
-    def parts(self, a: Array, b: Array) -> tuple[list[Array], list[Array]]:
-        """Terms of the covariance, K + 1 times (N, M), of points (N, d) and (M, d), and w_k (x - x'), K times."""
-        differences = [np.subtract.outer(a @ w, b @ w) for w in self.ridges]
-        parts = [size * np.exp(-0.5 * z * z) for size, z in zip(self.sizes[:-1], differences, strict=True)]
-        p, q = a * self.rates, b * self.rates
-        squares = np.square(p).sum(axis=1)[:, None] + np.square(q).sum(axis=1) - 2 * p @ q.T
-        return [*parts, self.sizes[-1] * np.exp(-0.5 * np.maximum(squares, 0.0))], differences
+    def values(self, a: Array, b: Array) -> Array:
+        """The covariance (N, M) of points (N, d) and (M, d), without noise."""
+        return np.asarray(np.sum([term.values(a, b) for term in self.terms], axis=0))
 
     def unlikeliness(self, points: Array, Y: Array) -> tuple[float, Array]:
         """Negative logarithm of the likelihood of responses Y (N, m) at points (N, d), and its gradient.
@@ -77,45 +86,42 @@ class Kernel:
         """
         from scipy.linalg import cholesky, solve_triangular
 
-        (n, d), (N, m) = self.ridges.shape, Y.shape
-        parts, differences = self.parts(points, points)
+        N, m = Y.shape
+        values = [term.values(points, points) for term in self.terms]
         try:
-            root = cholesky(np.sum(parts, axis=0) + (self.noise + _ROUNDING) * np.eye(N), lower=True)
+            root = cholesky(np.sum(values, axis=0) + (self.noise + _ROUNDING) * np.eye(N), lower=True)
         except np.linalg.LinAlgError:
             return 1e10, np.zeros(len(self.vector))
         inverse_root = solve_triangular(root, np.eye(N), lower=True)
         inverse = inverse_root.T @ inverse_root
         weights = inverse @ Y
         value = 0.5 * float((Y * weights).sum()) + m * float(np.log(np.diag(root)).sum())
-        A = m * inverse - weights @ weights.T
-        products = [A * part for part in parts]
-        ridges = [-((p * z).sum(axis=1) @ points) for p, z in zip(products[:-1], differences, strict=True)]
-        own = products[-1]
-        rates = -np.square(self.rates) * (own.sum(axis=1) @ np.square(points) - (points * (own @ points)).sum(axis=0))
-        sizes = [0.5 * p.sum() for p in products]
-        gradient = np.concatenate([*ridges, rates, sizes, [0.5 * self.noise * np.trace(A)]])
-        mean = np.concatenate([np.zeros(n * d), np.full(d, _MEAN_RATE), np.zeros(n + 1), [np.log(1e-6)]])
-        deviation = np.concatenate(
-            [np.full(n * d, _DEVIATION_RIDGE), np.full(d, _DEVIATION_RATE), np.full(n + 2, _DEVIATION_SIZE)]
-        )
+        pull = 0.5 * (m * inverse - weights @ weights.T)
+        each = zip(self.terms, values, strict=True)
+        gradient = [*(term.vector_gradient(pull, points, part) for term, part in each), [self.noise * np.trace(pull)]]
+        mean, deviation = (np.concatenate(parts) for parts in zip(*self._priors, strict=True))
         distance = (self.vector - mean) / deviation
-        return value + 0.5 * float(distance @ distance), gradient + distance / deviation
+        return value + 0.5 * float(distance @ distance), np.concatenate(gradient) + distance / deviation
+
+    @property
+    def _priors(self) -> list[tuple[Array, Array]]:
+        noise = np.array([_MEAN_NOISE]), np.array([_DEVIATION_NOISE])
+        return [*(term.prior for term in self.terms), noise]
 
     def most_likely(self, points: Array, Y: Array) -> tuple["Kernel", float]:
         """The most likely kernel near this one, and its `unlikeliness`."""
         from scipy.optimize import minimize
 
-        n = len(self.ridges)
-        limits = self.limits
+        limits = np.concatenate([*(term.limits for term in self.terms), np.log([_LIMITS_NOISE])])
         result = minimize(
-            lambda vector: Kernel.of_vector(vector, n).unlikeliness(points, Y),
+            lambda vector: self.with_vector(vector).unlikeliness(points, Y),
             np.clip(self.vector, *limits.T),
             jac=True,
             method="L-BFGS-B",
             bounds=limits,
             options={"maxiter": _ITERATIONS},
         )
-        return Kernel.of_vector(result.x, n), float(result.fun)
+        return self.with_vector(result.x), float(result.fun)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +150,7 @@ class GaussianProcess:
         from scipy.linalg import cholesky, solve_triangular
 
         noise = (self.kernel.noise + _ROUNDING) * np.eye(len(self.points))
-        root = cholesky(np.sum(self.kernel.parts(self.points, self.points)[0], axis=0) + noise, lower=True)
+        root = cholesky(self.kernel.values(self.points, self.points) + noise, lower=True)
         return np.asarray(solve_triangular(root, np.eye(len(root)), lower=True))
 
     @cached_property
@@ -157,27 +163,22 @@ class GaussianProcess:
 
     def mean(self, points: Array) -> Array:
         """(M, m)."""
-        return np.sum(self.kernel.parts(points, self.points)[0], axis=0) @ self._weights
+        return self.kernel.values(points, self.points) @ self._weights
 
     def deviation(self, points: Array) -> Array:
         """Standard deviation (M,) of a response without noise."""
-        root = np.sum(self.kernel.parts(points, self.points)[0], axis=0) @ self._inverse_root.T
-        return np.sqrt(np.maximum(self.kernel.sizes.sum() - np.square(root).sum(axis=1), 0.0))
+        root = self.kernel.values(points, self.points) @ self._inverse_root.T
+        return np.sqrt(np.maximum(self.kernel.size - np.square(root).sum(axis=1), 0.0))
 
     def rest_direction(self) -> Array:
-        """The direction (d,) in which that part of the mean varies most that is no ridge: the first active subspace.
+        """The direction (d,) in which the smooth part of the mean varies most: the first active subspace.
 
         References
         ----------
         Constantine, Dow and Wang, SIAM Journal on Scientific Computing 36 (2014), A1500-A1524.
         """
-        covariance = self.kernel.parts(self.points, self.points)[0][-1]
-        weights = covariance[:, :, None] * self._weights  # (N, N, m)
-        gradients = (
-            np.einsum("abj,bi->aji", weights, self.points) - weights.sum(axis=1)[..., None] * self.points[:, None]
-        )
-        gradients = (gradients * np.square(self.kernel.rates)).reshape(-1, self.points.shape[1])
-        return np.linalg.svd(gradients, full_matrices=False)[2][0]
+        slopes = [self.kernel.smooth.slope(weights, self.points, self.points) for weights in self._weights.T]
+        return np.linalg.svd(np.concatenate(slopes), full_matrices=False)[2][0]
 
     def smallest(self, response: int, sign: float, factor: float, starts: Array) -> tuple[Array, float]:
         """A place (d,) where sign times a response less factor deviations is smallest in the box, and the value there.
@@ -189,14 +190,11 @@ class GaussianProcess:
         weights, root, kernel = sign * self._weights[:, response], self._inverse_root, self.kernel
 
         def objective(x: Array) -> tuple[float, Array]:
-            parts, differences = kernel.parts(x[None], self.points)
-            covariance = np.sum(parts, axis=0)[0]
+            covariance = kernel.values(x[None], self.points)[0]
             half = root @ covariance
-            deviation = np.sqrt(max(kernel.sizes.sum() - half @ half, 1e-16))
+            deviation = np.sqrt(max(kernel.size - half @ half, 1e-16))
             pull = weights + factor / deviation * (root.T @ half)  # of the covariances on the objective
-            gradient = -np.square(kernel.rates) * ((own := pull * parts[-1][0]).sum() * x - own @ self.points)
-            for part, z, w in zip(parts[:-1], differences, kernel.ridges, strict=True):
-                gradient = gradient - (pull * part[0]) @ z[0] * w
+            gradient = np.sum([term.slope(pull, x[None], self.points)[0] for term in kernel.terms], axis=0)
             return float(weights @ covariance - factor * deviation), gradient
 
         limits = [(-1.0, 1.0)] * starts.shape[1]

@@ -21,12 +21,14 @@ from symmb.bounds.adaptive.constants import (
     RIDGE_LENGTHS,
     ROUNDING_WIDTH,
     SEARCH_CANDIDATES,
+    SEARCH_LINE,
     SEARCH_STARTS,
     SLOPE_STEP,
     SPREAD,
     SUSPICIOUS_RUNS,
     UNLIKELY,
 )
+from symmb.bounds.adaptive.covariances import Ridge, Sum
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs
 from symmb.bounds.adaptive.surface_expansion import surface_expansion
@@ -58,7 +60,8 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         if len(data.points) >= REFIT * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
         surface = GaussianProcess(kernels[0], data.points, data.Y)
-        places, ends = _extremes(surface, DEVIATIONS * max(1.0, _rms(deviant)))
+        same_sign = d**0.5 if kernels[0].is_sum else 1.0  # at an extreme the errors of all kinks of a sum have one sign
+        places, ends = _extremes(surface, DEVIATIONS * same_sign * max(1.0, _rms(deviant)))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         ends = np.where(_is_plateau(data, attained)[:, None], attained[:, None], ends)
@@ -169,13 +172,16 @@ def _rms(a: Array) -> float:
 
 
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
-    """Likely kernels without a ridge, with one and with two, the most likely one first.
+    """Likely kernels of a smooth response, of one with a ridge, with two, and of a sum, the most likely one first.
 
     The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
-    without = bool(kernels) and not any(len(kernel.ridges) for kernel in kernels)
-    starts = [*(kernels or [plain]), *([_with_ridge(plain, slope, data)] if slope.any() and not without else [])]
+    starts = [*kernels]
+    if not kernels:
+        starts += [plain, plain.with_term(Sum.of(data.points.shape[1]))]
+    if slope.any() and (not kernels or any(kernel.ridges for kernel in kernels)):
+        starts.append(_with_ridge(plain, slope, data))
     fits = [kernel.most_likely(data.points, data.Y) for kernel in starts]
     ridges = [each for each in fits if len(each[0].ridges) == 1]
     if ridges:
@@ -184,10 +190,10 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
         fits.append(_with_ridge(first, direction, data).most_likely(data.points, data.Y))
     fits.sort(key=lambda each: each[1])
     is_decided = len(data.points) >= DECIDED * data.points.shape[1]
-    likely: dict[int, Kernel] = {}  # the best one of each number of ridges
+    likely: dict[tuple[int, bool], Kernel] = {}  # the best one of each number of ridges, and of sums
     for kernel, value in fits:
         if value < fits[0][1] + UNLIKELY or not (is_decided or len(kernel.ridges) > 1):
-            likely.setdefault(len(kernel.ridges), kernel)
+            likely.setdefault((len(kernel.ridges), kernel.is_sum), kernel)
     return list(likely.values())
 
 
@@ -205,14 +211,15 @@ def _slope(data: _Responses) -> Array:
 def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
     """A kernel with one more ridge along a direction, of the most likely length."""
     direction = direction / np.linalg.norm(direction)
-    kernels = [kernel.with_ridge(length * direction) for length in RIDGE_LENGTHS]
+    kernels = [kernel.with_term(Ridge(1.0, length * direction)) for length in RIDGE_LENGTHS]
     return min(kernels, key=lambda each: each.unlikeliness(data.points, data.Y)[0])
 
 
 def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
     """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of it and deviations, and values there.
 
-    Local searches start from the best of points of the box, of corners and of runs.
+    Local searches start from the best of points of the box, of corners and of runs, and of a point that takes the best
+    value of each parameter: a sum of functions of one parameter has many local extremes.
     """
     d, m = surface.points.shape[1], surface.Y.shape[1]
     spread = quasi_random_points(SEARCH_CANDIDATES, d)
@@ -222,10 +229,23 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
     for end, sign in enumerate((1.0, -1.0)):
         for k, deviations in enumerate((0.0, factor)):
             for j in range(m):
-                best = np.argsort(sign * mean[:, j] - deviations * deviation, kind="stable")[:SEARCH_STARTS]
-                places[end, k, j], least = surface.smallest(j, sign, deviations, candidates[best])
+                order = np.argsort(sign * mean[:, j] - deviations * deviation, kind="stable")
+                best = _best_of_each_parameter(surface, j, sign, deviations, candidates[order[0]])
+                starts = np.concatenate([best[None], candidates[order[:SEARCH_STARTS]]])
+                places[end, k, j], least = surface.smallest(j, sign, deviations, starts)
                 ends[end, k, j] = sign * least
     return places, ends
+
+
+def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:
+    """A point (d,) of the values on lines through x (d,) where sign times a response less deviations is smallest."""
+    values = np.linspace(-1, 1, SEARCH_LINE)
+    points = np.tile(x, (len(x), SEARCH_LINE, 1))
+    for i, line in enumerate(points):
+        line[:, i] = values
+    flat = points.reshape(-1, len(x))
+    objective = sign * surface.mean(flat)[:, response] - (factor * surface.deviation(flat) if factor else 0.0)
+    return values[objective.reshape(len(x), -1).argmin(axis=1)]
 
 
 def _beside(places: Array, number: int) -> Array:
