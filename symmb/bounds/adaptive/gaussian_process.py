@@ -161,6 +161,10 @@ class GaussianProcess:
         """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
         return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
 
+    def left_out_deviations(self) -> Array:
+        """The largest of these errors (N,) over their standard deviations."""
+        return np.abs(self.left_out_errors()).max(axis=1) * np.sqrt(np.square(self._inverse_root).sum(axis=0))
+
     def mean(self, points: Array) -> Array:
         """(M, m)."""
         return self.kernel.values(points, self.points) @ self._weights

@@ -50,7 +50,7 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     most : runs after which the range is taken as it is
     """
     d, n_spread, n_fit = nodes.shape[1], 0, 0
-    latest, deviant, kernels = np.ones(1), np.ones(1), list[Kernel]()
+    latest, kernels = np.ones(1), list[Kernel]()
     runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
     while True:
         if not runs.noise_is_known and len(runs) >= SUSPICIOUS_RUNS:
@@ -60,8 +60,9 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         if len(data.points) >= REFIT * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
         surface = GaussianProcess(kernels[0], data.points, data.Y)
-        same_sign = d**0.5 if kernels[0].is_sum else 1.0  # at an extreme the errors of all kinks of a sum have one sign
-        places, ends = _extremes(surface, DEVIATIONS * same_sign * max(1.0, _rms(deviant)))
+        # At an extreme the errors of all kinks of a sum have one sign.
+        factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
+        places, ends = _extremes(surface, factor * max(1.0, _rms(surface.left_out_deviations()[-LATEST:])))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         ends = np.where(_is_plateau(data, attained)[:, None], attained[:, None], ends)
@@ -80,8 +81,6 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         if len(points):
             errors = np.abs(data.relative(responses) - surface.mean(points))
             latest = (errors / width).max(axis=1)
-            expected = np.sqrt(np.square(surface.deviation(points)) + kernels[0].noise)
-            deviant = np.append(deviant, errors.max(axis=1) / expected)[-LATEST:]
 
 
 @dataclass(frozen=True, eq=False)
