@@ -21,7 +21,8 @@ from symmb.bounds.adaptive.constants import (
     MANY_TIMES,
     MANY_VALUES,
     NOISE_RUNS,
-    REACHED_SHARE,
+    REACHED_SHARES,
+    REACHED_TOLERANCES,
     SAFETY,
     SKIPPED_TIMES,
     SOME_VALUES,
@@ -118,7 +119,8 @@ def _range_or_refinement(
         is_doubted or is_doubtful_in_window(estimate, width, runs.noise)[:, varies].any()
     )
     if is_enough and is_certain and runs.shape[0] * runs.shape[1] >= SOME_VALUES:
-        estimate = np.maximum(REACHED_SHARE * estimate, beyond)
+        share = np.interp(tolerance, REACHED_TOLERANCES, REACHED_SHARES)
+        estimate = np.maximum(share * estimate, beyond)
     estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
     expansion = (lambda: whole) if len(pieces) == 1 else None
     return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
