@@ -21,8 +21,8 @@ from symmb.bounds.adaptive.constants import (
     MANY_TIMES,
     MANY_VALUES,
     NOISE_RUNS,
-    REACHED_SHARES,
-    REACHED_TOLERANCES,
+    REACHED_POWER,
+    REACHED_SHARE,
     SAFETY,
     SKIPPED_TIMES,
     SOME_VALUES,
@@ -119,7 +119,7 @@ def _range_or_refinement(
         is_doubted or is_doubtful_in_window(estimate, width, runs.noise)[:, varies].any()
     )
     if is_enough and is_certain and runs.shape[0] * runs.shape[1] >= SOME_VALUES:
-        share = np.interp(tolerance, REACHED_TOLERANCES, REACHED_SHARES)
+        share = min(1.0, REACHED_SHARE * tolerance**REACHED_POWER)
         estimate = np.maximum(share * estimate, beyond)
     estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
     expansion = (lambda: whole) if len(pieces) == 1 else None
