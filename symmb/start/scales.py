@@ -10,7 +10,6 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scales, is_linear
-from symmb.symbolic import interpret
 
 Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
@@ -20,8 +19,6 @@ _PART_ROUNDING = 1e-12
 """Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
-_NO_STATE = -1
-"""Of numbers, parameters and time in place of a state."""
 _USUAL_RATE = 2.0**_STEP_BITS
 """Rates [1/s] of mechanisms with stiff springs and fast rotors, and its reciprocal those of slow machines: absolute
 tolerances of velocities stay in between."""
@@ -106,29 +103,25 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
 def _parts(dae: DAE) -> Indices:
     """Numbers (n_x,) of the parts of the scene that do not act on each other.
 
-    States are in the same part if an operation of the rates joins them.
+    States are in the same part if a rate depends on both, or if one is that of a rate that depends on the other.
     """
-    parents = list(range(dae.n_q + dae.n_v + dae.n_s))
-
-    def part(state: int) -> int:
-        while parents[state] != state:
-            parents[state] = state = parents[parents[state]]
-        return state
-
-    def joined(_: int, states: tuple[int, ...]) -> int:
-        parts = [part(state) for state in states if state != _NO_STATE]
-        least = min(parts, default=_NO_STATE)
-        for other in parts:
-            parents[other] = least
-        return least
-
-    numbers = iter(range(len(parents)))
-    inputs = [[next(numbers) for _ in range(n)] for n in (dae.n_q, dae.n_v, *([dae.n_s] if dae.n_s else []))]
-    rates = interpret(dae.rhs, [*inputs, [_NO_STATE] * len(dae.p_names), [_NO_STATE]], joined, lambda _: _NO_STATE)
-    for k, (of_inputs, of_rates) in enumerate(zip(inputs, rates, strict=True)):
-        for row, rate in zip(dae.rhs.sparsity_out(k).row(), of_rates, strict=True):
-            joined(0, (of_inputs[row], rate))
-    return np.array([part(state) for state in range(len(parents))], dtype=np.intp)
+    sizes = [dae.n_q, dae.n_v, *([dae.n_s] if dae.n_s else [])]
+    first = np.cumsum([0, *sizes])
+    pairs = [np.tile(np.arange(first[-1]), (2, 1))]
+    for k, rates in enumerate(first[:-1]):
+        for j, states in enumerate(first[:-1]):
+            rows, columns = dae.rhs.jac_sparsity(k, j).get_triplet()
+            pairs.append(np.array([rows, columns], dtype=np.intp) + [[rates], [states]])
+    rates, states = np.hstack(pairs)
+    parts = np.arange(first[-1])
+    while True:  # the least number passes on along the pairs
+        least = parts.copy()
+        np.minimum.at(least, rates, parts[states])
+        np.minimum.at(least, states, least[rates])
+        least = least[least]
+        if np.array_equal(least, parts):
+            return parts
+        parts = least
 
 
 def _is_linear(names: Sequence[str]) -> Mask:

@@ -63,7 +63,8 @@ def normal_solver(A: Array) -> Callable[[Array], Array] | None:
     """Solver of A A' z = r for a large matrix A (m, n) with few entries; None unless its rows are independent."""
     if not LARGE < A.shape[0] <= A.shape[1]:
         return None
-    rows = ca.sparsify(ca.DM(A))
+    at = np.nonzero(A)
+    rows = ca.DM.triplet(*(part.tolist() for part in at), ca.DM(A[at]), *A.shape)
     D, L, order = ca.ldl(ca.mtimes(rows, rows.T), True)
     pivots = D.full()
     if not pivots.min() > _REGULAR * pivots.max():
