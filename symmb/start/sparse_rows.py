@@ -63,8 +63,8 @@ def normal_solver(A: Array) -> Callable[[Array], Array] | None:
     """Solver of A A' z = r for a large matrix A (m, n) with few entries; None unless its rows are independent."""
     if not LARGE < A.shape[0] <= A.shape[1]:
         return None
-    at = np.nonzero(A)
-    rows = ca.DM.triplet(*(part.tolist() for part in at), ca.DM(A[at]), *A.shape)
+    i, k = np.nonzero(A)
+    rows = ca.DM.triplet(i.tolist(), k.tolist(), ca.DM(A[i, k]), A.shape[0], A.shape[1])
     D, L, order = ca.ldl(ca.mtimes(rows, rows.T), True)
     pivots = D.full()
     if not pivots.min() > _REGULAR * pivots.max():
