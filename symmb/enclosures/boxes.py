@@ -11,8 +11,40 @@ from symmb.enclosures.front import Front, half
 from symmb.enclosures.march import Course, march
 from symmb.enclosures.problem import Problem
 
-_LARGE = 2e-3
-"""Remainder over the width of the states above which a box is halved, if another one is allowed."""
+_LARGE = 1e-5
+"""Remainder over the width of the states in the whole box above which a part is halved, if another one is allowed.
+
+A part that is halved keeps its remainder. It is halved early, as what polynomials of a large part lack is not got back.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of the box, the front from which its motion goes on, and bounds up to there.
+
+    Attributes
+    ----------
+    halvings : times that the box was halved
+    earlier : None before the start
+    """
+
+    problem: Problem
+    halvings: int = 0
+    begin: Front | None = None
+    earlier: Course | None = None
+
+    @property
+    def since(self) -> float:
+        """Time [s] from which on the motion is not yet proved."""
+        return 0.0 if self.begin is None else self.begin.t
+
+    def halves(self, front: Front, course: Course) -> "list[_Part]":
+        """Both halves, from a front of the course."""
+        variable = front.slowest()
+        return [
+            _Part(self.problem.over(variable, side), self.halvings + 1, half(front, variable, side), course)
+            for side in (-1, 1)
+        ]
 
 
 @dataclass(frozen=True)
@@ -51,31 +83,23 @@ def enclose(
         course = expression_bounds(problem, order)
         return Enclosure(course.lower, course.upper, course.remainder, course.until, course.why, 1)
     horizon = float(problem.times[-1]) or 1.0
-    done = [0.0]
-
-    def over(part: Problem, begin: Front | None, allowed: int, share: float) -> tuple[list[Course], int]:
-        """Courses over a part of the box, whose bounds are to be joined, and the boxes in which it ends."""
-        since = 0.0 if begin is None else begin.t
-        course = march(part, order, begin, _LARGE if allowed > 1 else np.inf,
-                       lambda t: progress(done[0] + share * (t - since) / horizon))  # fmt: skip
+    waiting, courses, count, done = [_Part(problem)], [], 1, 0.0
+    while waiting:
+        part = min(waiting, key=lambda part: part.since)  # those that lose first are halved first
+        waiting.remove(part)
+        share, more = 0.5**part.halvings / horizon, count < boxes and problem.d > 0
+        course = march(part.problem, order, part.begin, _LARGE * 2.0**part.halvings if more else np.inf,
+                       lambda t: progress(done + share * (t - part.since)))  # fmt: skip
+        if part.earlier is not None:
+            course.keep(part.earlier, problem.times <= part.since)
         at = course.checkpoint
-        if not course.why or allowed < 2 or at is None or course.front is None or not part.d:
-            done[0] += share * (horizon - since) / horizon
-            return [course], 1
-        done[0] += share * (at.t - since) / horizon
-        variable = course.front.slowest()
-        later = part.times > at.t
-        parts, count = [], 0
-        for side, most in ((-1, allowed // 2), (1, allowed - allowed // 2)):
-            found, ends = over(part.over(variable, side), half(at, variable, side), most, 0.5 * share)
-            parts += found
-            count += ends
-        for found in parts:
-            found.lower[~later], found.upper[~later] = course.lower[~later], course.upper[~later]
-            found.remainder[~later] = course.remainder[~later]
-        return parts, count
-
-    courses, count = over(problem, None, boxes, 1.0)
+        if course.why and more and at is not None:
+            waiting += part.halves(at, course)
+            count += 1
+            done += share * (at.t - part.since)
+        else:
+            courses.append(course)
+            done += share * (horizon - part.since)
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
     return Enclosure(
         np.min([course.lower for course in courses], axis=0),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import Step
 from symmb.enclosures.ellipses import Choice, Control, usual_patches
@@ -25,8 +25,6 @@ _SHORTEST = 2.0**-4
 """Shortest step that is tried in vain, over the one aimed at."""
 _FIRST = 50
 """Horizon over the first step that is tried."""
-_SMALL = 1e-6
-"""Remainder over the width of the states up to which a front is a checkpoint."""
 _LOST, _CRAWL = 1e-2, 2.0**-6
 """Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
 _GRAINS = 2.0**30
@@ -43,7 +41,7 @@ class Course:
     until : time up to which the motion is proved, from the first one [s]
     why : what ended the proof; empty if it reached the end
     front : the end
-    checkpoint : the last front whose remainder was small
+    checkpoint : the last front whose remainder was not too large, or the first one
     """
 
     lower: Array
@@ -59,6 +57,11 @@ class Course:
         """Nothing is proved."""
         shape = len(problem.times), problem.outputs.numel_out(0)
         return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf))
+
+    def keep(self, earlier: "Course", known: Mask) -> None:
+        """Take the bounds of an earlier course at the times (n_t,) at which they are known."""
+        self.lower[known], self.upper[known] = earlier.lower[known], earlier.upper[known]
+        self.remainder[known] = earlier.remainder[known]
 
 
 def march(
@@ -104,11 +107,10 @@ def march(
         stored, course.until, course.front = behind, front.t, front
         progress(front.t)
         share, longest = front.share(), max(longest, step.h)
-        if share <= _SMALL:
-            course.checkpoint = front
         if share > largest:
             course.why = "the remainder is large"
             return course
+        course.checkpoint = front
         if share > _LOST and step.h < _CRAWL * longest:
             course.why = "the remainder grows too fast"
             return course

@@ -24,7 +24,7 @@ from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.curves import Step
 from symmb.enclosures.defects import defect_of_frame, defect_of_motion
-from symmb.enclosures.ellipses import Control, adapted, patches_on, usual_patches
+from symmb.enclosures.ellipses import Control, adapted, patches_on
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
 from symmb.enclosures.rounding import U, above
@@ -59,7 +59,7 @@ def _prove(step: Step, w0: Array, control: Control) -> Proof:
     C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
     defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
     growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
-    change = _Curvature(step, rho)
+    change = _Curvature(step, rho, chosen.choice.patches)
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
     for _ in range(_TRIALS):
         e = above(step.B_largest @ W)
@@ -86,10 +86,9 @@ class _Curvature:
     2 R kappa s, and its mean over s in [0, 1] by at most R kappa.
     """
 
-    def __init__(self, step: Step, rho: list[float]) -> None:
+    def __init__(self, step: Step, rho: list[float], patches: tuple[int, int]) -> None:
         self._step = step
-        count = usual_patches(step.problem.d)
-        self._patches = patches_on(step, [1.0] * len(rho), (count, count))
+        self._patches = patches_on(step, [1.0] * len(rho), patches)
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
