@@ -8,6 +8,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import points
 from symmb.enclosures.curves import Step
+from symmb.enclosures.degrees import degrees_of_equations, highest
 from symmb.enclosures.ellipses import Control, node_counts
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
@@ -27,6 +28,35 @@ _UNRESOLVED = 30.0
 """Aliasing over what is wanted above which a step is too long."""
 _TRIALS = 2
 """Finer grids that are tried until the aliasing is small."""
+
+_NUMBERS = 1e7
+"""Most numbers in an array of values at nodes that suffice without a bound of aliasing: 80 MB."""
+
+
+def exact_defects(step: Step) -> tuple[Array, Array] | None:
+    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) where the rates are polynomials; otherwise None.
+
+    All are polynomials of known degree then, and their interpolation in one node more is exact. None also where the
+    grid is too large.
+    """
+    n = step.problem.n
+    rates, slopes = degrees_of_equations(step)
+    of_C = highest(step.C.reshape(n * n, *step.C.shape[2:]))
+    of_defect = np.maximum(rates, highest(step.x.rate))
+    together, alone = _grid(of_defect + of_C, n), _grid(of_defect, n)
+    of_frame = _grid(np.maximum(slopes + highest(step.B.c), highest(step.B.rate)) + of_C, n * n)
+    if alone is None or of_frame is None:
+        return None
+    if together is None:
+        return above(step.C_largest @ _sampled_defect(step, alone, in_frame=False)), _sampled_frame(step, of_frame)
+    return _sampled_defect(step, together), _sampled_frame(step, of_frame)
+
+
+def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
+    """Nodes in which polynomials are interpolated exactly; None if there are too many for so many polynomials."""
+    if not numbers * np.prod(degrees + 1.0) <= _NUMBERS:
+        return None
+    return tuple(int(degree) + 1 for degree in degrees)
 
 
 def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control) -> Array:
@@ -70,14 +100,16 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     return above(sampled + alias)
 
 
-def _sampled_defect(step: Step, counts: tuple[int, ...]) -> Array:
-    """Bounds (n,) of the interpolation of C d at nodes."""
+def _sampled_defect(step: Step, counts: tuple[int, ...], in_frame: bool = True) -> Array:
+    """Bounds (n,) of the interpolation at nodes of C d, or of d."""
     n, k = step.problem.n, len(counts)
     found = step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0]
     f, f_errors = _stack(found, counts)
     rate, rate_errors = ch.values(step.x.rate, counts)
     d = rate - f
     d_errors = above(rate_errors + f_errors + U * ch.largest(d, k))
+    if not in_frame:
+        return ch.bound_of_samples(d, d_errors, k)
     C, C_errors = ch.values(step.C, counts)
     d_most, C_most = ch.largest(d, k), ch.largest(C, k)
     g = np.einsum("ij...,j...->i...", C, d)
@@ -103,6 +135,12 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     counts = node_counts(rho, ratio, (_FINEST,) * k)
     if math.prod(counts) > _LARGEST:
         raise ProofError("the frame is not resolved")
+    return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
+
+
+def _sampled_frame(step: Step, counts: tuple[int, ...]) -> Array:
+    """Bounds (n, n) of the interpolation of C (A B - B') at nodes."""
+    n, k = step.problem.n, len(counts)
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
     (B, B_errors), (C, C_errors) = step.frame_at(counts), ch.values(step.C, counts)
@@ -114,7 +152,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
                      + rate_errors + U * d_most)  # fmt: skip
     g = np.einsum("ij...,jk...->ik...", C, d)
     errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
-    return above(ch.bound_of_samples(g, errors, k) + ch.aliasing(rho, counts) * most)
+    return ch.bound_of_samples(g, errors, k)
 
 
 def _stack(found: list[points.Point], counts: tuple[int, ...]) -> tuple[Array, Array]:

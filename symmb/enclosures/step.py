@@ -23,7 +23,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
 from symmb.enclosures.curves import Step
-from symmb.enclosures.defects import defect_of_frame, defect_of_motion
+from symmb.enclosures.defects import defect_of_frame, defect_of_motion, exact_defects
 from symmb.enclosures.ellipses import Control, adapted, patches_on
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import largest_on
@@ -31,6 +31,8 @@ from symmb.enclosures.rounding import U, above
 
 _TRIALS = 12
 """Candidates for the box of w."""
+_AROUND = 1.5
+"""Ellipses that tell how far states may move, where none are needed for the defects."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +55,18 @@ def prove(step: Step, w0: Array, control: Control) -> Proof:
 
 
 def _prove(step: Step, w0: Array, control: Control) -> Proof:
-    n = step.problem.n
-    chosen = adapted(step, control)
-    rho = chosen.rho
-    C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
-    defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
-    growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
-    change = _Curvature(step, rho, chosen.choice.patches)
+    defects = exact_defects(step)
+    if defects is not None:
+        defect, growth = defects
+        rho, patches = [_AROUND] * len(step.degrees), control.choice.patches
+    else:
+        chosen = adapted(step, control)
+        rho, patches = chosen.rho, chosen.choice.patches
+        n = step.problem.n
+        C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
+        defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
+        growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
+    change = _Curvature(step, rho, patches)
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
     for _ in range(_TRIALS):
         e = above(step.B_largest @ W)

@@ -1,0 +1,82 @@
+"""Degrees of the equations over a step: a polynomial is interpolated exactly in enough nodes, without aliasing."""
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.enclosures.curves import Step
+
+Degree = tuple[Array, float | None]
+"""Highest degrees in time and in the parameters, infinite where a number is not a polynomial; and a constant's value."""
+
+
+def degrees_of_equations(step: Step) -> tuple[Array, Array]:
+    """Highest degrees in time and in the parameters of the rates along the motion, and of their Jacobian."""
+    problem, none = step.problem, np.zeros(step.x.c.ndim - 1)
+    x: list[Degree] = [(highest(c[None]), None) for c in step.x.c]
+    p: list[Degree] = [(none + (np.arange(len(none)) == 1 + j) * (j >= 0), None) for j in problem.variables]
+    time: Degree = (none + (np.arange(len(none)) == 0), None)
+    found = problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), [x, p, [time]])
+    rates, slopes = (np.max([none, *(degree for degree, _ in part)], axis=0) for part in found)
+    return rates, slopes
+
+
+def highest(c: Array) -> Array:
+    """Highest degrees in each variable of polynomials (m, n0, ..., nd)."""
+    used = c.any(axis=0)
+    axes = range(used.ndim)
+    return np.array(
+        [np.flatnonzero(used.any(axis=tuple(i for i in axes if i != axis))).max(initial=0) for axis in axes],
+        dtype=float,
+    )
+
+
+def _largest(a: Degree, b: Degree) -> Degree:
+    return np.maximum(a[0], b[0]), None
+
+
+def _sum(a: Degree, b: Degree) -> Degree:
+    return a[0] + b[0], None
+
+
+def _other(*arguments: Degree) -> Degree:
+    """A function of constants is constant, and no other one is known to be a polynomial."""
+    constant = not any(degree.any() for degree, _ in arguments)
+    return arguments[0][0] * 0.0 if constant else np.full(len(arguments[0][0]), np.inf), None
+
+
+def _power(a: Degree, exponent: Degree) -> Degree:
+    n = exponent[1]
+    if n is not None and n >= 1 and n == int(n):
+        return n * a[0], None
+    return _other(a, exponent)
+
+
+def _quotient(a: Degree, b: Degree) -> Degree:
+    return _sum(a, _other(b))
+
+
+class _Operations(dict[int, Callable[..., Any]]):
+    """Degrees of the results of CasADi's operations."""
+
+    def __missing__(self, code: int) -> Callable[..., Any]:
+        return _other
+
+
+_OPERATIONS = _Operations(
+    {
+        ca.OP_ASSIGN: lambda a: a,
+        ca.OP_NEG: lambda a: (a[0], None),
+        ca.OP_TWICE: lambda a: (a[0], None),
+        ca.OP_ADD: _largest,
+        ca.OP_SUB: _largest,
+        ca.OP_MUL: _sum,
+        ca.OP_SQ: lambda a: _sum(a, a),
+        ca.OP_DIV: _quotient,
+        ca.OP_POW: _power,
+        ca.OP_CONSTPOW: _power,
+    }
+)
