@@ -48,7 +48,7 @@ def spherical_pendulum(spread=0.02, end=0.5):
     return _scene("spherical pendulum", system, start, outputs, end, mb.Box.around(p, spread))
 
 
-def chain_of_four(spread=0.01, end=0.5):
+def chain_of_four(spread=0.05, end=1.0):
     """Four masses in a row on four uncertain springs."""
     p = mb.Parameters(k1=10.0, k2=10.0, k3=10.0, k4=10.0)
     masses = [mb.Body(f"m{i}", mass=1.0, pose=mb.Particle()) for i in range(1, 5)]

@@ -24,12 +24,12 @@ class _Part:
 
     Attributes
     ----------
-    halvings : times that the box was halved
+    share : of the whole box
     earlier : None before the start
     """
 
     problem: Problem
-    halvings: int = 0
+    share: float = 1.0
     begin: Front | None = None
     earlier: Course | None = None
 
@@ -42,7 +42,7 @@ class _Part:
         """Both halves, from a front of the course."""
         variable = front.slowest()
         return [
-            _Part(self.problem.over(variable, side), self.halvings + 1, half(front, variable, side), course)
+            _Part(self.problem.over(variable, side), 0.5 * self.share, half(front, variable, side), course)
             for side in (-1, 1)
         ]
 
@@ -84,22 +84,27 @@ def enclose(
         return Enclosure(course.lower, course.upper, course.remainder, course.until, course.why, 1)
     horizon = float(problem.times[-1]) or 1.0
     waiting, courses, count, done = [_Part(problem)], [], 1, 0.0
+
+    def follow(part: _Part, largest: float, done: float) -> Course:
+        """The course of a part, whose progress is told."""
+        return march(part.problem, order, part.begin, largest,
+                     lambda t: progress(done + part.share * (t - part.since) / horizon))  # fmt: skip
+
     while waiting:
         part = min(waiting, key=lambda part: part.since)  # those that lose first are halved first
         waiting.remove(part)
-        share, more = 0.5**part.halvings / horizon, count < boxes and problem.d > 0
-        course = march(part.problem, order, part.begin, _LARGE * 2.0**part.halvings if more else np.inf,
-                       lambda t: progress(done + share * (t - part.since)))  # fmt: skip
+        more = count < boxes and problem.d > 0
+        course = follow(part, _LARGE / part.share if more else np.inf, done)
         if part.earlier is not None:
             course.keep(part.earlier, problem.times <= part.since)
         at = course.checkpoint
         if course.why and more and at is not None:
             waiting += part.halves(at, course)
             count += 1
-            done += share * (at.t - part.since)
+            done += part.share * (at.t - part.since) / horizon
         else:
             courses.append(course)
-            done += share * (horizon - part.since)
+            done += part.share * (horizon - part.since) / horizon
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
     return Enclosure(
         np.min([course.lower for course in courses], axis=0),

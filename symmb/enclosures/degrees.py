@@ -10,7 +10,8 @@ from symmb._types import Array
 from symmb.enclosures.curves import Step
 
 Degree = tuple[Array, float | None]
-"""Highest degrees in time and in the parameters, infinite where a number is not a polynomial; and a constant's value."""
+"""Highest degrees in time and in the parameters, infinite where a number is no polynomial; and the value of a constant
+of the graph."""
 
 
 def degrees_of_equations(step: Step) -> tuple[Array, Array]:
@@ -27,11 +28,9 @@ def degrees_of_equations(step: Step) -> tuple[Array, Array]:
 def highest(c: Array) -> Array:
     """Highest degrees in each variable of polynomials (m, n0, ..., nd)."""
     used = c.any(axis=0)
-    axes = range(used.ndim)
-    return np.array(
-        [np.flatnonzero(used.any(axis=tuple(i for i in axes if i != axis))).max(initial=0) for axis in axes],
-        dtype=float,
-    )
+    places = [np.flatnonzero(np.moveaxis(used, axis, 0).reshape(size, -1).any(axis=1))
+              for axis, size in enumerate(used.shape)]  # fmt: skip
+    return np.array([found.max(initial=0) for found in places], dtype=float)
 
 
 def _largest(a: Degree, b: Degree) -> Degree:

@@ -5,13 +5,14 @@ import mpmath
 import numpy as np
 import pytest
 from enclosure_samples import check, ode, solution
-from enclosure_scenes import SCENES, pendulum
+from enclosure_scenes import SCENES, pendulum, van_der_pol
 
 import symmb as mb
 from models import double_pendulum, heavy_top
 from symmb.enclosures import defects, enclose, points, problem_of
 from symmb.enclosures import step as steps
 from symmb.enclosures.curves import Step
+from symmb.enclosures.degrees import degrees_of_equations
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import integrated
@@ -141,6 +142,29 @@ def test_an_output_with_a_corner_has_no_bounds_where_it_is_met():
     assert (found.lower[finite, 0] <= exact[finite, 0]).all() and (exact[finite, 1] <= found.upper[finite, 0]).all()
 
 
+def _step_of(f, order=2):
+    """A step of x' = f(x, p, t) whose motion has the degree `order` in time and in one parameter."""
+    problem = ode(f, lambda p: [0.0, 0.0], [(0.5, 1.5), (2.0, 2.0)], [0.0, 1.0])
+    rng = np.random.default_rng(0)
+    x = integrated(rng.uniform(-1, 1, (2, order + 1)), rng.uniform(-1, 1, (2, order, order + 1)), 1.0)
+    return Step(problem, 0.0, 1.0, x, x, np.zeros((2, 2, 1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("f", "expected"),
+    [
+        (lambda x, p, t: [p[0] * x[0], x[1] ** 3 - t], (6, 6)),
+        (lambda x, p, t: [x[0] / p[1] + ca.sin(p[1]), -(t**2) * x[0] * x[1]], (6, 4)),
+        (lambda x, p, t: [(x[0] + 2 * p[0]) ** 4 * p[0], x[1]], (8, 9)),
+        (lambda x, p, t: [x[0] / x[1], x[1]], (np.inf, np.inf)),
+        (lambda x, p, t: [ca.fabs(x[0]), x[1]], (np.inf, np.inf)),
+        (lambda x, p, t: [x[0] ** 2.5, x[1] ** -1], (np.inf, np.inf)),
+    ],
+)
+def test_degrees_of_equations(f, expected):
+    assert tuple(degrees_of_equations(_step_of(f))[0]) == expected
+
+
 # Planted faults
 
 
@@ -170,6 +194,15 @@ def test_aliasing_left_out_is_found(monkeypatch):
     monkeypatch.setattr(defects, "node_counts", lambda rho, ratio, most: (20, 1))
     found = enclose(problem, 2, 1)
     assert check(problem, found, start=simulator.unconstrained.start.states).outside > 100 * INSIDE
+
+
+def test_too_few_nodes_for_a_polynomial_are_found(monkeypatch):
+    """Van der Pol's equation: on one node in the parameter, a defect is almost invisible."""
+    simulator, problem, found = _enclosed(van_der_pol(spread=0.1, end=1.0), order=2)
+    start = simulator.unconstrained.start.states
+    assert not found.why and check(problem, found, start=start).outside <= INSIDE
+    monkeypatch.setattr(defects, "_grid", lambda degrees, numbers: (20, 1))
+    assert check(problem, enclose(problem, 2, 1), start=start).outside > 100 * INSIDE
 
 
 def _stiff_step():
