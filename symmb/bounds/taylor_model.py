@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import constructor_text, require_whole
-from symmb._types import Executor
+from symmb._types import Array, Executor
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
@@ -84,11 +84,12 @@ class TaylorModel(Method):
 
         found = enclose(problem, self.order, self.boxes, tell)
         tell(1.0)
-        caution = self._caution(found, float(simulator.times[0]))
+        caution = self._caution(found, np.asarray(simulator.times, dtype=float))
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
-    def _caution(self, found: Enclosure, begin: float) -> str:
-        """The caution about times or outputs of which nothing is proved."""
+    def _caution(self, found: Enclosure, times: Array) -> str:
+        """The caution about times or outputs of which nothing or little is proved."""
+        begin = float(times[0])
         if found.why and not np.isfinite(found.upper[0]).all():
             return f"not proved at any time: {found.why}; try a higher order, more boxes or smaller intervals"
         if found.why:
@@ -98,6 +99,11 @@ class TaylorModel(Method):
             )
         if not np.isfinite(found.upper).all():
             return "infinite for outputs that cannot be shown to be smooth over the box; try smaller intervals"
+        if (k := found.loose_since()) is not None:
+            return (
+                f"proved, but wide from t = {times[k]:g} s on: more than half of a width is remainder; try a higher "
+                "order, more boxes or smaller intervals"
+            )
         return ""
 
     def __repr__(self) -> str:

@@ -16,6 +16,8 @@ _LARGE = 1e-5
 
 A part that is halved keeps its remainder. It is halved early, as what polynomials of a large part lack is not got back.
 """
+_VISIBLE, _SMALL = 1e-6, 0.1
+"""Widths over the size of an output, and over how far it moves with the parameters, that are worth a caution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,19 @@ class Enclosure:
     until: float
     why: str
     boxes: int
+
+    def loose_since(self) -> int | None:
+        """Index of the first time at which bounds of an output are mostly remainder; None if there is none.
+
+        Remainders that are small beside the output, or beside how far the parameters ever move it, are left out: at
+        first the parameters have had no effect, and any width is remainder.
+        """
+        width, finite = self.upper - self.lower, np.isfinite(self.upper)
+        moved = np.where(finite, width - 2.0 * self.remainder, 0.0).max(axis=0)
+        size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
+        visible = np.maximum(_VISIBLE * np.maximum.accumulate(size, axis=0), _SMALL * moved)
+        loose = finite & (self.remainder > 0.25 * width) & (2.0 * self.remainder > visible)
+        return int(loose.any(axis=1).argmax()) if loose.any() else None
 
 
 @np.errstate(all="ignore")  # what is not finite proves nothing

@@ -154,6 +154,18 @@ def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> 
     return _if(usable, _rounded(value, a[1] * steepest * (1.0 + COMPLEX), np.abs(value) + steepest * np.abs(a[0])))
 
 
+def _tanh(a: Disc) -> Disc:
+    """1 / cosh^2, with |cosh z|^2 = sinh^2 x + cos^2 y for z = x + i y, in a half plane or a strip without poles."""
+    x = np.maximum(_gap(np.abs(np.real(a[0])), a[1]), 0.0)
+    y = above(np.abs(np.imag(a[0])) + a[1])
+    least = np.sinh(x) ** 2 + np.where(y < _STRIP, np.cos(y) ** 2, 0.0)
+    return _by_slope(np.tanh(a[0]), a, above(1.0 / least), _one_sided(a) or bool(np.all(y < _STRIP)))
+
+
+_STRIP = 1.57
+"""Half the width of a strip in which tanh is analytic, so far below pi / 2 that a cosine has small relative errors."""
+
+
 def _in_unit_disc(a: Disc) -> bool:
     return bool(np.all(reach(a) < 1.0))
 
@@ -279,7 +291,7 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_LOG: _log,
     ca.OP_SINH: _SINH,
     ca.OP_COSH: _COSH,
-    ca.OP_TANH: lambda a: _divide(_SINH(a), _COSH(a)),
+    ca.OP_TANH: _tanh,
     ca.OP_ASIN: _asin,
     ca.OP_ACOS: _acos,
     ca.OP_ATAN: _atan,

@@ -170,6 +170,9 @@ def adapted(step: Step, control: Control) -> Tried:
 def _tried(step: Step, choice: Choice, wanted: float) -> Tried:
     n = step.problem.n
     rho = ellipses(step, choice.spread)
+    count = choice.patches[0] * float(choice.patches[1]) ** (len(rho) - 1)
+    if count > _TOO_MANY:
+        return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
     patches = patches_on(step, rho, choice.patches)
     rates, slopes = (
         reaches(found)
@@ -179,7 +182,6 @@ def _tried(step: Step, choice: Choice, wanted: float) -> Tried:
         return Tried(choice, rho, rates, slopes, np.inf, np.inf)
     most = float((rates + largest_on(rho, step.x.rate)).max())
     nodes = nodes_needed(rho, wanted / most)
-    count = choice.patches[0] * float(choice.patches[1]) ** (len(rho) - 1)
     return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _PATCH * count, nodes)
 
 
@@ -189,6 +191,8 @@ _COMPARED, _MOST_COMPARED = 2, 16
 """Other choices that are compared in a step, and most of them where many nodes are needed."""
 _MANY = 1e5
 """Nodes of a grid above which other choices are compared longer."""
+_TOO_MANY = 3e4
+"""Patches that take seconds: a proof that needs more of them is given up, or a step is made shorter."""
 _PATCH = 20.0
 """Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""
 
@@ -205,4 +209,4 @@ def node_counts(rho: list[float], ratio: float, most: tuple[int, ...]) -> tuple[
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:
     product = math.prod(1.0 + 2.0 / (r - 1.0) for r in rho)
-    return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-30)) / math.log(r) for r in rho]
+    return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-290)) / math.log(r) for r in rho]

@@ -84,7 +84,8 @@ def well_conditioned(front: Front, scales: Array) -> Front:
     """The front in an orthogonal frame where its own is badly conditioned.
 
     The columns of the frame at nodes of the parameters, the longest first, are made orthogonal. The new frame is a
-    polynomial through these, and |C B| w bounds the new w, with C about its inverse.
+    polynomial through these, or the frame of the scales where that polynomial is far from them. |C B| w bounds the new
+    w, with C about the inverse of the new frame.
 
     Source: Lohner (1988), thesis, Karlsruhe, section 3.3; Makino and Berz, International Journal of Differential
     Equations and Applications 10 (2005), section 4.
@@ -101,13 +102,24 @@ def well_conditioned(front: Front, scales: Array) -> Front:
     Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]
     B = fit(np.moveaxis(scales[:, None] * Q, (-2, -1), (0, 1)), lengths)
     C = fit(np.moveaxis(np.swapaxes(Q, -1, -2) / scales, (-2, -1), (0, 1)), lengths)
-    none = np.zeros((n, n))
+    try:
+        return _in_frame(front, B, C)
+    except ProofError:
+        zero = (slice(None), slice(None), *(0,) * len(lengths))
+        B, C = np.zeros_like(B), np.zeros_like(C)
+        B[zero], C[zero] = np.diag(scales), np.diag(1.0 / scales)
+        return _in_frame(front, B, C)
+
+
+def _in_frame(front: Front, B: Array, C: Array) -> Front:
+    """The front in another frame (n, n, ...), where C is about the inverse of that."""
+    n, none = len(B), np.zeros(B.shape[:2])
     E = ch.product_bound(C, B, none, np.eye(n))
     eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
-        raise ProofError("the frame cannot be made orthogonal")
+        raise ProofError("the frame cannot be changed")
     w = above(ch.product_bound(C, front.B, none, none) @ front.w)
-    w = above(w + ch.sums(C, len(lengths)) @ above(front.x_error + front.B_error @ front.w))
+    w = above(w + ch.sums(C, C.ndim - 2) @ above(front.x_error + front.B_error @ front.w))
     w = above(w + E @ np.full(n, w.max() / (1.0 - eta)))
     return replace(front, B=B, w=w, x_error=np.zeros(n), B_error=none)
 

@@ -14,7 +14,9 @@ from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
 _MANY_PATCHES = 24
-"""Patches of each variable where outputs cannot be shown to be smooth with fewer ones."""
+"""Patches of each variable where outputs cannot be shown to be smooth with fewer ones, or have large bounds."""
+_MANY_NODES = 50
+"""Nodes of each parameter above which more patches are tried."""
 _FINEST, _LARGEST = 300, 3e6
 """Most nodes of a variable, and of the grids of all times: their values take seconds."""
 SHARP = 1e-6
@@ -35,15 +37,17 @@ def output_bounds(
     with np.errstate(all="ignore"):
         e = above(step.B_largest @ w)
         for patches in (usual_patches(problem.d), _MANY_PATCHES):
-            rho, most = _ellipses(step, choice, patches)
+            rho, most, nodes = _ellipses(step, choice, patches)
             real = patches_on(step, [1.0] * len(rho), (patches, patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
             of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
             smooth = np.isfinite(most) & np.isfinite(of_states)
-            if smooth.all() or _MANY_PATCHES ** len(rho) > _LARGEST:
+            if (smooth.all() and nodes <= _MANY_NODES**problem.d) or _MANY_PATCHES ** len(rho) > _LARGEST:
                 break
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
+        if not len(good):
+            return -lower, upper, remainder
         try:
             low, high, rest = _good_bounds(
                 step, times, tuple(good.tolist()), rho[1:], most[good], of_states[good], sharp
@@ -54,8 +58,11 @@ def output_bounds(
         return -lower, upper, remainder
 
 
-def _ellipses(step: Step, choice: Choice, patches: int) -> tuple[list[float], Array]:
-    """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs."""
+def _ellipses(step: Step, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
+    """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs.
+
+    The last value is about the number of these nodes.
+    """
     found = []
     for factor in _FACTORS:
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
@@ -64,8 +71,8 @@ def _ellipses(step: Step, choice: Choice, patches: int) -> tuple[list[float], Ar
         smooth = most[np.isfinite(most)]
         nodes = nodes_needed(rho[1:], SHARP / float(smooth.max(initial=1.0)))
         found.append((len(smooth), -nodes, rho, most))
-    _, _, rho, most = max(found, key=lambda choice: choice[:2])
-    return rho, most
+    _, nodes, rho, most = max(found, key=lambda choice: choice[:2])
+    return rho, most, -nodes
 
 
 _FACTORS = (1.0, 0.3, 3.0, 10.0)

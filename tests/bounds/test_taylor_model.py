@@ -63,6 +63,31 @@ def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
     bounds.plot(tmp_path / "bounds.png")
 
 
+def test_wide_bounds_are_doubtful():
+    """A phase that the parameter moves by 9 rad is beyond the order 2."""
+    p = mb.Parameters(k=1.0)
+    z = mb.State("z", rate=lambda z: ca.cos(30 * p.k * mb.t) * z)
+    scene = mb.Scene(
+        mb.System(z, parameters=p), {"z": 1.0}, np.linspace(0, 3, 7), {"z": z.value}, box=mb.Box(k=(0.9, 1.1))
+    )
+    with pytest.warns(mb.SymmbWarning, match="proved, but wide from t = [12]"):
+        bounds = mb.propagate(scene, mb.TaylorModel(order=2))
+    assert bounds.upper[-1, 0] > 2.0 and (bounds.upper[:2] < 1.1).all()
+
+
+def test_fast_oscillations_and_outputs_that_are_never_smooth():
+    p = mb.Parameters(k=1.0)
+    outputs = {"f": ca.cos(100 * p.k * mb.t)}
+    scene = mb.Scene(mb.System(parameters=p), outputs=outputs, times=[0.0, 0.5, 1.0], box=mb.Box(k=(0.9, 1.1)))
+    bounds = mb.propagate(scene, mb.TaylorModel())
+    np.testing.assert_allclose(
+        [bounds.lower[:, 0], bounds.upper[:, 0]], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6
+    )
+    scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.fabs(p.k - 1)}, box=mb.Box(k=(0.9, 1.1)))
+    with pytest.warns(mb.SymmbWarning, match="not proved at any time"):
+        assert np.isinf(mb.propagate(scene, mb.TaylorModel()).upper).all()
+
+
 @pytest.mark.parametrize(
     ("scene", "message"),
     [

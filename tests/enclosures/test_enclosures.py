@@ -105,6 +105,14 @@ def test_decay_against_the_closed_form_in_40_digits():
             assert ends[0] - low < 1e-4 and high - ends[1] < 1e-4
 
 
+def test_friction_that_is_almost_dry():
+    """x'' = -k tanh(x' / 0.01): sliding, until the speed vanishes at 0.1 s."""
+    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.tanh(x[1] / 0.01)], lambda p: [0.0, 1.0], [(9.8, 10.2)],
+                  np.linspace(0, 0.09, 4))  # fmt: skip
+    found = enclose(problem, 6, 1)
+    assert not found.why and found.loose_since() is None and check(problem, found).outside <= INSIDE
+
+
 def test_halves_of_the_box_are_joined():
     problem = ode(
         lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])],
