@@ -102,7 +102,7 @@ def enclose(
 
     def follow(part: _Part, largest: float, done: float) -> Course:
         """The course of a part, whose progress is told."""
-        return march(part.problem, order, part.begin, largest,
+        return march(part.problem, order, part.begin, part.earlier and part.earlier.control, largest,
                      lambda t: progress(done + part.share * (t - part.since) / horizon))  # fmt: skip
 
     while waiting:

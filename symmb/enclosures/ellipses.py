@@ -57,11 +57,13 @@ class Control:
     Attributes
     ----------
     choice : ellipses and patches
+    h : length of the next step [s]
     wanted : size of the defects of the last step, to which errors of their interpolation are compared
     turn : which choices are compared next
     """
 
     choice: Choice
+    h: float
     wanted: float = 1e-9
     turn: int = 0
 

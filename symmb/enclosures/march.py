@@ -1,7 +1,7 @@
 """Steps over the horizon, with their control."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class Course:
     why : what ended the proof; empty if it reached the end
     front : the end
     checkpoint : the last front whose remainder was not too large, or the first one
+    control : what is adapted from step to step
     """
 
     lower: Array
@@ -51,6 +52,7 @@ class Course:
     why: str = ""
     front: Front | None = None
     checkpoint: Front | None = None
+    control: Control | None = None
 
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
@@ -65,7 +67,12 @@ class Course:
 
 
 def march(
-    problem: Problem, order: int, begin: Front | None, largest: float, progress: Callable[[float], None]
+    problem: Problem,
+    order: int,
+    begin: Front | None,
+    control: Control | None,
+    largest: float,
+    progress: Callable[[float], None],
 ) -> Course:
     """Bounds of the outputs over one box, from the start or from a front.
 
@@ -73,6 +80,7 @@ def march(
     ----------
     order : highest degree in each parameter
     begin : front to go on from; None: the start
+    control : that of the course before
     largest : remainder, over the width of the states, above which the march ends
     progress : called with the time that is reached
     """
@@ -80,20 +88,21 @@ def march(
     end = float(times[-1])
     grain = 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
     usual = usual_patches(problem.d)
-    control = Control(Choice(patches=(usual, usual)))
+    first = Control(Choice(patches=(usual, usual)), (end or 1.0) / _FIRST)
+    control = first if control is None else replace(control)
+    course.control = control
     try:
         front = first_front(problem, order) if begin is None else begin
     except ProofError as error:
         course.why = f"the start cannot be proved, because {error}"
         return course
-    h = (end or 1.0) / _FIRST
     longest = 0.0
     stored = int(np.searchsorted(times, front.t, side="left" if begin is None else "right"))
     course.until, course.front, course.checkpoint = front.t, front, front
     while stored < len(times):
         try:
             front = well_conditioned(front, problem.scales)
-            step, proof, h = _step(problem, front, h, grain, control)
+            step, proof = _step(problem, front, grain, control)
         except ProofError as error:
             course.why = str(error)
             return course
@@ -117,9 +126,10 @@ def march(
     return course
 
 
-def _step(problem: Problem, front: Front, h: float, grain: float, control: Control) -> tuple[Step, Proof, float]:
-    """A proved step that begins at a front, its proof, and the length aimed at next."""
-    aim, reason = h, ""
+def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[Step, Proof]:
+    """A proved step that begins at a front, and its proof."""
+    h = aim = control.h
+    reason = ""
     while h >= _SHORTEST * aim and h > 4 * grain:
         h = float(np.floor(h / grain)) * grain
         try:
@@ -131,7 +141,9 @@ def _step(problem: Problem, front: Front, h: float, grain: float, control: Contr
                 continue
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = Step(problem, front.t, h, x, B, C)
-            return step, prove(step, entering(front, step), control), wanted
+            proof = prove(step, entering(front, step), control)
+            control.h = wanted
+            return step, proof
         except ProofError as error:
             reason, h = str(error), 0.5 * h
     raise ProofError(reason or "the motion is not smooth enough for a step")

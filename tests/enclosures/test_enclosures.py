@@ -222,9 +222,9 @@ def _stiff_step():
 
 def test_a_box_that_w_leaves_is_not_proved():
     with pytest.raises(ProofError, match="grows too fast"):
-        steps.prove(_stiff_step(), np.array([1.0]), Control(Choice()))
+        steps.prove(_stiff_step(), np.array([1.0]), Control(Choice(), 1.0))
 
 
 def test_a_contraction_that_is_not_tested_is_found(monkeypatch):
     monkeypatch.setattr(steps, "stays", lambda end, W: True)
-    assert steps.prove(_stiff_step(), np.array([1.0]), Control(Choice())).end[0] < np.exp(3.0)
+    assert steps.prove(_stiff_step(), np.array([1.0]), Control(Choice(), 1.0)).end[0] < np.exp(3.0)
