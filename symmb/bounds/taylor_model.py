@@ -33,7 +33,8 @@ class TaylorModel(Method):
     itself a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an analytic
     function; it is interpolated at Chebyshev nodes, where values have bounds of their rounding, and the error of the
     interpolation is bounded by the largest value on ellipses around the box. Where the equations are polynomials,
-    enough nodes have no such error. A box for w that the equation of w cannot leave is then proved. Ranges of the outputs follow by Bernstein coefficients and halving.
+    enough nodes have no such error. A box for w that the equation of w cannot leave is then proved. Ranges of the
+    outputs follow by Bernstein coefficients and halving.
 
     It takes open chains and trees, first-order states, and scenes without bodies whose outputs are expressions. Rows
     of closed loops, impacts, kinks and sampled values are refused. Where nothing can be proved any more, bounds are
