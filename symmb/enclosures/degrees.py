@@ -27,7 +27,7 @@ def degrees_of_equations(step: Step) -> tuple[Array, Array]:
 
 def highest(c: Array) -> Array:
     """Highest degrees in each variable of polynomials (m, n0, ..., nd)."""
-    used = c.any(axis=0)
+    used = np.asarray(c.any(axis=0))
     places = [np.flatnonzero(np.moveaxis(used, axis, 0).reshape(size, -1).any(axis=1))
               for axis, size in enumerate(used.shape)]  # fmt: skip
     return np.array([found.max(initial=0) for found in places], dtype=float)

@@ -103,21 +103,29 @@ class _Curvature:
     def __call__(self, e: Array) -> Array:
         """Bounds (n, n) of the mean change of A over |e_i| (n,)."""
         if not self._radius.size or not (e <= self._radius).all():
-            largest = max(2.0, 0.5 / float((e / self._room).max()))
-            for factor in _SHRUNK:
-                self._radius = above(e * max(2.0, factor * largest))
-                self._change = self._changes()
-                if np.isfinite(self._change).all():
-                    break
+            self._choose(e)
         kappa = above(float((e / self._radius).max()) * (1 + 4 * U))
         return above(self._change * kappa)
 
-    def _changes(self) -> Array:
-        """Largest radii (n, n) of the Jacobian's discs."""
+    def _choose(self, e: Array) -> None:
+        """Take the radii about e with the least change over them: smaller ones until it grows again."""
+        largest = max(2.0, 0.5 / float((e / self._room).max()))
+        least, self._radius = np.inf, np.zeros(0)
+        for factor in _SHRUNK:
+            radius = above(e * max(2.0, factor * largest))
+            change = self._changes(radius)
+            mean = float((change @ e).max() * (e / radius).max())
+            if np.isfinite(least) and not mean < least:
+                break
+            if mean < least or not self._radius.size:
+                self._radius, self._change, least = radius, change, mean
+
+    def _changes(self, radius: Array) -> Array:
+        """Largest radii (n, n) of the Jacobian's discs over states within a radius (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
-        found = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, self._radius))[1]
+        found = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
         return np.array([float(np.where(np.isnan(r), np.inf, r).max()) for _, r in found]).reshape(n, n).T
 
 
-_SHRUNK = (1.0, 0.2, 0.04, 0.008)
+_SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
 """Shares of the largest discs about the states that are tried."""
