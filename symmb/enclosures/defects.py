@@ -44,7 +44,8 @@ def exact_defects(step: Step) -> tuple[Array, Array] | None:
     of_C = highest(step.C.reshape(n * n, *step.C.shape[2:]))
     of_defect = np.maximum(rates, highest(step.x.rate))
     together, alone = _grid(of_defect + of_C, n), _grid(of_defect, n)
-    of_frame = _grid(np.maximum(slopes + highest(step.B.c), highest(step.B.rate)) + of_C, n * n)
+    of_B = np.array(step.B.c.shape[1:]) - 1.0
+    of_frame = _grid(np.maximum(slopes + of_B, highest(step.B.rate)) + of_C, n * n)
     if alone is None or of_frame is None:
         return None
     if together is None:

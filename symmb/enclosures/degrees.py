@@ -15,9 +15,15 @@ of the graph."""
 
 
 def degrees_of_equations(step: Step) -> tuple[Array, Array]:
-    """Highest degrees in time and in the parameters of the rates along the motion, and of their Jacobian."""
+    """Highest degrees in time and in the parameters of the rates along the motion, and of their Jacobian.
+
+    Coefficients of the motion that are 0 as computed may be rounding, but not where those of its rate are 0 as well.
+    """
     problem, none = step.problem, np.zeros(step.x.c.ndim - 1)
-    x: list[Degree] = [(highest(c[None]), None) for c in step.x.c]
+    x: list[Degree] = [
+        (none + step.degrees if c.any() or rate.any() else none, None)
+        for c, rate in zip(step.x.c, step.x.rate, strict=True)
+    ]
     p: list[Degree] = [(none + (np.arange(len(none)) == 1 + j) * (j >= 0), None) for j in problem.variables]
     time: Degree = (none + (np.arange(len(none)) == 0), None)
     found = problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), [x, p, [time]])
