@@ -4,43 +4,13 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+from enclosure_samples import EXACT
 
 from symmb.enclosures import discs, points
 from symmb.enclosures.errors import ProofError
 
 mpmath.mp.dps = 40
 N = 2000
-EXACT = {
-    "OP_ADD": lambda a, b: a + b,
-    "OP_SUB": lambda a, b: a - b,
-    "OP_MUL": lambda a, b: a * b,
-    "OP_DIV": lambda a, b: a / b,
-    "OP_POW": lambda a, b: a**b,
-    "OP_ATAN2": mpmath.atan2,
-    "OP_HYPOT": mpmath.hypot,
-    "OP_NEG": lambda a: -a,
-    "OP_SQ": lambda a: a * a,
-    "OP_TWICE": lambda a: 2 * a,
-    "OP_INV": lambda a: 1 / a,
-    "OP_SQRT": mpmath.sqrt,
-    "OP_SIN": mpmath.sin,
-    "OP_COS": mpmath.cos,
-    "OP_TAN": mpmath.tan,
-    "OP_EXP": mpmath.exp,
-    "OP_LOG": mpmath.log,
-    "OP_SINH": mpmath.sinh,
-    "OP_COSH": mpmath.cosh,
-    "OP_TANH": mpmath.tanh,
-    "OP_ASIN": mpmath.asin,
-    "OP_ACOS": mpmath.acos,
-    "OP_ATAN": mpmath.atan,
-    "OP_ASINH": mpmath.asinh,
-    "OP_ACOSH": mpmath.acosh,
-    "OP_ATANH": mpmath.atanh,
-    "OP_LOG1P": mpmath.log1p,
-    "OP_EXPM1": mpmath.expm1,
-    "OP_ERF": mpmath.erf,
-}
 RANGES = {
     **{name: [(0.05, 6.0)] for name in ("OP_INV", "OP_SQRT", "OP_LOG")},
     **{name: [(-0.9, 0.9)] for name in ("OP_ASIN", "OP_ACOS", "OP_ATANH")},

@@ -4,7 +4,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-from enclosure_samples import check, ode, solution
+from enclosure_samples import check, exact, ode, solutions
 from enclosure_scenes import SCENES, pendulum
 
 import symmb as mb
@@ -24,14 +24,14 @@ INSIDE = 1e-11
 def _enclosed(scene, order):
     simulator = DAESimulator(scene)
     problem = problem_of("method", simulator, scene.box)
-    return simulator, problem, enclose(problem, order, 1)
+    return problem, enclose(problem, order, 1)
 
 
 @pytest.mark.parametrize("make", SCENES, ids=lambda make: make.__name__)
 def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
-    simulator, problem, found = _enclosed(make(), order=4)
+    problem, found = _enclosed(make(), order=4)
     assert not found.why and np.isfinite(found.upper).all()
-    result = check(problem, found, start=simulator.unconstrained.start.states)
+    result = check(problem, found)
     assert result.outside <= INSIDE
     assert result.filled > 0.6  # corners and a few points: extremes may be inside the box
     width = found.upper - found.lower
@@ -46,8 +46,8 @@ def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
 )  # fmt: skip
 def test_samples_of_shipped_models_lie_inside(scene, spread, order):
     scene = mb.Scene(**{**_parts(scene), "box": mb.Box.around(scene.system.parameters, spread, names=scene.box.names)})
-    simulator, problem, found = _enclosed(scene, order)
-    result = check(problem, found, start=simulator.unconstrained.start.states)
+    problem, found = _enclosed(scene, order)
+    result = check(problem, found)
     assert not found.why and result.outside <= INSIDE and result.filled > 0.6
 
 
@@ -85,12 +85,14 @@ def test_samples_of_random_equations_lie_inside(seed):
 
 
 def test_no_uncertain_parameter():
-    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [1.0, 0.0], [(2.0, 2.0)], [0.0, 1.0, 3.0])
+    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [1.0, 0.0], [(2.0, 2.0)], [0.0, 0.1, 0.2])
     found = enclose(problem, 4, 1)
-    exact = solution(problem, problem.middle)
+    in_50_digits = exact(problem, problem.middle)
     assert problem.d == 0
-    assert (found.lower <= exact + 1e-12).all() and (exact - 1e-12 <= found.upper).all()
+    assert (found.lower <= in_50_digits).all() and (in_50_digits <= found.upper).all()
     assert (found.upper - found.lower).max() < 1e-9
+    sampled, own = solutions(problem, problem.middle[None])
+    assert (abs(sampled[0] - in_50_digits) <= own[0] + 1e-15).all()
 
 
 def test_decay_against_the_closed_form_in_40_digits():
@@ -156,20 +158,19 @@ def test_rounding_left_out_is_found(monkeypatch):
 
 def test_a_defect_left_out_is_found(monkeypatch):
     scene = pendulum(spread=0.2)
-    simulator, problem, found = _enclosed(scene, order=2)
-    start = simulator.unconstrained.start.states
-    assert check(problem, found, start=start).outside <= INSIDE
+    problem, found = _enclosed(scene, order=2)
+    assert check(problem, found).outside <= INSIDE
     monkeypatch.setattr(steps, "defect_of_motion", lambda step, *rest: np.full(step.problem.n, 1e-15))
-    assert check(problem, enclose(problem, 2, 1), start=start).outside > 100 * INSIDE
+    assert check(problem, enclose(problem, 2, 1)).outside > 100 * INSIDE
 
 
 def test_aliasing_left_out_is_found(monkeypatch):
     """On as many nodes as there are terms, a defect is almost invisible."""
-    simulator, problem, _ = _enclosed(pendulum(spread=0.2), order=2)
+    problem, _ = _enclosed(pendulum(spread=0.2), order=2)
     monkeypatch.setattr(defects.ch, "aliasing", lambda rho, counts: 0.0)
     monkeypatch.setattr(defects, "node_counts", lambda rho, ratio, most: (20, 1))
     found = enclose(problem, 2, 1)
-    assert check(problem, found, start=simulator.unconstrained.start.states).outside > 100 * INSIDE
+    assert check(problem, found).outside > 100 * INSIDE
 
 
 def _stiff_step():
