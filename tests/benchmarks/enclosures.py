@@ -20,7 +20,6 @@ from models import double_pendulum
 from symmb.enclosures import enclose, problem_of
 from symmb.simulation import DAESimulator
 
-
 MOST = 5
 """Disputed samples of a problem that are redone in 50 digits, the worst first."""
 

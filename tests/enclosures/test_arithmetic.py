@@ -1,5 +1,7 @@
 """Numbers with bounds of rounding, and discs, against mpmath in 40 digits."""
 
+import itertools
+
 import casadi as ca
 import mpmath
 import numpy as np
@@ -136,3 +138,41 @@ def test_decided_comparisons(name, arguments, expected):
 
 def test_the_three_arithmetics_know_the_same_operations():
     assert points.OPERATIONS.keys() == points.PLAIN.keys() == discs.OPERATIONS.keys()
+
+
+EXTREME = (1e-300, -1e-300, 1e-200, 3e-155, 1e-17, -1e-17, 1e155, -1e200, 1e300, 1 + 1e-12, 1 - 1e-12, -1 + 1e-9, 700.0)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_extreme_arguments_are_within_the_errors_or_refused(name):
+    operands = len(_ranges(name, (0.0, 1.0)))
+    rng = np.random.default_rng(5)
+    for x in itertools.product(EXTREME, repeat=operands):
+        off = [abs(a) * 10.0 ** rng.integers(-16, -9) for a in x]
+        with np.errstate(all="ignore"):
+            centre, radius = discs.OPERATIONS[getattr(ca, name)](*map(discs.disc, x, off))
+            try:
+                value, error, *_ = points.OPERATIONS[getattr(ca, name)](*map(points.point, x, off))
+            except ProofError:
+                value, error = 0.0, np.inf
+        if np.isinf(error) and not np.isfinite(radius):
+            continue
+        with mpmath.workdps(700):
+            ends = [
+                EXACT[name](*arguments)
+                for arguments in zip(*(_ends(a, b) for a, b in zip(x, off, strict=True)), strict=True)
+            ]
+            for y in ends:
+                assert np.isinf(error) or abs(y - mpmath.mpf(float(value))) <= error
+                assert not np.isfinite(radius) or abs(y - mpmath.mpmathify(complex(centre))) <= float(radius)
+
+
+def _ends(a, error):
+    return [mpmath.mpf(a) - mpmath.mpf(error), mpmath.mpf(a) + mpmath.mpf(error)]
+
+
+def test_the_complex_error_function_is_less_exact_than_others():
+    z = np.random.default_rng(6).uniform(0.001, 0.05, 300) * np.exp(0.3j)
+    centres, radii = discs.OPERATIONS[ca.OP_ERF](discs.disc(z))
+    for at, centre, radius in zip(z, centres, radii, strict=True):
+        assert abs(mpmath.erf(mpmath.mpc(complex(at))) - mpmath.mpc(complex(centre))) <= radius
