@@ -4,7 +4,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-from enclosure_samples import check, exact, ode, solutions
+from enclosure_samples import EXACT, check, exact, ode, solutions
 from enclosure_scenes import SCENES, pendulum
 
 import symmb as mb
@@ -146,13 +146,15 @@ def test_an_output_with_a_corner_has_no_bounds_where_it_is_met():
 # Planted faults
 
 
-def test_rounding_left_out_is_found(monkeypatch):
-    """Without bounds of rounding, the exact sine is outside of the computed one."""
-    x = np.random.default_rng(0).uniform(-5, 5, 500)
-    monkeypatch.setattr(points, "FUNCTION", 0.0)
-    values, error, *_ = points.OPERATIONS[ca.OP_SIN](points.point(x))
+@pytest.mark.parametrize("name", ["OP_SIN", "OP_SQ"])
+@pytest.mark.parametrize("share", [0.0, -1.0], ids=["left out", "the wrong way"])
+def test_planted_rounding_is_found(monkeypatch, name, share):
+    """With wrong bounds of rounding, an exact value is outside of the computed one's error."""
+    x, right = np.random.default_rng(0).uniform(-5, 5, 500), points._rounded
+    monkeypatch.setattr(points, "_rounded", lambda v, error, relative=points.U: right(v, error, share * relative))
+    values, error, *_ = points.OPERATIONS[getattr(ca, name)](points.point(x))
     with mpmath.workdps(40):
-        worst = max(abs(mpmath.sin(mpmath.mpf(a)) - mpmath.mpf(float(v))) for a, v in zip(x, values, strict=True))
+        worst = max(abs(EXACT[name](mpmath.mpf(a)) - mpmath.mpf(float(v))) for a, v in zip(x, values, strict=True))
     assert worst > error
 
 
