@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._options import constructor_text, require_whole
 from symmb._types import Executor
 from symmb.bounds.method import Method
@@ -17,6 +17,8 @@ from symmb.simulation import Progress, Simulator
 
 _HIGHEST = 60
 """Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
+_TERMS = 20_000
+"""Most terms of a polynomial of the parameters. A step then takes a minute, and gigabytes with some ten states."""
 _PARTS = 1000
 """Parts of the horizon in which progress is told."""
 
@@ -48,7 +50,7 @@ class TaylorModel(Method):
     Raises
     ------
     PropagationError
-        From ``bounds``: the scene has equations that it does not take.
+        From ``bounds``: the scene has equations that it does not take, or too many uncertain parameters for the order.
 
     Examples
     --------
@@ -77,6 +79,8 @@ class TaylorModel(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
+        if problem.n:
+            self._require_room(problem.d)
 
         def tell(share: float) -> None:
             if progress is not None:
@@ -86,6 +90,16 @@ class TaylorModel(Method):
         tell(1.0)
         caution = self._caution(found, float(simulator.times[0]))
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
+
+    def _require_room(self, d: int) -> None:
+        """Refuse more parameters than polynomials of the order have room for: steps would take minutes."""
+        if (self.order + 1) ** d > _TERMS:
+            most = int(_TERMS ** (1.0 / d) + 1e-9) - 1
+            lower = f"order={most}, " if most else ""
+            raise PropagationError(
+                f"{self!r}: polynomials of {d} parameters have {(self.order + 1) ** d} terms, of which it takes at "
+                f"most {_TERMS}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
+            )
 
     def _caution(self, found: Enclosure, begin: float) -> str:
         """The caution about times or outputs of which nothing is proved."""

@@ -54,7 +54,7 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     if math.prod(counts) > _LARGEST:
         counts = node_counts(rho, 0.3 * float((harmless / most).min()), top)
     if math.prod(counts) > _LARGEST:
-        raise ProofError("the motion is not resolved")
+        raise ProofError("polynomials of this order follow the motion too badly")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(_TRIALS):
         wanted = np.maximum(_ALIAS * sampled, small)
@@ -65,7 +65,7 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
         counts = finer
         sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     if (alias > _UNRESOLVED * np.maximum(wanted, harmless)).any():
-        raise ProofError("the motion is not resolved")
+        raise ProofError("polynomials of this order follow the motion too badly")
     control.wanted = float(sampled.max())
     return above(sampled + alias)
 
@@ -102,7 +102,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio, (_FINEST,) * k)
     if math.prod(counts) > _LARGEST:
-        raise ProofError("the frame is not resolved")
+        raise ProofError("deviations from the polynomials grow too differently over the box")
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
     (B, B_errors), (C, C_errors) = step.frame_at(counts), ch.values(step.C, counts)

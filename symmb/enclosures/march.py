@@ -107,10 +107,10 @@ def march(
         if share <= _SMALL:
             course.checkpoint = front
         if share > largest:
-            course.why = "the remainder is large"
+            course.why = "the deviations from the polynomials are large"
             return course
         if share > _LOST and step.h < _CRAWL * longest:
-            course.why = "the remainder grows too fast"
+            course.why = "the deviations from the polynomials grow too fast"
             return course
     return course
 
@@ -132,7 +132,7 @@ def _step(problem: Problem, front: Front, h: float, grain: float, control: Contr
             return step, prove(step, entering(front, step), control), wanted
         except ProofError as error:
             reason, h = str(error), 0.5 * h
-    raise ProofError(reason or "the motion is not smooth enough for a step")
+    raise ProofError(reason or "the motion changes too fast for the shortest step")
 
 
 def _tail(problem: Problem, x: Array) -> float:

@@ -91,8 +91,8 @@ class Limits:
 
     def _farthest(self, lower: Array, upper: Array, slack: Array, times: Array, outputs: Sequence[str]) -> str:
         """Where bounds are farthest outside by more than a slack (n_y,), over it; empty if they are nowhere."""
-        outside = np.nan_to_num(np.maximum(self.lower - lower, upper - self.upper), nan=0.0)
-        shares = outside / slack
+        outside = np.maximum(self.lower - lower, upper - self.upper)
+        shares = np.where(outside > 0, outside, 0.0) / slack
         t, y = np.unravel_index(np.argmax(shares), shares.shape)
         if not shares[t, y] > 1.0:
             return ""

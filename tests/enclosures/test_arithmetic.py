@@ -176,3 +176,21 @@ def test_the_complex_error_function_is_less_exact_than_others():
     centres, radii = discs.OPERATIONS[ca.OP_ERF](discs.disc(z))
     for at, centre, radius in zip(z, centres, radii, strict=True):
         assert abs(mpmath.erf(mpmath.mpc(complex(at))) - mpmath.mpc(complex(centre))) <= radius
+
+
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [
+        ("OP_ACOSH", 1.0 + 7 * 2.0**-52),
+        ("OP_ASIN", 1.0 - 2.0**-50),
+        ("OP_ATANH", 2.0**-51 - 1.0),
+        ("OP_ACOS", 2.0**-49 - 1.0),
+    ],
+)
+def test_slopes_beside_a_branch_point(name, argument):
+    """There, an error far below the last place of the argument is amplified by up to 1e15."""
+    off = 0.01 * (abs(argument) - 1.0 if name == "OP_ACOSH" else 1.0 - abs(argument))
+    for error in (off, -off):
+        value, bound, *_ = points.OPERATIONS[getattr(ca, name)](points.point(argument, off))
+        exact = EXACT[name](mpmath.mpf(argument) + mpmath.mpf(error))
+        assert abs(exact - mpmath.mpf(float(value))) <= bound

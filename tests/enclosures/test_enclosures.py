@@ -183,7 +183,7 @@ def _stiff_step():
 
 
 def test_a_box_that_w_leaves_is_not_proved():
-    with pytest.raises(ProofError, match="grows too fast"):
+    with pytest.raises(ProofError, match="grow too fast"):
         steps.prove(_stiff_step(), np.array([1.0]), Control(Choice()))
 
 
