@@ -44,6 +44,8 @@ def output_bounds(
                 break
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
+        if not len(good):
+            return -lower, upper, remainder
         try:
             low, high, rest = _good_bounds(
                 step, times, tuple(good.tolist()), rho[1:], most[good], of_states[good], sharp
