@@ -54,13 +54,14 @@ def study(order: int, masses: int, uncertain: int) -> None:
     print(json.dumps([seconds, memory, found.why]))
 
 
-def measured(order: int, masses: int, uncertain: int) -> tuple[float, float]:
+def measured(order: int, masses: int, uncertain: int) -> tuple[float, float, bool]:
+    """Seconds, memory [MB], and whether the motion is proved to the end."""
     run = subprocess.run([sys.executable, __file__, "--study", str(order), str(masses), str(uncertain)], check=True,
                          capture_output=True, text=True)  # fmt: skip
     seconds, memory, why = json.loads(run.stdout)
     print(f"order {order:2}, {2 * masses:2} states, {uncertain} parameters: {seconds:7.2f} s, {memory:6.0f} MB {why}",
           flush=True)  # fmt: skip
-    return seconds, max(memory, 0.1)
+    return seconds, max(memory, 0.1), not why
 
 
 def picture(path: str) -> None:
@@ -73,15 +74,16 @@ def picture(path: str) -> None:
                 points.append((2 * value if column else value, *measured(order, masses, uncertain)))
                 if points[-1][1] > FAR:
                     break
-            x, seconds, memory = np.transpose(points)
+            x, seconds, memory, proved = np.transpose(points)
             for row, y in enumerate((seconds, memory)):
-                axes[row, column].plot(x, y, "o-", label=f"{uncertain} uncertain")
+                [line] = axes[row, column].plot(x, y, "o-", label=f"{uncertain} uncertain")
+                axes[row, column].plot(x[proved == 0], y[proved == 0], "o", color=line.get_color(), mfc="white")
     for row, label in enumerate(("seconds of one core", "memory [MB]")):
         axes[row, 0].set(yscale="log", ylabel=label)
         axes[row, 0].grid(alpha=0.3), axes[row, 1].grid(alpha=0.3)
     axes[1, 0].set_xlabel("order, with 2 states")
     axes[1, 1].set_xlabel("states, at order 4")
-    axes[0, 0].legend(frameon=False, title="parameters")
+    axes[0, 0].legend(frameon=False, title="parameters (hollow: not proved to the end)")
     figure.savefig(path, dpi=120)
 
 
