@@ -108,7 +108,7 @@ def find_reference(
 
     Raises
     ------
-    PropagationError    if given bounds do not fit the simulator's times and outputs
+    PropagationError    if given bounds do not fit the simulator's times and outputs, or bounds are infinite
     """
     if isinstance(reference, Bounds):
         return _of_bounds(_fitting(reference, simulator), seconds=None)
@@ -160,6 +160,13 @@ def _hull(parts: list[Bounds]) -> tuple[Array, Array]:
 
 
 def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
+    infinite = np.isinf(bounds.lower) | np.isinf(bounds.upper)
+    if infinite.any():
+        first, output = np.argwhere(infinite)[0]
+        raise PropagationError(
+            f"The reference {bounds.method} has infinite bounds of {bounds.names[output]} at t = {bounds.t[first]:g} s."
+            " Errors cannot be told there. Give times that end earlier, or another reference, such as Scanning(21)."
+        )
     unknown = np.full(len(bounds.names), np.nan)
     yardstick = Yardstick(bounds.lower, bounds.upper, unknown)
     return Reference(

@@ -67,6 +67,14 @@ def test_a_reference_ends_where_proved_bounds_end():
     assert found.reference.proved is None  # what is not attained may miss either way
 
 
+def test_a_reference_must_be_finite():
+    p = mb.Parameters(k=1.0)
+    z = mb.State("z", rate=lambda z: p.k * z**2)
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 1.0}, [0.0, 0.5, 0.9, 1.0], {"z": z.value}, box=BOX)
+    with pytest.raises(mb.PropagationError, match=r"TaylorModel\(order=4\) has infinite bounds of z at t = 0.9 s"):
+        mb.compare(scene, [mb.Vertex()], reference=mb.TaylorModel(order=4))
+
+
 def _simulator():
     return mb.DAESimulator(_decay())
 
