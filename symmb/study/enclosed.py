@@ -93,7 +93,7 @@ class Limits:
         """Where bounds are farthest outside by more than a slack (n_y,), over it; empty if they are nowhere."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack
-        t, y = np.unravel_index(np.argmax(shares), shares.shape)
+        t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))
         if not shares[t, y] > 1.0:
             return ""
         return f"{outputs[y]} by {outside[t, y]:.1e} at t = {times[t]:g} s"

@@ -76,7 +76,8 @@ def _by_codac(problem, step):
     box += [codac.Interval(a - r, a + r) for a, r in zip(problem.middle.tolist(), problem.radius.tolist(), strict=True)]
     tube.set(codac.IntervalVector([*box, codac.Interval(0.0)]), 0.0)
     tube = codac.CtcLohner(f).contract(tube, codac.TimePropag.FWD)
-    found = [tube(float(t)) for t in problem.times]
+    gates = np.array([piece.lb() for piece in tube.tdomain().tslices_vector() if piece.is_gate()])
+    found = [tube(float(gates[np.argmin(np.abs(gates - t))])) for t in problem.times]  # between gates, boxes are wider
     return np.array([[[x[i].lb(), x[i].ub()] for i in range(n)] for x in found]).transpose(2, 0, 1)
 
 
