@@ -8,7 +8,8 @@ one, the widths are not compared. codac is run with several steps up to 2 s. Its
 and until when its bounds are finite.
 
 JuliaReach and CORA publish a double pendulum with a controller and uncertain starts, not with uncertain lengths: they
-enclose it for 1 s, JuliaReach in 72 boxes, to decide one property (ARCH-COMP, AINNCS). No widths are published.
+enclose it for 1 s, JuliaReach in 72 boxes, to decide one property (ARCH-COMP, AINNCS). Neither is
+run here, and we know of no published widths.
 """
 
 import time
