@@ -1,12 +1,22 @@
-"""Problems to enclose, and samples of their solutions by SciPy."""
+"""Problems to enclose, and samples of their solutions by SciPy, with mpmath where these are not exact enough."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
+import mpmath
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853
 
 from symmb.enclosures.problem import Problem, StartEquations
+from symmb.symbolic import interpret, operation_name
+
+FINE, COARSE = 1e-13, 3e-13
+"""Relative tolerances of samples, and of those that tell their errors."""
+OWN = 3.0
+"""Error of a sample over its difference from the coarse one."""
+ROUNDING = 1e-14
+"""Least error of a sample over the size of its output."""
+DIGITS = 50
 
 
 def ode(f, start, box, times, outputs=None):
@@ -34,52 +44,175 @@ def ode(f, start, box, times, outputs=None):
 
 @dataclass(frozen=True)
 class Check:
-    """How far samples are outside of bounds, over the size of the output, and the least part of a width they fill."""
+    """What samples say of bounds.
+
+    Attributes
+    ----------
+    outside : farthest that a sample is outside, over the size of the output
+    beyond : the same less the sample's own error
+    filled : least part of a width that the samples fill
+    own : largest own error of a sample, over the size of the output
+    disputed : (m, n_p) parameters of the samples that are outside by more than their own errors, the worst first
+    """
 
     outside: float
+    beyond: float
     filled: float
+    own: float
+    disputed: np.ndarray
 
 
-def check(problem, found, count=12, seed=0, start=None):
-    """Corners and random points of the box, integrated by DOP853, against the bounds of an enclosure.
+def check(problem, found, count=12, seed=0):
+    """Corners, edges and random points of the box, integrated by DOP853, against the bounds of an enclosure.
 
-    `start`, P (1, n_p) -> x (1, n), is the start of a scene's simulator.
+    They are integrated up to the last time of which anything is proved: later a solution need not exist.
     """
-    rng = np.random.default_rng(seed)
-    known = np.isfinite(found.upper)
-    lowest, highest = np.full(found.lower.shape, np.inf), np.full(found.lower.shape, -np.inf)
-    for k in range(count):
-        xi = rng.choice([-1.0, 1.0], problem.d) if k % 2 else rng.uniform(-1.0, 1.0, problem.d)
-        p = np.array(
-            [
-                m + r * xi[j] if j >= 0 else m
-                for m, r, j in zip(problem.middle, problem.radius, problem.variables, strict=True)
-            ]
-        )
-        Y = solution(problem, p, start)
-        lowest, highest = np.minimum(lowest, Y), np.maximum(highest, Y)
-    size = np.abs([lowest, highest]).max(axis=(0, 1))
-    outside = np.maximum(found.lower - lowest, highest - found.upper) / np.maximum(size, 1e-300)
-    width = (found.upper - found.lower)[known]
+    P = parameters(problem, count, seed)
+    times = np.flatnonzero(np.isfinite(found.upper).any(axis=1)).max(initial=-1) + 1
+    if not times:
+        return Check(-np.inf, -np.inf, 1.0, 0.0, P[:0])
+    Y, own = solutions(replace(problem, times=problem.times[:times]), P)
+    lower, upper = found.lower[:times], found.upper[:times]
+    known = np.isfinite(upper)
+    lowest, highest = Y.min(axis=0), Y.max(axis=0)
+    size = np.maximum(np.abs([lowest, highest]).max(axis=(0, 1)), 1e-300)
+    own = np.maximum(own, ROUNDING * size)
+    outside = np.where(known, np.maximum(lower - Y, Y - upper), -np.inf)
+    beyond = ((outside - own) / size).max(axis=(1, 2))
+    worst = np.argsort(-beyond)
+    width = (upper - lower)[known]
     filled = ((highest - lowest)[known] / width)[width > 1e-6]
-    return Check(float(outside[known].max()), float(filled.min(initial=1.0)))
+    return Check(
+        float((outside / size).max()), float(beyond.max()), float(filled.min(initial=1.0)), float((own / size).max()),
+        P[worst[: np.count_nonzero(beyond > 0)]],
+    )  # fmt: skip
 
 
-def solution(problem, p, start=None):
-    """Outputs (n_t, n_y) for parameters p, by DOP853."""
-    if start is None:
-        x0 = np.array(problem.start.states(np.zeros(0), p, 0.0)).ravel()
-    else:
-        x0 = start(p[None])[0][0]
+def parameters(problem, count, seed=0):
+    """(count, n_p) parameters: a third are corners, a third are on edges, the others are anywhere in the box."""
+    rng = np.random.default_rng(seed)
+    corners, xi = rng.choice([-1.0, 1.0], (count, problem.d)), rng.uniform(-1.0, 1.0, (count, problem.d))
+    free = rng.integers(0, max(problem.d, 1), count)
+    fixed = (np.arange(problem.d) != free[:, None]) | (np.arange(count) % 3 == 0)[:, None]
+    xi = np.where(fixed & (np.arange(count) % 3 < 2)[:, None], corners, xi)
+    P = np.tile(problem.middle, (count, 1))
+    for k, (radius, j) in enumerate(zip(problem.radius, problem.variables, strict=True)):
+        if j >= 0:
+            P[:, k] += radius * xi[:, j]
+    return P
+
+
+def solutions(problem, P):
+    """Outputs (N, n_t, n_y) for parameters P (N, n_p), and bounds of their errors, from a coarser run."""
+    fine, coarse = (_integrated(problem, P, rtol) for rtol in (FINE, COARSE))
+    return fine, OWN * np.abs(fine - coarse)
+
+
+class _EachSample(DOP853):
+    """DOP853 for n states of N systems side by side, whose steps suit the worst one."""
+
+    systems = 1
+
+    def _estimate_error_norm(self, K, h, scale):
+        """The norm of the method for each system alone."""
+        five, three = ((K.T @ E / scale).reshape(self.systems, -1) for E in (self.E5, self.E3))
+        five, three = (five**2).sum(axis=1), (three**2).sum(axis=1)
+        total = five + 0.01 * three
+        norms = np.where(total > 0, five / np.sqrt(np.where(total > 0, total, 1.0) * (self.n / self.systems)), 0.0)
+        return abs(h) * norms.max()
+
+
+def _integrated(problem, P, rtol):
+    """Outputs (N, n_t, n_y), with steps that end at the output times."""
     times = problem.times
-    run = solve_ivp(
-        lambda t, x: np.array(problem.rates(x, p, t)).ravel(),
-        (times[0], times[-1]),
-        x0,
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-14,
-        t_eval=times,
-    )
-    assert run.success
-    return np.array([np.array(problem.outputs(x, p, t)).ravel() for x, t in zip(run.y.T, times, strict=True)])
+    x = _of_all(problem.start.states, problem.start.solve(P), P)(0.0)
+    rates = _of_all(problem.rates, x, P)
+    shape = x.shape
+    found, step = [], None
+    for begin, end in zip([times[0], *times[:-1]], times, strict=True):
+        if end > begin:
+            solver = _EachSample(lambda t, z: rates(t, z).ravel(), begin, x.ravel(), end, rtol=rtol, atol=1e-3 * rtol,
+                                 first_step=step and min(step, end - begin))  # fmt: skip
+            solver.systems = len(P)
+            while solver.status == "running":
+                step = solver.h_abs
+                assert solver.step() is None
+            x = solver.y.reshape(shape)
+        found.append(_of_all(problem.outputs, x, P)(end))
+    return np.stack(found, axis=1)
+
+
+def _of_all(f, x, P):
+    """(t, x (N n,)) -> (N, m) values of f(x, p, t) for all parameters, in arrays that CasADi reads and writes."""
+    own, p, t = np.array(x, dtype=float), np.ascontiguousarray(P), np.zeros(len(P))
+    buffer, call = f.map(len(P)).buffer()
+    for i, a in enumerate((own, p, t)):
+        buffer.set_arg(i, memoryview(a))
+
+    def values(time, z=None):
+        found = np.zeros((len(P), f.numel_out(0)))
+        if z is not None:
+            own.flat = z
+        t[:] = time
+        buffer.set_res(0, memoryview(found))
+        call()
+        return found
+
+    return values
+
+
+EXACT = {
+    "OP_ADD": lambda a, b: a + b,
+    "OP_SUB": lambda a, b: a - b,
+    "OP_MUL": lambda a, b: a * b,
+    "OP_DIV": lambda a, b: a / b,
+    "OP_POW": lambda a, b: a**b,
+    "OP_ATAN2": mpmath.atan2,
+    "OP_HYPOT": mpmath.hypot,
+    "OP_NEG": lambda a: -a,
+    "OP_SQ": lambda a: a * a,
+    "OP_TWICE": lambda a: 2 * a,
+    "OP_INV": lambda a: 1 / a,
+    "OP_SQRT": mpmath.sqrt,
+    "OP_SIN": mpmath.sin,
+    "OP_COS": mpmath.cos,
+    "OP_TAN": mpmath.tan,
+    "OP_EXP": mpmath.exp,
+    "OP_LOG": mpmath.log,
+    "OP_SINH": mpmath.sinh,
+    "OP_COSH": mpmath.cosh,
+    "OP_TANH": mpmath.tanh,
+    "OP_ASIN": mpmath.asin,
+    "OP_ACOS": mpmath.acos,
+    "OP_ATAN": mpmath.atan,
+    "OP_ASINH": mpmath.asinh,
+    "OP_ACOSH": mpmath.acosh,
+    "OP_ATANH": mpmath.atanh,
+    "OP_LOG1P": mpmath.log1p,
+    "OP_EXPM1": mpmath.expm1,
+    "OP_ERF": mpmath.erf,
+}
+"""Functions of mpmath by the names of CasADi's operations."""
+
+
+def exact(problem, p):
+    """Outputs (n_t, n_y) for parameters (n_p,) as mpmath numbers, in 50 digits by mpmath's Taylor series."""
+    with mpmath.workdps(DIGITS):
+        p = [mpmath.mpf(float(value)) for value in p]
+        u = [mpmath.mpf(float(value)) for value in problem.start.solve(np.array([p], dtype=float))[0]]
+        if u:
+            u = list(
+                mpmath.findroot(lambda *u: _in_mpmath(problem.start.residual, u, p, 0), u, tol=10.0 ** (4 - DIGITS))
+            )
+        x = _in_mpmath(problem.start.states, u, p, 0)
+        motion = mpmath.odefun(lambda t, x: _in_mpmath(problem.rates, x, p, t), 0, x) if x else lambda t: x
+        times = [mpmath.mpf(float(t)) for t in problem.times]
+        return np.array([_in_mpmath(problem.outputs, motion(t), p, t) for t in times])
+
+
+def _in_mpmath(f, x, p, t):
+    def operation(code, arguments):
+        name = {"OP_CONSTPOW": "OP_POW"}.get(operation_name(code), operation_name(code))
+        return arguments[0] if code == ca.OP_ASSIGN else EXACT[name](*arguments)
+
+    return interpret(f, [list(x), list(p), [mpmath.mpf(t)]], operation, mpmath.mpf)[0]

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 
+import models.double_pendulum
 import symmb as mb
 
 
@@ -75,8 +76,59 @@ def lagging_motor(spread=0.05, end=1.0):
     return _scene("lagging motor", system, {"torque": 0.1}, outputs, end, mb.Box.around(p, spread))
 
 
+def double_pendulum(spread=0.02, end=0.6):
+    """The double pendulum of the shipped models."""
+    scene = models.double_pendulum.scene()
+    outputs = {name: scene.outputs[name] for name in ("x1", "theta2", "y2_dot", "theta1_dot")}
+    return _scene("double pendulum", scene.system, scene.start, outputs, end,
+                  mb.Box.around(scene.system.parameters, spread))  # fmt: skip
+
+
+def sprung_ball(spread=0.05, end=0.6):
+    """A ball that hangs on a spring and a damper and swings, so that both act along a line that turns."""
+    p = mb.Parameters(stiffness=60.0, damping=0.8, mass=1.0)
+    ball = mb.Body("ball", mass=p.mass, pose=mb.Particle())
+    link = mb.SpringDamper("link", mb.Ground().point(0, 0), ball.point(0, 0), p.stiffness, p.damping, length=1.0)
+    system = mb.System(ball, link, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {"x": ball.x, "y": ball.y, "speed": ball.vx**2 + ball.vy**2}
+    return _scene("sprung ball", system, {"ball.x": 0.8, "ball.y": -0.9}, outputs, end, mb.Box.around(p, spread))
+
+
+def driven_cart(spread=0.03, end=0.8):
+    """A cart that is pushed to and fro, with a pendulum on a torsion spring."""
+    p = mb.Parameters(push=6.0, beat=5.0, mass=0.4)
+    cart = mb.Body("cart", mass=1.0, inertia=0.1, pose=mb.Planar())
+    rod = mb.Body("rod", mass=p.mass, inertia=0.02, pose=mb.Planar())
+    rail = mb.Prismatic("rail", mb.Ground().point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
+    hinge = mb.Revolute("hinge", cart.point(0, 0), rod.point(0, 0.5))
+    system = mb.System(
+        cart,
+        rod,
+        rail,
+        hinge,
+        mb.TorsionSpring("coil", cart, rod, stiffness=2.0, damping=0.1),
+        mb.Force("push", cart.point(0, 0), (p.push * ca.sin(p.beat * mb.t), 0)),
+        mb.Gravity(0, -9.81),
+        parameters=p,
+    )
+    outputs = {"place": cart.x, "angle": rod.theta, "rate": rod.omega, "tip": rod.point(0, -0.5).x}
+    return _scene("driven cart", system, {"rod.theta": 0.4}, outputs, end, mb.Box.around(p, spread))
+
+
+def two_tanks(spread=0.05, end=2.0):
+    """A tank runs out into another one (Torricelli): two first-order states and no bodies."""
+    p = mb.Parameters(inflow=0.8, upper=1.0, lower=0.7)
+    first = mb.State("first", rate=lambda z: p.inflow * (1 + 0.3 * ca.sin(2 * mb.t)) - p.upper * ca.sqrt(z))
+    second = mb.State("second", rate=lambda z: p.upper * ca.sqrt(first.value) - p.lower * ca.sqrt(z))
+    system = mb.System(first, second, parameters=p)
+    start = {"first": 1.5, "second": p.lower}
+    outputs = {"first": first.value, "second": second.value}
+    return _scene("two tanks", system, start, outputs, end, mb.Box.around(p, spread))
+
+
 def _scene(name, system, start, outputs, end, box):
     return mb.Scene(system, start=start, times=np.linspace(0.0, end, 21), outputs=outputs, box=box, name=name)
 
 
 SCENES = (pendulum, van_der_pol, duffing, spherical_pendulum, chain_of_four, lagging_motor)
+TEN = (*SCENES, double_pendulum, sprung_ball, driven_cart, two_tanks)

@@ -1,13 +1,14 @@
 """Proved bounds: Taylor models of the motion, as polynomials with a remainder."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._options import constructor_text, require_whole
-from symmb._types import Array, Executor
+from symmb._types import Array, Executor, Mask
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
@@ -17,6 +18,8 @@ from symmb.simulation import Progress, Simulator
 
 _HIGHEST = 60
 """Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
+_TERMS = 20_000
+"""Most terms of a polynomial of the parameters. A step then takes a minute, and gigabytes with some ten states."""
 _PARTS = 1000
 """Parts of the horizon in which progress is told."""
 
@@ -49,7 +52,7 @@ class TaylorModel(Method):
     Raises
     ------
     PropagationError
-        From ``bounds``: the scene has equations that it does not take.
+        From ``bounds``: the scene has equations that it does not take, or too many uncertain parameters for the order.
 
     Examples
     --------
@@ -78,6 +81,8 @@ class TaylorModel(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
+        if problem.n:
+            self._require_room(problem.d)
 
         def tell(share: float) -> None:
             if progress is not None:
@@ -85,10 +90,20 @@ class TaylorModel(Method):
 
         found = enclose(problem, self.order, self.boxes, tell)
         tell(1.0)
-        caution = self._caution(found, np.asarray(simulator.times, dtype=float))
+        caution = self._caution(found, np.asarray(simulator.times, dtype=float), tuple(simulator.outputs))
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
-    def _caution(self, found: Enclosure, times: Array) -> str:
+    def _require_room(self, d: int) -> None:
+        """Refuse more parameters than polynomials of the order have room for: steps would take minutes."""
+        if (self.order + 1) ** d > _TERMS:
+            most = int(_TERMS ** (1.0 / d) + 1e-9) - 1
+            lower = f"order={most}, " if most else ""
+            raise PropagationError(
+                f"{self!r}: polynomials of {d} parameters have {(self.order + 1) ** d} terms, of which it takes at "
+                f"most {_TERMS}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
+            )
+
+    def _caution(self, found: Enclosure, times: Array, outputs: Sequence[str]) -> str:
         """The caution about times or outputs of which nothing or little is proved."""
         begin = float(times[0])
         if found.why and not np.isfinite(found.upper[0]).all():
@@ -99,13 +114,21 @@ class TaylorModel(Method):
                 "more boxes or smaller intervals"
             )
         if not np.isfinite(found.upper).all():
-            return "infinite for outputs that cannot be shown to be smooth over the box; try smaller intervals"
-        if (k := found.loose_since()) is not None:
+            names = _names(outputs, ~np.isfinite(found.upper))
+            return f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals"
+        if found.is_loose.any():
+            begin = times[found.is_loose.any(axis=1).argmax()]
             return (
-                f"proved, but wide from t = {times[k]:g} s on: more than half of a width is remainder; try a higher "
-                "order, more boxes or smaller intervals"
+                f"proved, but wide from t = {begin:g} s on for {_names(outputs, found.is_loose)}: more than half of a "
+                "width is remainder; try a higher order, more boxes or smaller intervals"
             )
         return ""
 
     def __repr__(self) -> str:
         return constructor_text(self, f"order={self.order}")
+
+
+def _names(outputs: Sequence[str], which: Mask) -> str:
+    """The outputs that are marked at any time (n_t, n_y), the first three of them."""
+    names = [name for name, marked in zip(outputs, which.any(axis=0), strict=True) if marked]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more outputs" if len(names) > 3 else "")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.enclosures.expressions import expression_bounds
 from symmb.enclosures.front import Front, half
 from symmb.enclosures.march import Course, march
@@ -68,8 +68,9 @@ class Enclosure:
     why: str
     boxes: int
 
-    def loose_since(self) -> int | None:
-        """Index of the first time at which bounds of an output are mostly remainder; None if there is none.
+    @property
+    def is_loose(self) -> Mask:
+        """Which bounds (n_t, n_y) are mostly remainder.
 
         Remainders that are small beside the output, or beside how far the parameters ever move it, are left out: at
         first the parameters have had no effect, and any width is remainder.
@@ -78,8 +79,7 @@ class Enclosure:
         moved = np.where(finite, width - 2.0 * self.remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
         visible = np.maximum(_VISIBLE * np.maximum.accumulate(size, axis=0), _SMALL * moved)
-        loose = finite & (self.remainder > 0.25 * width) & (2.0 * self.remainder > visible)
-        return int(loose.any(axis=1).argmax()) if loose.any() else None
+        return np.asarray(finite & (self.remainder > 0.25 * width) & (2.0 * self.remainder > visible))
 
 
 @np.errstate(all="ignore")  # what is not finite proves nothing

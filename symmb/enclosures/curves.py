@@ -119,7 +119,7 @@ class Step:
         E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
         eta = above(float(E.sum(axis=1).max()))
         if not eta < 0.5:
-            raise ProofError("the frame cannot be inverted")
+            raise ProofError("deviations from the polynomials grow too differently over the box")
         return E, eta
 
     def frame_at(self, counts: tuple[int, ...]) -> tuple[Array, Array]:

@@ -85,7 +85,7 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     if math.prod(counts) > _LARGEST:
         counts = node_counts(rho, 0.3 * float((harmless / most).min()), top)
     if math.prod(counts) > _LARGEST:
-        raise ProofError("the motion is not resolved")
+        raise ProofError("polynomials of this order follow the motion too badly")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(_TRIALS):
         wanted = np.maximum(_ALIAS * sampled, small)
@@ -96,7 +96,7 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
         counts = finer
         sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     if (alias > _UNRESOLVED * np.maximum(wanted, harmless)).any():
-        raise ProofError("the motion is not resolved")
+        raise ProofError("polynomials of this order follow the motion too badly")
     control.wanted = float(sampled.max())
     return above(sampled + alias)
 
@@ -135,7 +135,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio, (_FINEST,) * k)
     if math.prod(counts) > _LARGEST:
-        raise ProofError("the frame is not resolved")
+        raise ProofError("deviations from the polynomials grow too differently over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
 
 

@@ -92,12 +92,12 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         change = float((np.abs(new - x).max(axis=tuple(range(1, x.ndim))) / size).max(initial=0.0))
         x = new
         if not np.isfinite(change) or change > 1e3:
-            raise ProofError("the motion does not converge in a step")
+            raise ProofError("the motion changes too fast for the shortest step")
         if change <= _SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change
     else:
-        raise ProofError("the motion does not converge in a step")
+        raise ProofError("the motion changes too fast for the shortest step")
     f = fit(rates_at(problem, x, p, t), (terms, *lengths))
     return integrated(x0, _without_noise(f, _NOISE), h)
 
@@ -133,7 +133,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         change = float(np.abs(new - B).max() / np.abs(new).max())
         B = new
         if not np.isfinite(change) or change > 1e3:
-            raise ProofError("the frame does not converge in a step")
+            raise ProofError("deviations from the polynomials change too fast for the shortest step")
         if change < _FRAME_SETTLED or (change < _CLOSE and change > 0.5 * last):
             break
         last = change

@@ -117,11 +117,11 @@ def march(
         progress(front.t)
         share, longest = front.share(), max(longest, step.h)
         if share > largest:
-            course.why = "the remainder is large"
+            course.why = "the deviations from the polynomials are large"
             return course
         course.checkpoint = front
         if share > _LOST and step.h < _CRAWL * longest:
-            course.why = "the remainder grows too fast"
+            course.why = "the deviations from the polynomials grow too fast"
             return course
     return course
 
@@ -146,7 +146,7 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
             return step, proof
         except ProofError as error:
             reason, h = str(error), 0.5 * h
-    raise ProofError(reason or "the motion is not smooth enough for a step")
+    raise ProofError(reason or "the motion changes too fast for the shortest step")
 
 
 def _tail(problem: Problem, x: Array) -> float:

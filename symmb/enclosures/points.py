@@ -25,7 +25,7 @@ def point(values: Array | float, error: float = 0.0) -> Point:
     else:
         lowest = highest = float(values)
     if not (math.isfinite(lowest + highest + error)):
-        raise ProofError("a value is not finite")
+        raise ProofError("a value is infinite, or not a number")
     return values, above(error), lowest, highest
 
 
@@ -70,7 +70,7 @@ def _distance_from_zero(a: Point) -> float:
 
 def _inverse(a: Point) -> Point:
     least = _distance_from_zero(a)
-    return _rounded(1.0 / a[0], a[1] / (least * least))
+    return _rounded(1.0 / a[0], a[1] / least / least)
 
 
 def _divide(a: Point, b: Point) -> Point:
@@ -81,11 +81,13 @@ def _function(f: Callable[..., Array], slope: Callable[[float, float], float]) -
     """An elementary function, whose derivative is at most slope(low, high) in an interval."""
 
     def operation(a: Point) -> Point:
-        low, high = a[2] - 2.0 * a[1], a[3] + 2.0 * a[1]
+        low, high = math.nextafter(a[2] - 2.0 * a[1], -math.inf), math.nextafter(a[3] + 2.0 * a[1], math.inf)
         try:
             steepest = slope(low, high)
         except (ValueError, ZeroDivisionError, OverflowError):
-            raise ProofError(f"an argument of {f.__name__} may leave its domain") from None
+            raise ProofError(
+                f"an argument of {f.__name__} may be outside of its domain, or a value too large"
+            ) from None
         return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION)
 
     return operation
@@ -99,18 +101,24 @@ def _least(low: float, high: float) -> float:
     return 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
 
 
+def _steepest_sine(low: float, high: float) -> float:
+    """The largest derivative of the inverse sine, whose differences from 1 and -1 are exact."""
+    most = _largest(low, high)
+    return 1.0 / math.sqrt((1.0 - most) * (1.0 + most))
+
+
 def _constant_power(a: Point, exponent: Point) -> Point:
-    n = float(exponent[0])
-    if n == int(n) and n >= 0:
-        slope = abs(n) * (size(a) + a[1]) ** (n - 1) if n else 0.0
-        return _rounded(a[0] ** n, above(slope * 1.001) * a[1], FUNCTION)
-    if n == int(n):
+    """The derivative n x^(n - 1) is taken as (n / x) x^n, which neither underflows nor overflows before x^n does."""
+    n, most = float(exponent[0]), size(a) + a[1]
+    if n == int(n) and n < 0:
         return _inverse(_constant_power(a, point(-n)))
-    if a[2] <= 0:
+    if n != int(n) and a[2] <= 0:
         raise ProofError("the base of a power may vanish")
-    least, most = _distance_from_zero(a), size(a) + a[1]
-    slope = abs(n) * max(least ** (n - 1), most ** (n - 1))
-    return _rounded(a[0] ** n, above(slope * 1.001) * a[1], FUNCTION)
+    steepest = most if n == int(n) or n > 1 else _distance_from_zero(a)
+    try:
+        return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION)
+    except OverflowError:
+        raise ProofError("a power is too large") from None
 
 
 def _power(a: Point, b: Point) -> Point:
@@ -178,12 +186,12 @@ OPERATIONS: dict[int, Callable[..., Point]] = {
     ca.OP_SINH: _SINH,
     ca.OP_COSH: _COSH,
     ca.OP_TANH: _function(np.tanh, lambda low, high: 1.0),
-    ca.OP_ASIN: _function(np.arcsin, lambda low, high: 1.0 / math.sqrt(1.0 - _largest(low, high) ** 2)),
-    ca.OP_ACOS: _function(np.arccos, lambda low, high: 1.0 / math.sqrt(1.0 - _largest(low, high) ** 2)),
+    ca.OP_ASIN: _function(np.arcsin, _steepest_sine),
+    ca.OP_ACOS: _function(np.arccos, _steepest_sine),
     ca.OP_ATAN: _function(np.arctan, lambda low, high: 1.0 / (1.0 + _least(low, high) ** 2)),
-    ca.OP_ASINH: _function(np.arcsinh, lambda low, high: 1.0 / math.sqrt(1.0 + _least(low, high) ** 2)),
+    ca.OP_ASINH: _function(np.arcsinh, lambda low, high: 1.0 / math.hypot(1.0, _least(low, high))),
     ca.OP_ACOSH: _function(np.arccosh, lambda low, high: 1.0 / math.sqrt(low - 1.0) / math.sqrt(low + 1.0)),
-    ca.OP_ATANH: _function(np.arctanh, lambda low, high: 1.0 / math.sqrt(1.0 - _largest(low, high) ** 2) ** 2),
+    ca.OP_ATANH: _function(np.arctanh, lambda low, high: _steepest_sine(low, high) ** 2),
     ca.OP_LOG1P: _function(np.log1p, lambda low, high: 1.0 / math.sqrt(1.0 + low) ** 2),
     ca.OP_EXPM1: _function(np.expm1, lambda low, high: math.exp(high)),
     ca.OP_ERF: _function(erf, lambda low, high: 1.1284 * math.exp(-(_least(low, high) ** 2))),

@@ -77,7 +77,7 @@ def _prove(step: Step, w0: Array, control: Control) -> Proof:
         if stays(end, W):
             return Proof(W, end)
         W = above(np.maximum(W, 1.01 * end))
-    raise ProofError("the remainder grows too fast")
+    raise ProofError("the deviations from the polynomials grow too fast")
 
 
 def stays(end: Array, W: Array) -> bool:

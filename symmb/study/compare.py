@@ -98,7 +98,7 @@ def compare(
             executor=executor,
             progress=progress,
         )
-    return _doubted(replace(comparison, doubts=simulator.doubts))
+    return _doubted(replace(comparison, doubts=(*simulator.doubts, *comparison.doubts)))
 
 
 def _doubted(comparison: Comparison) -> Comparison:

@@ -217,7 +217,12 @@ class Comparison(Result):
             own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)
             lines.append(f"solver's own error: {own}")
         uncertainty = report.mean_and_worst(self.reference.uncertainty, yardstick, self.outputs)
-        return [report.wrapped(line) for line in [*lines, f"reference: {self._reference()}; uncertainty {uncertainty}"]]
+        lines.append(f"reference: {self._reference()}; uncertainty {uncertainty}")
+        if self.reference.proved is not None:
+            missed = report.mean_and_worst(self.reference.proved, yardstick, self.outputs)
+            by = " and ".join(self.reference.proved_by)
+            lines.append(f"proved by {by}: the reference misses the true bounds by at most {missed}")
+        return [report.wrapped(line) for line in lines]
 
     def _setup(self) -> str:
         return "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"

@@ -16,6 +16,7 @@ from symmb.bounds import METHODS, Bounds, Method
 from symmb.model import Box
 from symmb.simulation import Simulator, StoredSimulator
 from symmb.study.comparison_result import Comparison
+from symmb.study.enclosed import Limits
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
 from symmb.study.row import LONG, NotRun, Row
@@ -97,10 +98,27 @@ def compare_simulator(
     if not scored:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
+    own = reference_bounds
     if reference is None:
         reference_bounds = reference_bounds.joined([bounds.inner for bounds, _ in scored if bounds.inner is not None])
+    limits = Limits.of([bounds for bounds, _ in scored])
+    if limits is not None:
+        attained = reference is None or reference.kind == "sampled"
+        reference_bounds = limits.limit(reference_bounds, attained)
     if tighter is not None:
         about["solver_error"] = _solver_error(simulator, tighter, box, reference_bounds.yardstick)
+    if limits is not None:
+        runs_of = [(f"the reference {own.method}", own.lower, own.upper)] if attained else []
+        about["doubts"] = tuple(
+            limits.faults(
+                [bounds for bounds, _ in scored],
+                runs_of,
+                reference_bounds.yardstick,
+                about.get("solver_error"),
+                np.asarray(simulator.times, dtype=float),
+                tuple(simulator.outputs),
+            )
+        )
     return _comparison(simulator, box, reference_bounds, scored, not_run, about)
 
 

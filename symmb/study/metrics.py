@@ -91,6 +91,11 @@ class Yardstick:
         )
 
     @property
+    def slack(self) -> Array:
+        """Deviations (n_y,) that count as none, in the outputs' units."""
+        return np.maximum(self._tolerance(), self._negligible)
+
+    @property
     def _negligible(self) -> Array:
         scale = np.maximum(_largest(self.lower), _largest(self.upper))
         return np.maximum(_SCALE * scale, _ABSOLUTE)

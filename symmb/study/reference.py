@@ -34,7 +34,8 @@ Progress = Callable[[int, int], None]
 class Reference:
     """Reference bounds with their uncertainty.
 
-    In a comparison the default reference includes the values that runs of all methods attained.
+    In a comparison the default reference includes the values that runs of all methods attained, and each reference is
+    cut where proved bounds end.
 
     Attributes
     ----------
@@ -43,6 +44,8 @@ class Reference:
     uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
     evaluations, failed : int or None     runs, and how many failed; None if not known
     seconds : float or None     run time [s]; None if bounds were given
+    proved : (n_y,) or None     most by which attained values miss the true bounds, in the same norm, from enclosures
+    proved_by : tuple of str    the methods that prove it
     """
 
     method: str
@@ -52,6 +55,8 @@ class Reference:
     evaluations: int | None = None
     failed: int | None = None
     seconds: float | None = None
+    proved: Array | None = None
+    proved_by: tuple[str, ...] = ()
 
     @classmethod
     def of_record(cls, record: Record, n_t: int, n_y: int) -> "Reference":
@@ -65,6 +70,8 @@ class Reference:
             evaluations=record.whole("evaluations") if "evaluations" in record else None,
             failed=record.whole("failed") if "failed" in record else None,
             seconds=record.known("seconds"),
+            proved=record.array("proved", n_y, finite=False) if "proved" in record else None,
+            proved_by=record.texts("proved_by", default=()),
         )
 
     @property
@@ -101,7 +108,7 @@ def find_reference(
 
     Raises
     ------
-    PropagationError    if given bounds do not fit the simulator's times and outputs
+    PropagationError    if given bounds do not fit the simulator's times and outputs, or bounds are infinite
     """
     if isinstance(reference, Bounds):
         return _of_bounds(_fitting(reference, simulator), seconds=None)
@@ -153,6 +160,13 @@ def _hull(parts: list[Bounds]) -> tuple[Array, Array]:
 
 
 def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
+    infinite = np.isinf(bounds.lower) | np.isinf(bounds.upper)
+    if infinite.any():
+        first, output = np.argwhere(infinite)[0]
+        raise PropagationError(
+            f"The reference {bounds.method} has infinite bounds of {bounds.names[output]} at t = {bounds.t[first]:g} s."
+            " Errors cannot be told there. Give times that end earlier, or another reference, such as Scanning(21)."
+        )
     unknown = np.full(len(bounds.names), np.nan)
     yardstick = Yardstick(bounds.lower, bounds.upper, unknown)
     return Reference(

@@ -123,6 +123,24 @@ def test_an_operation_without_remainder_is_refused_by_name():
         mb.propagate(scene, mb.TaylorModel())
 
 
+@pytest.mark.parametrize("formula", [ca.fabs, lambda k: 1 / k, ca.sqrt], ids=["corner", "pole", "root"])
+def test_a_scene_whose_only_output_is_not_smooth_has_no_bounds(formula):
+    p = mb.Parameters(k=1.0)
+    scene = mb.Scene(mb.System(parameters=p), outputs={"f": formula(p.k)}, box=mb.Box(k=(-1.0, 1.0)))
+    with pytest.warns(mb.SymmbWarning, match="not proved at any time: an output cannot be shown to be smooth"):
+        bounds = mb.propagate(scene, mb.TaylorModel())
+    assert np.isinf(bounds.upper).all() and np.isinf(bounds.lower).all()
+
+
+def test_more_parameters_than_polynomials_have_room_for_are_refused():
+    p = mb.Parameters(**{name: 1.0 for name in "abcdef"})
+    z = mb.State("z", rate=lambda z: -z * p.a * p.b * p.c * p.d * p.e * p.f)
+    box = mb.Box.around(p, 0.01)
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 1.0}, [0.0, 0.1], {"z": z.value}, box=box)
+    with pytest.raises(mb.PropagationError, match=r"of 6 parameters have 531441 terms.* Use order=4, fewer"):
+        mb.propagate(scene, mb.TaylorModel())
+
+
 def test_spatial_joints():
     """A spherical joint: unit quaternions of joints, from a start that is solved for."""
     scene = heavy_top.scene().with_times(np.linspace(0.0, 0.02, 3))

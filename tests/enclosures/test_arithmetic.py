@@ -1,46 +1,18 @@
 """Numbers with bounds of rounding, and discs, against mpmath in 40 digits."""
 
+import itertools
+
 import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+from enclosure_samples import EXACT
 
 from symmb.enclosures import discs, points
 from symmb.enclosures.errors import ProofError
 
 mpmath.mp.dps = 40
 N = 2000
-EXACT = {
-    "OP_ADD": lambda a, b: a + b,
-    "OP_SUB": lambda a, b: a - b,
-    "OP_MUL": lambda a, b: a * b,
-    "OP_DIV": lambda a, b: a / b,
-    "OP_POW": lambda a, b: a**b,
-    "OP_ATAN2": mpmath.atan2,
-    "OP_HYPOT": mpmath.hypot,
-    "OP_NEG": lambda a: -a,
-    "OP_SQ": lambda a: a * a,
-    "OP_TWICE": lambda a: 2 * a,
-    "OP_INV": lambda a: 1 / a,
-    "OP_SQRT": mpmath.sqrt,
-    "OP_SIN": mpmath.sin,
-    "OP_COS": mpmath.cos,
-    "OP_TAN": mpmath.tan,
-    "OP_EXP": mpmath.exp,
-    "OP_LOG": mpmath.log,
-    "OP_SINH": mpmath.sinh,
-    "OP_COSH": mpmath.cosh,
-    "OP_TANH": mpmath.tanh,
-    "OP_ASIN": mpmath.asin,
-    "OP_ACOS": mpmath.acos,
-    "OP_ATAN": mpmath.atan,
-    "OP_ASINH": mpmath.asinh,
-    "OP_ACOSH": mpmath.acosh,
-    "OP_ATANH": mpmath.atanh,
-    "OP_LOG1P": mpmath.log1p,
-    "OP_EXPM1": mpmath.expm1,
-    "OP_ERF": mpmath.erf,
-}
 RANGES = {
     **{name: [(0.05, 6.0)] for name in ("OP_INV", "OP_SQRT", "OP_LOG")},
     **{name: [(-0.9, 0.9)] for name in ("OP_ASIN", "OP_ACOS", "OP_ATANH")},
@@ -166,3 +138,59 @@ def test_decided_comparisons(name, arguments, expected):
 
 def test_the_three_arithmetics_know_the_same_operations():
     assert points.OPERATIONS.keys() == points.PLAIN.keys() == discs.OPERATIONS.keys()
+
+
+EXTREME = (1e-300, -1e-300, 1e-200, 3e-155, 1e-17, -1e-17, 1e155, -1e200, 1e300, 1 + 1e-12, 1 - 1e-12, -1 + 1e-9, 700.0)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_extreme_arguments_are_within_the_errors_or_refused(name):
+    operands = len(_ranges(name, (0.0, 1.0)))
+    rng = np.random.default_rng(5)
+    for x in itertools.product(EXTREME, repeat=operands):
+        off = [abs(a) * 10.0 ** rng.integers(-16, -9) for a in x]
+        with np.errstate(all="ignore"):
+            centre, radius = discs.OPERATIONS[getattr(ca, name)](*map(discs.disc, x, off))
+            try:
+                value, error, *_ = points.OPERATIONS[getattr(ca, name)](*map(points.point, x, off))
+            except ProofError:
+                value, error = 0.0, np.inf
+        if np.isinf(error) and not np.isfinite(radius):
+            continue
+        with mpmath.workdps(700):
+            ends = [
+                EXACT[name](*arguments)
+                for arguments in zip(*(_ends(a, b) for a, b in zip(x, off, strict=True)), strict=True)
+            ]
+            for y in ends:
+                assert np.isinf(error) or abs(y - mpmath.mpf(float(value))) <= error
+                assert not np.isfinite(radius) or abs(y - mpmath.mpmathify(complex(centre))) <= float(radius)
+
+
+def _ends(a, error):
+    return [mpmath.mpf(a) - mpmath.mpf(error), mpmath.mpf(a) + mpmath.mpf(error)]
+
+
+def test_the_complex_error_function_is_less_exact_than_others():
+    z = np.random.default_rng(6).uniform(0.001, 0.05, 300) * np.exp(0.3j)
+    centres, radii = discs.OPERATIONS[ca.OP_ERF](discs.disc(z))
+    for at, centre, radius in zip(z, centres, radii, strict=True):
+        assert abs(mpmath.erf(mpmath.mpc(complex(at))) - mpmath.mpc(complex(centre))) <= radius
+
+
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [
+        ("OP_ACOSH", 1.0 + 7 * 2.0**-52),
+        ("OP_ASIN", 1.0 - 2.0**-50),
+        ("OP_ATANH", 2.0**-51 - 1.0),
+        ("OP_ACOS", 2.0**-49 - 1.0),
+    ],
+)
+def test_slopes_beside_a_branch_point(name, argument):
+    """There, an error far below the last place of the argument is amplified by up to 1e15."""
+    off = 0.01 * (abs(argument) - 1.0 if name == "OP_ACOSH" else 1.0 - abs(argument))
+    for error in (off, -off):
+        value, bound, *_ = points.OPERATIONS[getattr(ca, name)](points.point(argument, off))
+        exact = EXACT[name](mpmath.mpf(argument) + mpmath.mpf(error))
+        assert abs(exact - mpmath.mpf(float(value))) <= bound

@@ -4,7 +4,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-from enclosure_samples import check, ode, solution
+from enclosure_samples import EXACT, check, exact, ode, solutions
 from enclosure_scenes import SCENES, pendulum, van_der_pol
 
 import symmb as mb
@@ -25,14 +25,14 @@ INSIDE = 1e-11
 def _enclosed(scene, order):
     simulator = DAESimulator(scene)
     problem = problem_of("method", simulator, scene.box)
-    return simulator, problem, enclose(problem, order, 1)
+    return problem, enclose(problem, order, 1)
 
 
 @pytest.mark.parametrize("make", SCENES, ids=lambda make: make.__name__)
 def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
-    simulator, problem, found = _enclosed(make(), order=4)
+    problem, found = _enclosed(make(), order=4)
     assert not found.why and np.isfinite(found.upper).all()
-    result = check(problem, found, start=simulator.unconstrained.start.states)
+    result = check(problem, found)
     assert result.outside <= INSIDE
     assert result.filled > 0.6  # corners and a few points: extremes may be inside the box
     width = found.upper - found.lower
@@ -47,8 +47,8 @@ def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
 )  # fmt: skip
 def test_samples_of_shipped_models_lie_inside(scene, spread, order):
     scene = mb.Scene(**{**_parts(scene), "box": mb.Box.around(scene.system.parameters, spread, names=scene.box.names)})
-    simulator, problem, found = _enclosed(scene, order)
-    result = check(problem, found, start=simulator.unconstrained.start.states)
+    problem, found = _enclosed(scene, order)
+    result = check(problem, found)
     assert not found.why and result.outside <= INSIDE and result.filled > 0.6
 
 
@@ -86,12 +86,14 @@ def test_samples_of_random_equations_lie_inside(seed):
 
 
 def test_no_uncertain_parameter():
-    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [1.0, 0.0], [(2.0, 2.0)], [0.0, 1.0, 3.0])
+    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [1.0, 0.0], [(2.0, 2.0)], [0.0, 0.1, 0.2])
     found = enclose(problem, 4, 1)
-    exact = solution(problem, problem.middle)
+    in_50_digits = exact(problem, problem.middle)
     assert problem.d == 0
-    assert (found.lower <= exact + 1e-12).all() and (exact - 1e-12 <= found.upper).all()
+    assert (found.lower <= in_50_digits).all() and (in_50_digits <= found.upper).all()
     assert (found.upper - found.lower).max() < 1e-9
+    sampled, own = solutions(problem, problem.middle[None])
+    assert (abs(sampled[0] - in_50_digits) <= own[0] + 1e-15).all()
 
 
 def test_decay_against_the_closed_form_in_40_digits():
@@ -110,7 +112,7 @@ def test_friction_that_is_almost_dry():
     problem = ode(lambda x, p, t: [x[1], -p[0] * ca.tanh(x[1] / 0.01)], lambda p: [0.0, 1.0], [(9.8, 10.2)],
                   np.linspace(0, 0.09, 4))  # fmt: skip
     found = enclose(problem, 6, 1)
-    assert not found.why and found.loose_since() is None and check(problem, found).outside <= INSIDE
+    assert not found.why and not found.is_loose.any() and check(problem, found).outside <= INSIDE
 
 
 def test_halves_of_the_box_are_joined():
@@ -176,41 +178,41 @@ def test_degrees_of_equations(f, expected):
 # Planted faults
 
 
-def test_rounding_left_out_is_found(monkeypatch):
-    """Without bounds of rounding, the exact sine is outside of the computed one."""
-    x = np.random.default_rng(0).uniform(-5, 5, 500)
-    monkeypatch.setattr(points, "FUNCTION", 0.0)
-    values, error, *_ = points.OPERATIONS[ca.OP_SIN](points.point(x))
+@pytest.mark.parametrize("name", ["OP_SIN", "OP_SQ"])
+@pytest.mark.parametrize("share", [0.0, -1.0], ids=["left out", "the wrong way"])
+def test_planted_rounding_is_found(monkeypatch, name, share):
+    """With wrong bounds of rounding, an exact value is outside of the computed one's error."""
+    x, right = np.random.default_rng(0).uniform(-5, 5, 500), points._rounded
+    monkeypatch.setattr(points, "_rounded", lambda v, error, relative=points.U: right(v, error, share * relative))
+    values, error, *_ = points.OPERATIONS[getattr(ca, name)](points.point(x))
     with mpmath.workdps(40):
-        worst = max(abs(mpmath.sin(mpmath.mpf(a)) - mpmath.mpf(float(v))) for a, v in zip(x, values, strict=True))
+        worst = max(abs(EXACT[name](mpmath.mpf(a)) - mpmath.mpf(float(v))) for a, v in zip(x, values, strict=True))
     assert worst > error
 
 
 def test_a_defect_left_out_is_found(monkeypatch):
     scene = pendulum(spread=0.2)
-    simulator, problem, found = _enclosed(scene, order=2)
-    start = simulator.unconstrained.start.states
-    assert check(problem, found, start=start).outside <= INSIDE
+    problem, found = _enclosed(scene, order=2)
+    assert check(problem, found).outside <= INSIDE
     monkeypatch.setattr(steps, "defect_of_motion", lambda step, *rest: np.full(step.problem.n, 1e-15))
-    assert check(problem, enclose(problem, 2, 1), start=start).outside > 100 * INSIDE
+    assert check(problem, enclose(problem, 2, 1)).outside > 100 * INSIDE
 
 
 def test_aliasing_left_out_is_found(monkeypatch):
     """On as many nodes as there are terms, a defect is almost invisible."""
-    simulator, problem, _ = _enclosed(pendulum(spread=0.2), order=2)
+    problem, _ = _enclosed(pendulum(spread=0.2), order=2)
     monkeypatch.setattr(defects.ch, "aliasing", lambda rho, counts: 0.0)
     monkeypatch.setattr(defects, "node_counts", lambda rho, ratio, most: (20, 1))
     found = enclose(problem, 2, 1)
-    assert check(problem, found, start=simulator.unconstrained.start.states).outside > 100 * INSIDE
+    assert check(problem, found).outside > 100 * INSIDE
 
 
 def test_too_few_nodes_for_a_polynomial_are_found(monkeypatch):
     """Van der Pol's equation: on one node in the parameter, a defect is almost invisible."""
-    simulator, problem, found = _enclosed(van_der_pol(spread=0.1, end=1.0), order=2)
-    start = simulator.unconstrained.start.states
-    assert not found.why and check(problem, found, start=start).outside <= INSIDE
+    problem, found = _enclosed(van_der_pol(spread=0.1, end=1.0), order=2)
+    assert not found.why and check(problem, found).outside <= INSIDE
     monkeypatch.setattr(defects, "_grid", lambda degrees, numbers: (20, 1))
-    assert check(problem, enclose(problem, 2, 1), start=start).outside > 100 * INSIDE
+    assert check(problem, enclose(problem, 2, 1)).outside > 100 * INSIDE
 
 
 def _stiff_step():
@@ -221,7 +223,7 @@ def _stiff_step():
 
 
 def test_a_box_that_w_leaves_is_not_proved():
-    with pytest.raises(ProofError, match="grows too fast"):
+    with pytest.raises(ProofError, match="grow too fast"):
         steps.prove(_stiff_step(), np.array([1.0]), Control(Choice(), 1.0))
 
 

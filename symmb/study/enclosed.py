@@ -1,0 +1,99 @@
+"""Proved bounds in a comparison: the outer limit of its reference, and a check of the other methods."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bounds import Bounds
+from symmb.study.metrics import Yardstick
+from symmb.study.reference import Reference
+
+_SOLVER = 10.0
+"""How far runs may be outside of proved bounds, over the error of their solver at a few points of the box."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds (n_t, n_y) outside of which no response is, infinite where nothing is proved, and who proves them."""
+
+    lower: Array
+    upper: Array
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, bounds: Sequence[Bounds]) -> "Limits | None":
+        """The intersection of all enclosures among bounds; None without any."""
+        proved = [found for found in bounds if found.kind == "enclosure" and np.isfinite(found.upper).any()]
+        if not proved:
+            return None
+        lower = np.max([found.lower for found in proved], axis=0)
+        upper = np.min([found.upper for found in proved], axis=0)
+        return cls(lower, upper, tuple(found.method for found in proved))
+
+    def limit(self, reference: Reference, attained: bool) -> Reference:
+        """The reference within the limits.
+
+        The true bounds are between the values that a reference attained and the limits, so that their distance bounds
+        its error, up to that of the solver. It is the uncertainty where it is less.
+        """
+        lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
+        limited = replace(reference, lower=lower, upper=upper)
+        error = limited.yardstick.deviation(self.lower, self.upper)
+        known = np.isfinite(error)
+        if not (attained and known.any()):
+            return limited
+        error = np.where(known, error, np.nan)
+        return replace(limited, uncertainty=np.fmin(reference.uncertainty, error), proved=error, proved_by=self.names)
+
+    def faults(
+        self,
+        bounds: Sequence[Bounds],
+        others: Sequence[tuple[str, Array, Array]],
+        yardstick: Yardstick,
+        solver_error: Array | None,
+        times: Array,
+        outputs: Sequence[str],
+    ) -> list[str]:
+        """Sentences about runs that are outside, and about bounds that are outside by more than their estimates.
+
+        Parameters
+        ----------
+        others : names and attained bounds (n_t, n_y) of other runs
+        yardstick : the reference's
+        solver_error : (n_y,) in the norm of `Score.error`; None where it is not known
+        times : (n_t,) [s]
+        """
+        error = np.zeros(len(outputs)) if solver_error is None else _SOLVER * solver_error
+        slack = replace(yardstick, uncertainty=error).slack
+        by = " and ".join(self.names)
+        runs, estimates = list(others), []
+        for found in bounds:
+            if found.inner is not None or found.kind == "sampled":
+                runs.append((found.method, *(found.inner or (found.lower, found.upper))))
+            if found.kind == "estimate" and found.estimate is not None:
+                estimates.append((found.method, found.lower + found.estimate, found.upper - found.estimate))
+        return [
+            *(
+                f"Runs of {name} are outside of the proved bounds of {by}: {where}. Either the solver is not exact "
+                "enough there, or the runs or the proof are wrong. Try a solver with a smaller tolerance."
+                for name, lower, upper in runs
+                if (where := self._farthest(lower, upper, slack, times, outputs))
+            ),
+            *(
+                f"{name} estimates its error too low. Its bounds are farther outside of the proved bounds of {by} than "
+                f"it says: {where}."
+                for name, lower, upper in estimates
+                if (where := self._farthest(lower, upper, slack, times, outputs))
+            ),
+        ]
+
+    def _farthest(self, lower: Array, upper: Array, slack: Array, times: Array, outputs: Sequence[str]) -> str:
+        """Where bounds are farthest outside by more than a slack (n_y,), over it; empty if they are nowhere."""
+        outside = np.maximum(self.lower - lower, upper - self.upper)
+        shares = np.where(outside > 0, outside, 0.0) / slack
+        t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))
+        if not shares[t, y] > 1.0:
+            return ""
+        return f"{outputs[y]} by {outside[t, y]:.1e} at t = {times[t]:g} s"
