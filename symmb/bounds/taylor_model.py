@@ -130,5 +130,5 @@ class TaylorModel(Method):
 
 def _names(outputs: Sequence[str], which: Mask) -> str:
     """The outputs that are marked at any time (n_t, n_y), the first three of them."""
-    names = [name for name, marked in zip(outputs, which.any(axis=0), strict=True) if marked]
+    names = [name for name, marked in zip(outputs, np.any(which, axis=0).tolist(), strict=True) if marked]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more outputs" if len(names) > 3 else "")
