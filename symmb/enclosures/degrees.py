@@ -26,8 +26,8 @@ def degrees_of_equations(step: Step) -> tuple[Array, Array]:
     ]
     p: list[Degree] = [(none + (np.arange(len(none)) == 1 + j) * (j >= 0), None) for j in problem.variables]
     time: Degree = (none + (np.arange(len(none)) == 0), None)
-    found = problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), [x, p, [time]])
-    rates, slopes = (np.max([none, *(degree for degree, _ in part)], axis=0) for part in found)
+    outputs = problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), [x, p, [time]])
+    rates, slopes = (np.max([none, *(degree for degree, _ in part)], axis=0) for part in outputs)
     return rates, slopes
 
 

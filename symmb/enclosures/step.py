@@ -123,8 +123,8 @@ class _Curvature:
     def _changes(self, radius: Array) -> Array:
         """Largest radii (n, n) of the Jacobian's discs over states within a radius (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
-        found = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
-        return np.array([float(np.where(np.isnan(r), np.inf, r).max()) for _, r in found]).reshape(n, n).T
+        entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
+        return np.array([float(np.where(np.isnan(r), np.inf, r).max()) for _, r in entries]).reshape(n, n).T
 
 
 _SHRUNK = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
