@@ -2,6 +2,8 @@
 
 import warnings
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -55,11 +57,12 @@ def test_a_dead_zone_is_left_or_doubtful(d, is_field):
     assert bounds.outer[1][zone].min() >= 0.68 or bounds.doubts
 
 
-def test_corners_that_are_screened_are_near_any_corner():
-    for d in range(4, 9):
+def test_corners_that_are_screened_combine_all_signs_of_three_parameters():
+    for d in range(3, 12):
         corners = screening_corners(d)
-        every = np.indices((2,) * d).reshape(d, -1).T * 2 - 1
-        assert ((every @ corners.T).max(axis=1) >= d / 2).all() and len(corners) <= 16
+        assert len(corners) == 12
+        for three in combinations(range(d), 3):
+            assert len(np.unique(corners[:, three], axis=0)) == 8
 
 
 @pytest.mark.parametrize("place", [0.9, 0.95, 0.99])

@@ -1,5 +1,7 @@
 """Check runs: points that show most of an interpolant's error, and the expected error elsewhere."""
 
+from itertools import count
+
 import numpy as np
 
 from symmb._types import Array
@@ -55,18 +57,20 @@ def quasi_random_points(number: int, d: int) -> Array:
 
 
 def screening_corners(d: int) -> Array:
-    """Corners (N, d) of the unit box, one of them near any corner: the rows of a Hadamard matrix and their opposites.
+    """Corners (N, d) of the unit box: the rows of a Hadamard matrix that Paley's construction gives.
 
-    For up to eight parameters one of 2 d ... 4 d corners has three quarters of the signs of any corner.
+    Each combination of the signs of any three parameters is among the first 12 for up to eleven of these, and each of
+    two in one of four.
 
     References
     ----------
     Plackett and Burman (1946), The design of optimum multifactorial experiments.
     """
-    rows = np.ones((1, 1))
-    while len(rows) < d:
-        rows = np.block([[rows, rows], [rows, -rows]])
-    return np.concatenate([rows, -rows])[:MOST_CORNERS, :d]
+    prime = next(q for q in count(11, 4) if q >= d and all(q % k for k in range(3, q, 2)))
+    signs = np.full(prime, -1.0)
+    signs[np.square(np.arange(1, prime)) % prime] = 1.0
+    cyclic = signs[np.subtract.outer(np.arange(prime), np.arange(prime)) % prime]
+    return np.concatenate([np.ones((1, prime)), cyclic])[:MOST_CORNERS, :d]
 
 
 def count_shapes(Y: Array, widths: Array) -> int:

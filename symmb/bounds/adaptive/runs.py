@@ -204,17 +204,19 @@ class Runs:
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def measure_noise(self) -> None:
-        """Measure the noise by runs on a short line, along which responses are straight but for noise."""
+        """Measure the noise, if enough runs are left, on a short line, along which responses are straight but for it."""
         d = len(self.box)
         middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
+        self.noise_is_known = True
         number = NOISE_RUNS if self.shape[0] >= NOISE_RUNS else NOISE_RUNS_OF_FEW
+        if number > self.left:
+            return
         along = np.arange(number) - 0.5 * (number - 1)
         Y, ok, _ = self._run(middle + NOISE_SPACING * along[:, None] * direction)
         if (freedom := int(ok.sum()) - 2) > 0:
             line, _ = np.linalg.qr(np.vander(along[ok], 2))
             rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
             self.noise = NOISE_SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
-        self.noise_is_known = True
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
         """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t).
