@@ -1,7 +1,6 @@
 """What no node of a grid shows: bumps of fields, narrow windows, dead zones. Bounds are right, or they are doubtful."""
 
 import warnings
-
 from itertools import combinations
 
 import numpy as np

@@ -204,7 +204,7 @@ class Runs:
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def measure_noise(self) -> None:
-        """Measure the noise, if enough runs are left, on a short line, along which responses are straight but for it."""
+        """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
         d = len(self.box)
         middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
         self.noise_is_known = True
