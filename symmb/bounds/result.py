@@ -103,7 +103,7 @@ class Bounds(Result):
                 f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
                 f"happens near the failed ones is not known.{where}"
             )
-        if parts := [f"{name} {self._doubtful_part(name, t)}" for name, t in self.doubtful().items()]:
+        if parts := [name + self._doubtful_part(name, t) for name, t in self.doubtful().items()]:
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
         if self.caution:
             doubts.append(f"The bounds are {self.caution}.")
@@ -150,11 +150,13 @@ class Bounds(Result):
 
     def _doubtful_part(self, name: str, since: float) -> str:
         """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
+        if len(self.t) == 1:
+            return ""
         windows = [(begin, end) for other, begin, end in self.doubtful_windows() if other == name]
         if not windows or windows[-1][1] == self.t[-1]:
-            return f"from {since:g} s"
+            return f" from {since:g} s"
         texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]
-        return " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
+        return " " + " and ".join([*texts, *(["later"] if len(windows) > _NAMED_WINDOWS else [])])
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.
@@ -291,8 +293,9 @@ class Bounds(Result):
 
     def _head(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
+        times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
         lines = [
-            f"Bounds by {self.method}, {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s",
+            f"Bounds by {self.method}, {times}",
             f"  kind         {self.kind} ({MEANING[self.kind]})",
             f"  evaluations  {self.evaluations}, {failed}",
         ]

@@ -167,7 +167,7 @@ def test_budgets_are_spent_on_nodes_and_checks():
     )
     box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
     for budget in (11, 40, 41, 100):
-        with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: f from 0 s"):
+        with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: f"):
             bounds = mb.propagate(simulator, mb.PolynomialChaos(budget=budget), box)
         assert 0.8 * budget <= bounds.evaluations <= budget
     with pytest.raises(mb.PropagationError, match="the first level takes 11 runs, more than the budget of 10"):
@@ -268,7 +268,7 @@ def test_kinks_of_many_parameters_are_given_up_and_bounded_by_what_runs_attained
         lambda **p: abs(np.sin(3 * t) - 0.4 * (np.array(list(p.values())) @ np.arange(1, 7)))[:, None],
         dict.fromkeys(names, 0.0), t, ["y"],
     )  # fmt: skip
-    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: y from 0 s"):
+    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: y"):
         bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
     assert bounds.evaluations < 500 and bounds.doubtful() == {"y": 0.0}
     highest = 8.4 + np.abs(np.sin(3 * t))

@@ -107,7 +107,7 @@ def _remarks(runs: Runs, estimate: Array, tolerance: float, is_enough: bool) -> 
     if is_enough and (runs.noise <= tolerance * widths).all():
         return ()
     error = float(np.max(rms(estimate) / widths, initial=0.0))
-    return (f"The tolerance {tolerance:g} was not reached: the estimated error is {error:.0e} of the width.",)
+    return (f"The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width.",)
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
