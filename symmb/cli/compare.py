@@ -72,6 +72,11 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
         print(_SLOW, file=sys.stderr)
     if options.spread is not None:
         box = _with_spread(subject, box, _share(options.spread), names)
+    elif box is None:
+        raise DeclarationError(
+            f"{options.scene} has no box that says which parameters are uncertain. Name them, and how far they are: "
+            "--uncertain NAME --spread 5%."
+        )
     if options.store is not None:
         if isinstance(subject, mb.Scene):
             subject, solver = mb.DAESimulator(subject, solver), None

@@ -112,7 +112,10 @@ class ImpactLaws:
         e = evaluate_padded(self._impacts.impulses, *at)[3]
         faults = []
         for i, k in np.argwhere(~(gap >= -rounding)):
-            faults.append((int(i), f"Impact {self._impacts.names[k]!r}: the gap is {gap[i, k]:g} at the start"))
+            name = self._impacts.names[k]
+            faults.append(
+                (int(i), f"Impact {name!r}: the gap is {gap[i, k]:g} at the start; start with a gap from 0 on")
+            )
         for i, k in np.argwhere(~((e >= 0) & (e <= 1))):
             faults.append((int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(e[i, k])}"))
         return faults

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -85,9 +86,16 @@ def test_an_interrupted_comparison_carries_the_methods_so_far():
     assert "interrupted" in str(partial)
 
 
+@contextmanager
 def interrupt_after(seconds):
+    """What runs within takes longer, so that the interrupt meets it and not a later test."""
     gc.collect()  # Python drops an interrupt that arrives while garbage of former tests is collected
-    threading.Timer(seconds, os.kill, (os.getpid(), signal.SIGINT)).start()
+    timer = threading.Timer(seconds, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @pytest.mark.parametrize("solver", [mb.CVODES(), mb.IDAS(), mb.StabilizedIndex2()], ids=repr)
@@ -95,8 +103,7 @@ def test_an_integrator_of_casadi_does_not_swallow_an_interrupt(solver):
     scene = double_pendulum(np.linspace(0.0, 1000.0, 100_001))
     mb.simulate(scene, solver, times=[0.0, 0.1])
     before, begin = signal.getsignal(signal.SIGINT), time.monotonic()
-    interrupt_after(0.3)
-    with pytest.raises(KeyboardInterrupt):
+    with interrupt_after(0.3), pytest.raises(KeyboardInterrupt):
         mb.simulate(scene, solver)
     assert time.monotonic() - begin < 2.0 and signal.getsignal(signal.SIGINT) is before
 
@@ -107,9 +114,8 @@ def test_a_long_search_of_ranges_ends_at_an_interrupt(d, order, m):
     alpha = mb.TensorDegree().indices(d, order)
     coefficients = np.random.default_rng(0).standard_normal((len(alpha), m)) * 0.8 ** alpha.sum(axis=1)[:, None]
     mb.Exact().search(np.zeros((1, 1), dtype=int), np.ones((1, 1)))  # builds the search
-    interrupt_after(0.5)
     begin = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
+    with interrupt_after(0.5), pytest.raises(KeyboardInterrupt):
         mb.Exact().search(alpha, coefficients)
     assert time.monotonic() - begin < 1.5
 
@@ -125,8 +131,7 @@ def endless_ball():
 )
 def test_a_run_in_python_carries_its_trajectory_so_far(scene, solver):
     mb.simulate(scene, solver, times=[0.0, 0.01])
-    interrupt_after(0.7)
-    with pytest.raises(KeyboardInterrupt) as caught:
+    with interrupt_after(0.7), pytest.raises(KeyboardInterrupt) as caught:
         mb.simulate(scene, solver)
     run = caught.value.partial
     assert 1 < len(run.t) < len(scene.times) and np.isfinite(run.values).all() and str(run)
