@@ -5,7 +5,15 @@ from itertools import count
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.constants import CANDIDATES, HEAVIEST, MOST_CORNERS, SAFETY, SHAPE_RUNS, SHAPE_SHARE
+from symmb.bounds.adaptive.constants import (
+    CANDIDATES,
+    HEAVIEST,
+    MOST_CORNERS,
+    SAFETY,
+    SHAPE_RUNS,
+    SHAPE_SHARE,
+    SHAPE_TIMES,
+)
 from symmb.bounds.time_windows import average_over_window
 
 
@@ -79,7 +87,7 @@ def count_shapes(Y: Array, widths: Array) -> int:
     What few shapes hide, few numbers would: all times together may show no more than one. Shapes count from a share
     SHAPE_SHARE of the largest one on.
     """
-    Y = Y[:SHAPE_RUNS]
+    Y = Y[:SHAPE_RUNS, :: max(1, Y.shape[1] // SHAPE_TIMES)]
     relative = ((Y - Y.mean(axis=0)) / widths).reshape(len(Y), -1)
     squares = np.linalg.eigvalsh(relative @ relative.T)
     return int((squares > SHAPE_SHARE**2 * squares[-1]).sum())

@@ -20,8 +20,9 @@ CHECKED_TOGETHER = 5
 """Check runs whose errors are computed together: a tensor grid has nearly twice as many nodes at least."""
 SHAPE_SHARE = 1e-2
 """Share of the largest shape of time from which others tell more than it does."""
-SHAPE_RUNS, FEW_SHAPES = 100, 3
-"""Most runs of which shapes are counted, and shapes that hide as much as single numbers do."""
+SHAPE_RUNS, SHAPE_TIMES, FEW_SHAPES = 100, 100, 3
+"""Most runs and about as many times of which shapes are counted: a window is 2 % of all times. Shapes that hide as much
+as single numbers do."""
 MOST_CORNERS = 32
 """Most corners that are run because nothing else tells where a response varies."""
 ROUNDING_SHARE = 1e-6
