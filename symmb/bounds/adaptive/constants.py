@@ -153,7 +153,8 @@ LEFT_OUT_SAFETY = 3.0
 """Factor on the errors at runs that are left out, where a surface does not converge. Their root mean square over the
 width is 7 to 40 % where the response jumps, and at most 1.5 % where it is smooth (known_ranges.py, Genz)."""
 SPREAD, FEWEST_SPREAD = 4, 12
-"""Runs of a round that are spread over the box, and fewest of all rounds."""
+"""Runs of a round that are spread over the box, and fewest of all rounds. So many corners are the first of them: what
+acts for high values of some parameters together is seen nowhere else."""
 BESIDE = 0.15
 """Distance in each parameter from an extreme of the surface at which a run shows whether the response is flat there."""
 PLATEAU = 3

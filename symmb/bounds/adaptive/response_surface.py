@@ -38,8 +38,8 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     """Range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
 
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
-    those of the mean and some standard deviations, and at points that are spread over the box. The
-    estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
+    those of the mean and some standard deviations, and at points that are spread over the box, first of all at corners.
+    The estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
     showed, and, if the runs do not suffice, what runs show that are left out. Where it remains large the bounds are
     those that runs attained.
 
