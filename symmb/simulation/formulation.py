@@ -61,6 +61,12 @@ class Formulation:
         """Operations of a stage of an explicit step."""
         return self.dae.rhs.n_instructions() + _STAGE * self.y.numel_in(0)
 
+    @property
+    def least_operations(self) -> int:
+        """Operations of a stage that the right side of the rows alone takes. The others need not be derived."""
+        rows = 0 if self.dae.gamma is None else self.dae.gamma.n_instructions() - self.dae.gamma.nnz_out(0)
+        return rows + _STAGE * self.y.numel_in(0)
+
 
 @dataclass(frozen=True, eq=False)
 class InBodies:
@@ -91,10 +97,17 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formula
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
     if free is None and joints is not None and not joints.dae.n_r:
         free = joints
-    if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
+    if joints is None:
         return bodies, None, free
-    counts = f"{joints.operations} operations a stage, {bodies.operations} in those of bodies"
-    return bodies, joints if scene.coordinates else replace(joints, why=f"coordinates of joints: {counts}"), free
+    if scene.coordinates:
+        return bodies, joints, free
+    least = bodies.least_operations
+    counted = joints.operations > _CHEAPER * least
+    if counted and joints.operations > _CHEAPER * bodies.operations:
+        return bodies, None, free
+    of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
+    why = f"coordinates of joints: {joints.operations} operations a stage, {of_bodies} in those of bodies"
+    return bodies, replace(joints, why=why), free
 
 
 def _in_bodies(scene: Scene) -> Formulation:
@@ -126,4 +139,4 @@ def _of_bodies(joints: JointSpace, x: ca.SX, p: ca.SX) -> ca.Function:
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:
-    return replace(dae, scales=start.scales(dae, float(np.ptp(scene.times))))
+    return dae.scaled(lambda: start.scales(dae, float(np.ptp(scene.times))))

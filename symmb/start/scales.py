@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -136,9 +135,10 @@ def power_of_two(value: float) -> float:
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
     """The DAE with scales at coordinates q (n_q,), at rest, which are 1 in scenes of usual size."""
     G = evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
-    scaled = replace(dae, scales=Scales(coarse(length_of(dae, q, G))))
+    length = coarse(length_of(dae, q, G))
+    scaled = dae.scaled(lambda: Scales(length))
     rows = np.array([coarse(row) for row in np.abs(G * scaled.displacement_scales).max(axis=1, initial=0.0)])
-    return replace(scaled, scales=Scales(scaled.scales.length, rows=rows))
+    return dae.scaled(lambda: Scales(length, rows=rows))
 
 
 def coarse(size: float) -> float:

@@ -7,7 +7,7 @@ solves for the same ones from the nominal solution. Velocities follow from posit
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import casadi as ca
@@ -120,7 +120,7 @@ class Start:
             linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
             length = float(distances(dae, x, span)[linear].max(initial=0.0))
         length = power_of_two(length)
-        scaled = replace(dae, scales=Scales(length)).displacement_scales
+        scaled = dae.scaled(lambda: Scales(length)).displacement_scales
         inertia = np.diag(batch(dae.inertia, *map(np.atleast_1d, x), np.eye(dae.n_v))[0]) if dae.n_v else np.zeros(0)
         energy = power_of_two(float((inertia * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)
