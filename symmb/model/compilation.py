@@ -130,9 +130,12 @@ def _equations(
     def alone(name: str, outputs: Callable[[], Outputs]) -> Lazy[ca.Function]:
         return one_of(Lazy(lambda: _functions(system, {name: outputs()}, inputs)), name)
 
+    def without_rows() -> Outputs:
+        return {"vdot": ca.densify(solutions()["rhs"]["vdot"]), "lam": right}
+
     equations = {
         "rhs": one_of(solved, "rhs"),
-        "forward": one_of(solved, "forward"),
+        "forward": one_of(solved, "forward") if right.numel() else alone("forward", without_rows),
         "inertia": alone("inertia", lambda: {"Ma": ca.densify(system.inertial(a))}),
         "Q": alone("Q", lambda: {"Q": system.Q}),
         "energy": alone("energy", lambda: {"T": system.kinetic_energy, "V": system.potential_energy}),

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.integrate import Run
-from symmb.model import DAE, JointSpace, Scene, System, compile_dae
+from symmb.model import DAE, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch
@@ -125,17 +125,12 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
         return None
     x = ca.vertcat(system.q, system.v, system.s)
     at = start.nominal()
-    found = _of_bodies(system.joints, x, system.p)(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
+    place = ca.Function("place", [x, system.p], [system.joints.of_bodies[0]])
+    found = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
     joints = system.joints.with_signs(found, bodies.start.nominal()["q"])
     y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
-    return Formulation(
-        _scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, _of_bodies(joints, x, system.p))
-    )
-
-
-def _of_bodies(joints: JointSpace, x: ca.SX, p: ca.SX) -> ca.Function:
-    """(x, p) -> states of the bodies."""
-    return ca.Function("of_bodies", [x, p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
+    states = ca.Function("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
+    return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, states))
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:

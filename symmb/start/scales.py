@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scales, is_linear
+from symmb.symbolic import evaluated
 
 Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
@@ -25,7 +26,8 @@ tolerances of velocities stay in between."""
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
     """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
-    return np.asarray(f(q, np.zeros(dae.n_v), *((rest_states(dae),) if dae.n_s else ()), dae.p_nominal, t0).full())
+    s = (rest_states(dae),) if dae.n_s else ()
+    return evaluated(f, q, np.zeros(dae.n_v), *s, dae.p_nominal, np.array([t0]))
 
 
 def resting(dae: DAE, q: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
