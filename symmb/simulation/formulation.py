@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.integrate import Run
-from symmb.model import DAE, Scene, System, compile_dae
+from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch
@@ -73,7 +73,12 @@ class InBodies:
     """The equations of the bodies, and their states as a Function (x, p) of the states x of the joints."""
 
     dae: DAE
-    states: ca.Function
+    from_joints: Lazy[ca.Function]
+
+    @property
+    def states(self) -> ca.Function:
+        """(x, p) -> states of the bodies."""
+        return self.from_joints()
 
 
 def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formulation | None]:
@@ -129,8 +134,11 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     found = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
     joints = system.joints.with_signs(found, bodies.start.nominal()["q"])
     y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
-    states = ca.Function("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
-    return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, states))
+
+    def states() -> ca.Function:
+        return ca.Function("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
+
+    return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, Lazy(states)))
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:
