@@ -125,14 +125,12 @@ def build_problem(
     at = dae.arguments(x, p, time)
     rates = dae.rhs(*at)
     rates = list(rates) if isinstance(rates, tuple) else [rates]
-    with_work = work and dae.power is not None
-    plain = not (algebraic or with_work or isinstance(stabilization, Baumgarte | AugmentedLagrangian))
-    right = dae.gamma(*at) if not plain and dae.gamma is not None else ca.SX(0, 1)
+    right = dae.gamma(*at) if dae.gamma is not None else ca.SX(0, 1)
     if isinstance(stabilization, Baumgarte):
         right = right - _feedback(dae, at, 2 * stabilization.alpha, stabilization.beta**2)
     if isinstance(stabilization, AugmentedLagrangian) and dae.G is not None:
         vdot, lam = _augmented(dae, at, dae.G(*at), right, stabilization)
-    elif plain:  # nothing needs multipliers
+    elif not dae.n_r:
         vdot, lam = rates[1], right
     else:
         vdot, lam = dae.forward(*at, right)
@@ -160,7 +158,7 @@ def build_problem(
         projected = normalize(dae, x) if one_step else None
     if dae.sampling is not None:
         projected = sampled(dae, x if projected is None else projected, p, time)
-    power = dae.power(*at, lam) if with_work and dae.power is not None else ca.SX(0, 1)
+    power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
     return Problem(
         x=x,
         z=z,
