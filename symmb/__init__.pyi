@@ -93,7 +93,7 @@ from .mechanics.state import State as State
 from .mechanics.table import Table as Table
 from .mechanics.urdf import load_urdf as load_urdf
 from .model.box import Box as Box
-from .model.dae import compile_dae as compile_dae
+from .model.compilation import compile_dae as compile_dae
 from .model.scene import Scene as Scene
 from .model.system import System as System
 from .nodes.quadrature import ChebyshevGauss as ChebyshevGauss

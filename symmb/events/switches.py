@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, has_kinks, laws, switching
+from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -61,6 +61,9 @@ class Kinks:
 def kinks(dae: DAE, times: Array) -> Kinks | None:
     """Kinks and jumps of equations of motion and of sampled laws over the output times (n_t,), if there are any."""
     f, at = _equations(dae, with_samples=True)
+    if not has_kinks(f):
+        return None
+    f = with_common_expressions(f)
     expression = switching(f, at)
     if not expression.kinks:
         return None
@@ -80,7 +83,7 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     if not has_kinks(f) and instants is None:
         return None
     _, p, t = (symbol for symbol, _ in at)
-    switches = branches(f, at).times if has_kinks(f) else ca.SX(0, 1)
+    switches = branches(with_common_expressions(f), at).times if has_kinks(f) else ca.SX(0, 1)
     if not switches.numel() and instants is None:
         return None
     return TimeSwitches(switches, p, t, times, instants)
@@ -100,10 +103,12 @@ def longest_step(dae: DAE, times: Array) -> float:
 
 def longest_steps(dae: DAE, times: Array, P: Array) -> Array:
     """The `longest_step` (N,) at parameters P (N, n_p)."""
+    if len(times) < 2 or not _is_timed(dae):
+        return np.full(len(P), np.inf)
     f, at = _equations(dae)
     x, p, time = (symbol for symbol, _ in at)
-    time_laws = laws(f(x, p, time), p, time)
-    if len(times) < 2 or not time_laws.numel():
+    time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
+    if not time_laws.numel():
         return np.full(len(P), np.inf)
     signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
@@ -197,6 +202,12 @@ def _jumps(law: ca.Function, times: Array) -> Array:
     return jumps[np.diff(jumps, prepend=-np.inf) > (t[1] - t[0]) / 100]
 
 
+def _is_timed(dae: DAE) -> bool:
+    """Whether rates depend on time."""
+    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+    return ca.depends_on(ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t)))), t)
+
+
 def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
     """Forces, right sides of constraints, first-order rates and sampled laws of (x, p, t), with symbols for these."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
@@ -211,5 +222,5 @@ def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[
         parts.append(dae.rhs(*at)[2])
     if with_samples and dae.sampling is not None:
         parts += [law(*at) for law in dae.sampling.laws]
-    f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))], {"cse": True})
+    f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])
     return f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]

@@ -34,7 +34,8 @@ class _Explicit(CompiledSolver):
         ).jets(order)
         outputs, compiled = y(problem.x, problem.p, problem.t), has_compiler()
         frozen = switched(problem, dae, times) if self.controls_step and not order else None
-        ends = frozen.ends if frozen else StepEnds(stops=stops_in_time(dae, times)) if self.controls_step else None
+        ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
+        ends = frozen.ends if frozen else ends
         problem = frozen.problem if frozen else problem
         control = self.limited_control(dae, times, order, problem.quad.numel())
         n_x = problem.x.numel()

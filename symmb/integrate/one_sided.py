@@ -1,6 +1,6 @@
 """Equations of motion on the branches of one side of each switch of the state."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -54,8 +54,7 @@ def one_sided(dae: DAE) -> OneSided | None:
         return None
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dict(zip(dae.rhs.name_in(), dae.arguments(x, p, t), strict=True))
-    functions = {f.name: value for f in fields(dae) if isinstance(value := getattr(dae, f.name), ca.Function)}
-    functions = {name: f for name, f in functions.items() if "t" in f.name_in()}
+    functions = dae.functions
     for f in functions.values():
         at |= {f.name_in(i): ca.SX.sym(f.name_in(i), f.numel_in(i)) for i in range(f.n_in()) if f.name_in(i) not in at}
     more = ca.vertcat(*(symbol for name, symbol in at.items() if name not in dae.rhs.name_in()))
@@ -84,10 +83,9 @@ def one_sided(dae: DAE) -> OneSided | None:
     rates = ca.densify(ca.jtimes(switches, x, rhs) + ca.jacobian(switches, t))
     return OneSided(
         replace(
-            dae,
+            dae.with_functions(one),
             p_names=(*dae.p_names, *(f"side {k}" for k in used)),
             p_nominal=np.concatenate([dae.p_nominal, np.ones(len(used))]),
-            **one,  # pyright: ignore[reportArgumentType]
         ),
         ca.Function("switches", [x, own["p"], t], [ca.densify(switches), rates], {"cse": True}),
         np.array(hysteresis_of(dae, switches, x, p, t, sides)),

@@ -130,6 +130,8 @@ def build_problem(
         right = right - _feedback(dae, at, 2 * stabilization.alpha, stabilization.beta**2)
     if isinstance(stabilization, AugmentedLagrangian) and dae.G is not None:
         vdot, lam = _augmented(dae, at, dae.G(*at), right, stabilization)
+    elif not dae.n_r:
+        vdot, lam = rates[1], right
     else:
         vdot, lam = dae.forward(*at, right)
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)

@@ -10,7 +10,7 @@ from symmb.codegen import StepEnds
 from symmb.events import TimeSwitches, time_switches
 from symmb.integrate.problem import Problem
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, has_kinks
+from symmb.symbolic import On, batch, branches, has_kinks, with_common_expressions
 
 _HYSTERESIS = 1e-13
 """Change of a switch, relative to that by the sizes of all states, which is rounding."""
@@ -37,11 +37,12 @@ class SwitchedProblem:
 def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None:
     """The problem with its switches; None if it has none. Algebraic variables must be eliminated."""
     x, p, t = problem.x, problem.p, problem.t
-    f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))], {"cse": True})
-    stops = stops_in_time(dae, times)
-    if not has_kinks(f):
+    f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])
+    smooth = not has_kinks(f)
+    stops = None if smooth and dae.sampling is None else stops_in_time(dae, times)
+    if smooth:
         return None if stops is None else SwitchedProblem(problem, ca.SX(0, 1), StepEnds(stops=stops))
-    branch = branches(f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
+    branch = branches(with_common_expressions(f), [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)])
     (rates,) = branch.outputs
     ode = rates[: x.numel()]
 

@@ -4,9 +4,11 @@ Declarations are checked here, and all faults are reported at once.
 """
 
 from symmb.model.box import Box
+from symmb.model.compilation import compile_dae
 from symmb.model.contact_equations import Impacts
-from symmb.model.dae import DAE, compile_dae, is_linear
+from symmb.model.dae import DAE, is_linear
 from symmb.model.joint_space import JointSpace
+from symmb.model.lazy import Lazy
 from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
 from symmb.model.scene import Scene

@@ -1,7 +1,7 @@
 """The DAE bundle for solvers: compiled functions, which unlike SX expressions can be pickled."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -12,13 +12,10 @@ from symmb._errors import DeclarationError
 from symmb._options import require_instance
 from symmb._types import Array
 from symmb.model.c_export import example_c, save_c
-from symmb.model.contact_equations import Contacts, Impacts
-from symmb.model.redundancy import redundancy_equations
-from symmb.model.sampling import Sampling, sampling_of
+from symmb.model.contact_equations import Impacts
+from symmb.model.lazy import Lazy, known
+from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
-from symmb.model.system import System
-from symmb.model.validation import require_inertia
-from symmb.symbolic import t
 
 
 def is_linear(name: str) -> bool:
@@ -35,7 +32,8 @@ class DAE:
     """Compiled equations of motion of a system; see `system` for the notation.
 
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
-    that the scene does not have is None.
+    that the scene does not have is None. The Functions in `equations`, and the scales, are made at their first use:
+    those of the formulation in which a scene does not run take most of the time.
 
     Attributes
     ----------
@@ -74,30 +72,105 @@ class DAE:
     rows: dict[str, slice]
     p_nominal: Array
     q_neutral: Array
-    rhs: ca.Function
-    inertia: ca.Function
-    Q: ca.Function
     Phi: ca.Function | None
-    Phi_q: ca.Function | None
-    Phi_t: ca.Function | None
     Phi_dot: ca.Function | None
     G: ca.Function | None
-    gamma: ca.Function | None
-    forward: ca.Function
-    min_norm_correction: ca.Function | None
-    energy: ca.Function
-    power: ca.Function | None
-    distribute_multipliers: ca.Function | None
-    vanishing: ca.Function | None
+    equations: Mapping[str, Lazy[ca.Function]]
     retract: ca.Function
     assembly_cosines: ca.Function | None
     s_start: ca.Function | None
     positive: ca.Function
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None
-    scales: Scales = field(default_factory=Scales)
+    measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
     s_rest: Array | None = None
     sampling: Sampling | None = None
+
+    def _required(self, name: str) -> ca.Function:
+        return self.equations[name]()
+
+    def _optional(self, name: str) -> ca.Function | None:
+        return self.equations[name]() if name in self.equations else None
+
+    @property
+    def rhs(self) -> ca.Function:
+        """Rates of the states."""
+        return self._required("rhs")
+
+    @property
+    def inertia(self) -> ca.Function:
+        """Forces that accelerations need."""
+        return self._required("inertia")
+
+    @property
+    def Q(self) -> ca.Function:
+        """Generalised forces."""
+        return self._required("Q")
+
+    @property
+    def forward(self) -> ca.Function:
+        """Accelerations and multipliers for a given right side of the rows."""
+        return self._required("forward")
+
+    @property
+    def energy(self) -> ca.Function:
+        """Kinetic and potential energy."""
+        return self._required("energy")
+
+    @property
+    def Phi_q(self) -> ca.Function | None:
+        """Jacobian of the position rows."""
+        return self._optional("Phi_q")
+
+    @property
+    def Phi_t(self) -> ca.Function | None:
+        """Partial rate of the position rows."""
+        return self._optional("Phi_t")
+
+    @property
+    def gamma(self) -> ca.Function | None:
+        """Right side of G v' = gamma."""
+        return self._optional("gamma")
+
+    @property
+    def min_norm_correction(self) -> ca.Function | None:
+        """Least displacement that changes the rows by given values."""
+        return self._optional("min_norm_correction")
+
+    @property
+    def power(self) -> ca.Function | None:
+        """Power of forces without potential and of drives."""
+        return self._optional("power")
+
+    @property
+    def distribute_multipliers(self) -> ca.Function | None:
+        """Multipliers of all rows of the system."""
+        return self._optional("distribute_multipliers")
+
+    @property
+    def vanishing(self) -> ca.Function | None:
+        """Combinations of rows that vanish."""
+        return self._optional("vanishing")
+
+    @property
+    def functions(self) -> dict[str, ca.Function]:
+        """The Functions of states, parameters and time that the scene has, by name."""
+        rows = {"Phi": self.Phi, "Phi_dot": self.Phi_dot, "G": self.G}
+        return {name: f() for name, f in self.equations.items()} | {k: f for k, f in rows.items() if f is not None}
+
+    def with_functions(self, functions: Mapping[str, ca.Function]) -> "DAE":
+        """The same DAE with other Functions of states, parameters and time."""
+        rows = {name: functions.get(name) for name in ("Phi", "Phi_dot", "G")}
+        return replace(self, equations={name: known(f) for name, f in functions.items() if name not in rows}, **rows)
+
+    @property
+    def scales(self) -> Scales:
+        """Typical sizes of the motion."""
+        return self.measured()
+
+    def scaled(self, measure: Callable[[], Scales]) -> "DAE":
+        """The same equations with other scales, which are measured at their first use."""
+        return replace(self, measured=Lazy(measure))
 
     @cached_property
     def M(self) -> ca.Function:
@@ -210,124 +283,3 @@ class DAE:
             steps=max(len(times) - 1, 100),
         )
         return save_c(functions, folder, example=main)
-
-
-def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tuple[int, int] = (0, 0)) -> DAE:
-    """Compile the equations of a system into CasADi Functions.
-
-    Parameters
-    ----------
-    system : System
-    rows : sequence of int, optional       numbers of the constraint rows to keep, where the others are redundant
-    nullities : (int, int)                 combinations of these rows, and of the position rows among them, that vanish
-                                           wherever the constraints hold
-
-    Returns
-    -------
-    DAE
-
-    Raises
-    ------
-    DeclarationError       if velocities have neither inertia nor a constraint
-
-    Examples
-    --------
-    >>> import symmb as mb
-    >>> ball = mb.Body("ball", mass=2.0, pose=mb.Particle())
-    >>> dae = compile_dae(mb.System(ball, mb.Gravity(0, -9.81), mb.Force("push", ball.point(0, 0), (1, 0))))
-    >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
-    DM([0.5, -9.81])
-    """
-    require_instance("compile_dae", system, System, "a System")
-    reduced = system if rows is None else system.keeping(rows, nullities[0])
-    a = ca.SX.sym("a", reduced.v.numel())
-    require_inertia(ca.jacobian_sparsity(reduced.inertial(a), a), reduced.G, reduced.collected.v_names)
-    c, (positive_names, positive) = reduced.collected, reduced.positive
-    displacement = ca.SX.sym("delta", reduced.v.numel())
-    moved = reduced.retract(displacement)
-    retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
-    contacts = Contacts(reduced) if c.impacts else None
-    redundant = {} if rows is None else redundancy_equations(system, reduced, nullities)
-    functions = dict.fromkeys(_OPTIONAL) | _equations_of_motion(reduced, contacts, redundant)
-    for name, values in (
-        ("assembly_cosines", c.assembly_cosines),
-        ("s_start", ca.vertcat(*[state.value for state in c.states])),
-    ):
-        functions[name] = ca.Function(name, [reduced.q, reduced.p], [values]) if values.numel() else None
-    return DAE(
-        q_names=c.q_names,
-        v_names=c.v_names,
-        s_names=tuple(state.name for state in c.states),
-        row_names=c.row_names,
-        p_names=tuple(system.parameters),
-        rows=c.rows,
-        p_nominal=system.parameters.nominal,
-        q_neutral=np.array([float(name.endswith(".e0")) for name in c.q_names]),
-        retract=retract,
-        positive=positive,
-        positive_names=positive_names,
-        impacts=None if contacts is None else contacts.compiled(retract),
-        sampling=sampling_of(system),
-        **functions,  # pyright: ignore[reportArgumentType]
-    )
-
-
-_OPTIONAL = ("Phi", "Phi_q", "Phi_t", "Phi_dot", "G", "gamma", "min_norm_correction", "power")
-_OPTIONAL += ("distribute_multipliers", "vanishing")
-"""Functions that only some scenes need."""
-
-
-def _equations_of_motion(
-    system: System, contacts: Contacts | None, redundant: dict[str, dict[str, ca.SX]]
-) -> dict[str, ca.Function | None]:
-    """The Functions of the states that the scene needs, by name, with those of redundant rows."""
-    lam = ca.SX(system.lam)
-    right = ca.SX.sym("gamma", lam.numel())
-    a = ca.SX.sym("a", system.v.numel())
-    solve = system.solve if contacts is None else contacts.solve
-    vdot_free = system.accelerations if contacts is None else contacts.solve(system.Q, system.gamma)[0]
-    vdot, multipliers = solve(system.Q, right) if right.numel() else (vdot_free, right)
-    power = system.power if contacts is None else system.power + contacts.power
-    outputs: dict[str, dict[str, ca.SX]] = {
-        "rhs": {"qdot": system.qdot, "vdot": vdot_free, **({"sdot": system.s_rate} if system.s.numel() else {})},
-        "inertia": {"Ma": ca.densify(system.inertial(a))},
-        "Q": {"Q": system.Q},
-        "forward": {"vdot": ca.densify(vdot), "lam": multipliers},
-        "energy": {"T": system.kinetic_energy, "V": system.potential_energy},
-        **redundant,
-    }
-    if system.Phi.numel():
-        outputs |= {"Phi": {"Phi": system.Phi}, "Phi_q": {"Phi_q": system.Phi_q}}
-    if "Phi_t" in system.parts:
-        outputs["Phi_t"] = {"Phi_t": ca.densify(system.Phi_t)}
-    if lam.numel():
-        outputs |= {"Phi_dot": {"Phi_dot": system.Phi_dot}, "G": {"G": system.G}, "gamma": {"gamma": system.gamma}}
-        delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
-        outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
-    if ca.sparsify(power).nnz():
-        outputs["power"] = {"power": power}
-    states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
-    more_inputs = {
-        "inertia": ("a", a),
-        "forward": ("gamma", right),
-        "min_norm_correction": ("r", right),
-        "power": ("lam", lam),
-        "distribute_multipliers": ("lam_kept", lam),
-    }
-    return _functions([*states, ("p", system.p), ("t", t)], outputs, more_inputs)
-
-
-def _functions(
-    states: list[tuple[str, ca.SX]], outputs: dict[str, dict[str, ca.SX]], extra: dict[str, tuple[str, ca.SX]]
-) -> dict[str, ca.Function | None]:
-    """A Function of the states, and of additional inputs, for each dictionary of outputs.
-
-    Common expressions are searched once for all of them: most share the factors of M.
-    """
-    reduced = iter(ca.cse([e for parts in outputs.values() for e in parts.values()]))
-    functions: dict[str, ca.Function | None] = {}
-    for name, parts in outputs.items():
-        inputs = [*states, *([extra[name]] if name in extra else [])]
-        values = [next(reduced) for _ in parts]
-        functions[name] = ca.Function(name, [x for _, x in inputs], values, [n for n, _ in inputs], list(parts))
-    return functions

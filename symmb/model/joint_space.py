@@ -67,6 +67,13 @@ class JointSpace:
         e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
+    def _expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
+        """Expressions of coordinates of bodies in those of joints. Each substitution passes over all coordinates."""
+        entries = [e.nz[:] for e in of_bodies]
+        ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
+        parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)
+        return [ca.SX(e.sparsity(), part) for e, part in zip(of_bodies, parts, strict=True)]
+
     def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
         """The same joints, with quaternions of the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
         own = {link.body: self._own[link.body][0] for link in self.links if link.carrying is not None}
@@ -115,14 +122,15 @@ class JointSpace:
     @cached_property
     def loads(self) -> Loads:
         """Inertia and forces of the rigid bodies."""
-        c = self._bodies
-        M: dict[int, ca.SX] = {}
-        Q: dict[int, ca.SX] = {}
-        for link in self.links:
-            S, (_, at) = c.bodies[link.body].frame.S, self._own[link.body]
-            M[link.body] = self.expression(S @ c.M[at, at] @ S.T)
-            Q[link.body] = self.expression(S @ c.Q[at])
-        return self.tree.loads(M, Q)
+        c, numbers = self._bodies, [link.body for link in self.links]
+        inertia, forces = [], []
+        for k in numbers:
+            S, (_, at) = c.bodies[k].frame.S, self._own[k]
+            inertia.append(S @ c.M[at, at] @ S.T)
+            forces.append(S @ c.Q[at])
+        moved = self._expressions([*inertia, *forces])
+        M, Q = moved[: len(numbers)], moved[len(numbers) :]
+        return self.tree.loads(dict(zip(numbers, M, strict=True)), dict(zip(numbers, Q, strict=True)))
 
     def _turns(self, link: Link) -> tuple[Symbol, ...]:
         """The states of the system that count the turns of the link's joint."""

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.integrate import Run
-from symmb.model import DAE, JointSpace, Scene, System, compile_dae
+from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch
@@ -61,13 +61,24 @@ class Formulation:
         """Operations of a stage of an explicit step."""
         return self.dae.rhs.n_instructions() + _STAGE * self.y.numel_in(0)
 
+    @property
+    def least_operations(self) -> int:
+        """Operations of a stage that the right side of the rows alone takes. The others need not be derived."""
+        rows = 0 if self.dae.gamma is None else self.dae.gamma.n_instructions() - self.dae.gamma.nnz_out(0)
+        return rows + _STAGE * self.y.numel_in(0)
+
 
 @dataclass(frozen=True, eq=False)
 class InBodies:
     """The equations of the bodies, and their states as a Function (x, p) of the states x of the joints."""
 
     dae: DAE
-    states: ca.Function
+    from_joints: Lazy[ca.Function]
+
+    @property
+    def states(self) -> ca.Function:
+        """(x, p) -> states of the bodies."""
+        return self.from_joints()
 
 
 def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formulation | None]:
@@ -91,10 +102,17 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formula
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
     if free is None and joints is not None and not joints.dae.n_r:
         free = joints
-    if joints is None or (scene.coordinates is None and joints.operations > _CHEAPER * bodies.operations):
+    if joints is None:
         return bodies, None, free
-    counts = f"{joints.operations} operations a stage, {bodies.operations} in those of bodies"
-    return bodies, joints if scene.coordinates else replace(joints, why=f"coordinates of joints: {counts}"), free
+    if scene.coordinates:
+        return bodies, joints, free
+    least = bodies.least_operations
+    counted = joints.operations > _CHEAPER * least
+    if counted and joints.operations > _CHEAPER * bodies.operations:
+        return bodies, None, free
+    of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
+    why = f"coordinates of joints: {joints.operations} operations a stage, {of_bodies} in those of bodies"
+    return bodies, replace(joints, why=why), free
 
 
 def _in_bodies(scene: Scene) -> Formulation:
@@ -112,18 +130,16 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
         return None
     x = ca.vertcat(system.q, system.v, system.s)
     at = start.nominal()
-    found = _of_bodies(system.joints, x, system.p)(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
+    place = ca.Function("place", [x, system.p], [system.joints.of_bodies[0]])
+    found = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
     joints = system.joints.with_signs(found, bodies.start.nominal()["q"])
     y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
-    return Formulation(
-        _scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, _of_bodies(joints, x, system.p))
-    )
 
+    def states() -> ca.Function:
+        return ca.Function("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
 
-def _of_bodies(joints: JointSpace, x: ca.SX, p: ca.SX) -> ca.Function:
-    """(x, p) -> states of the bodies."""
-    return ca.Function("of_bodies", [x, p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
+    return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, Lazy(states)))
 
 
 def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:
-    return replace(dae, scales=start.scales(dae, float(np.ptp(scene.times))))
+    return dae.scaled(lambda: start.scales(dae, float(np.ptp(scene.times))))

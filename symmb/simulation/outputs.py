@@ -23,7 +23,7 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     lam, vdot = ca.SX(system.lam), system.vdot
     declared = ca.Function("declared", [*states, lam, vdot], [ca.densify(y)])
     multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
-    if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
+    if any(ca.which_depends(y, lam, 1, True) or []) and dae.gamma is not None:
         multipliers = dae.forward(*at, dae.gamma(*at))[1]
         if dae.distribute_multipliers is not None:
             multipliers = dae.distribute_multipliers(*at, multipliers)
@@ -44,7 +44,7 @@ def joint_output_function(
     q, v, s = joints.of_bodies
     at = (q, v, *([s] if dae.n_s else []), system.p, t)
     multipliers, accelerations = ca.SX(*lam.shape), ca.SX(*vdot.shape)
-    if dae.gamma is not None and any(ca.which_depends(y, lam, 1, True) or []):
+    if any(ca.which_depends(y, lam, 1, True) or []) and dae.gamma is not None:
         multipliers = dae.forward(*at, dae.gamma(*at))[1]
         if dae.distribute_multipliers is not None:
             multipliers = dae.distribute_multipliers(*at, multipliers)

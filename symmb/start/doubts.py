@@ -11,6 +11,7 @@ from symmb.model import DAE, Scene
 from symmb.start.equilibrium import is_stable
 from symmb.start.rank import independent_rows_and_columns
 from symmb.start.sparse_rows import normal_solver
+from symmb.symbolic import evaluated
 
 _BALANCED = 1e-9
 """Unbalanced forces over the largest force, for displacements of the scene's size, that are rounding."""
@@ -22,7 +23,9 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float) -> Itera
     if dae.sampling is not None:
         s = (np.asarray(ca.evalf(dae.sampling.held(*map(ca.SX, (q, v, *s, dae.p_nominal, t0))))).ravel(),)
     at = (q, v, *s, dae.p_nominal, t0)
-    G = dae.G(*at).full() * dae.displacement_scales if dae.G is not None else np.zeros((0, dae.n_v))
+    G = np.zeros((0, dae.n_v))
+    if dae.G is not None:
+        G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
     rows, _ = independent_rows_and_columns(G)
     driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven:

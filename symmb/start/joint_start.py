@@ -77,7 +77,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     """
     bodies, space, p = scene.system, joints.joints, scene.system.p
     p_nominal = start.dae.p_nominal
-    of_bodies = ca.Function("of_bodies", [joints.q, p], [space.of_bodies[0]], {"cse": True})
+    of_bodies = ca.Function("of_bodies", [joints.q, p], [space.of_bodies[0]])
     u, scales = ca.SX.sym("u", dae.n_v), dae.displacement_scales
     q = dae.retract(ca.DM(q0), ca.DM(scales) * u)
     place = ca.Function("place", [u, p], [q], {"cse": True})

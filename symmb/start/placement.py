@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 
-import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
@@ -12,6 +11,7 @@ from symmb.start.gauss_newton import PositionRows, SingularRow
 from symmb.start.joint_placement import JointPlacement
 from symmb.start.joint_tree import GROUND, JointTree
 from symmb.start.scales import rest_states
+from symmb.symbolic import pattern
 
 
 def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, free: Indices) -> Array:
@@ -80,12 +80,12 @@ def _connected(scene: Scene, dae: DAE) -> tuple[list[frozenset[int]], list[froze
     numbers = {id(body): k for k, body in enumerate(bodies)}
     joints = {e.name: e.bodies() for e in scene.system.elements if isinstance(e, Joint)}
     body_of = np.repeat(np.arange(len(bodies)), scene.system.block_sizes)
-    pattern = np.array(ca.DM(dae.G.sparsity_out(0), 1).full(), dtype=bool)[: dae.n_c] if dae.G else np.zeros((0, 0))
+    touched = pattern(dae.G.sparsity_out(0))[: dae.n_c] if dae.G else np.zeros((0, 0), dtype=bool)
     connected, carrying = [], []
     for name, where in sorted(dae.rows.items(), key=lambda item: item[1].start):
         # Rows of listed coordinates have the name of a joint and of a handle.
         ends = [numbers.get(id(end.owner), GROUND) for end in joints.get(name.split(".")[0], ())]
-        own = [frozenset({*(ends or [GROUND]), *body_of[row].tolist()}) for row in pattern[where]]
+        own = [frozenset({*(ends or [GROUND]), *body_of[row].tolist()}) for row in touched[where]]
         connected += own
         carrying += [bodies for bodies in own if ends or len(bodies) <= 2]
     return connected, carrying

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -10,6 +9,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scales, is_linear
+from symmb.symbolic import evaluated
 
 Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
@@ -26,7 +26,8 @@ tolerances of velocities stay in between."""
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
     """A Function of the DAE at coordinates q (n_q,), at rest, for nominal parameters."""
-    return np.asarray(f(q, np.zeros(dae.n_v), *((rest_states(dae),) if dae.n_s else ()), dae.p_nominal, t0).full())
+    s = (rest_states(dae),) if dae.n_s else ()
+    return evaluated(f, q, np.zeros(dae.n_v), *s, dae.p_nominal, np.array([t0]))
 
 
 def resting(dae: DAE, q: ca.SX, p: ca.SX) -> tuple[ca.SX, ...]:
@@ -136,9 +137,10 @@ def power_of_two(value: float) -> float:
 def with_coarse_scales(dae: DAE, q: Array, t0: float) -> DAE:
     """The DAE with scales at coordinates q (n_q,), at rest, which are 1 in scenes of usual size."""
     G = evaluate_at_rest(dae.G, dae, q, t0) if dae.G is not None else np.zeros((0, dae.n_v))
-    scaled = replace(dae, scales=Scales(coarse(length_of(dae, q, G))))
+    length = coarse(length_of(dae, q, G))
+    scaled = dae.scaled(lambda: Scales(length))
     rows = np.array([coarse(row) for row in np.abs(G * scaled.displacement_scales).max(axis=1, initial=0.0)])
-    return replace(scaled, scales=Scales(scaled.scales.length, rows=rows))
+    return dae.scaled(lambda: Scales(length, rows=rows))
 
 
 def coarse(size: float) -> float:

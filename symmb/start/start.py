@@ -7,7 +7,7 @@ solves for the same ones from the nominal solution. Velocities follow from posit
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import casadi as ca
@@ -17,7 +17,7 @@ from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, is_linear
 from symmb.start.implicit_function import ROUNDING, ImplicitMap
 from symmb.start.scales import distances, length_of, power_of_two, sizes_of_parts
-from symmb.symbolic import batch, jet_function, saddle_solver
+from symmb.symbolic import batch, evaluated, jet_function, saddle_solver
 
 MOST_COMPILED_STATES = 100
 """States up to which starts are compiled. With more states runs take much longer than starts, and so do compilers."""
@@ -114,13 +114,13 @@ class Start:
         """
         at = self.nominal()
         x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
-        G = dae.G(*x).full() if dae.G is not None else np.zeros((0, dae.n_v))
+        G = evaluated(dae.G, *map(np.atleast_1d, x)) if dae.G is not None else np.zeros((0, dae.n_v))
         length = length_of(dae, at["q"], G)
         if not length:
             linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
             length = float(distances(dae, x, span)[linear].max(initial=0.0))
         length = power_of_two(length)
-        scaled = replace(dae, scales=Scales(length)).displacement_scales
+        scaled = dae.scaled(lambda: Scales(length)).displacement_scales
         inertia = np.diag(batch(dae.inertia, *map(np.atleast_1d, x), np.eye(dae.n_v))[0]) if dae.n_v else np.zeros(0)
         energy = power_of_two(float((inertia * scaled**2).max(initial=0.0)))
         rows = np.abs(G * scaled).max(axis=1, initial=0.0)

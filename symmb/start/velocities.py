@@ -19,7 +19,7 @@ from symmb.model import DAE, Scene
 from symmb.start.joint_tree import GROUND, Group, JointTree
 from symmb.start.rank import RANK_TOLERANCE, strong_rows
 from symmb.start.scales import evaluate_at_rest, resting
-from symmb.symbolic import is_singular, is_zero, saddle_solver
+from symmb.symbolic import is_singular, is_zero, pattern, saddle_solver
 
 _RIGID, _SOLVED = 1e-9, 1e-7
 """Rates of rows that are zero but for rounding: in rigid motions of unit size, and at the start over their terms."""
@@ -120,19 +120,20 @@ class _Rates:
     @cached_property
     def connected(self) -> list[frozenset[int]]:
         """The bodies of each row; with the ground, unless rigid motions of all of them have no rate in the row."""
-        pattern = np.array(ca.DM(self.G.sparsity(), 1).full(), dtype=bool)
+        there = pattern(self.G.sparsity())
         bodies = self.scene.system.bodies
-        if not pattern.size:
+        if not there.size:
             return []
         rigid = ca.vertcat(*[self._rigid(k, ca.SX(3, 1)) for k in range(len(bodies))])
         scales = self.dae.displacement_scales
         R = ca.Function("rigid", [self.q], [rigid])(self.at[0][0]).full() / scales[:, None]
+        size = np.abs(R).max(axis=0)
         connected = []
-        for row, touched in zip(self.G_nominal * scales, pattern, strict=True):
+        for row, touched in zip(self.G_nominal * scales, there, strict=True):
             numbers = frozenset(self.body_of[touched].tolist())
-            planar = any(isinstance(bodies[k].pose, Planar) for k in numbers)
-            along = R[:, [0, 1, 5]] if planar else R
-            is_relative = bool((np.abs(row @ along) <= _RIGID * np.abs(row).sum() * np.abs(along).max(axis=0)).all())
+            motions = [0, 1, 5] if any(isinstance(bodies[k].pose, Planar) for k in numbers) else slice(None)
+            own, along = row[touched], R[touched][:, motions]
+            is_relative = bool((np.abs(own @ along) <= _RIGID * np.abs(own).sum() * size[motions]).all())
             connected.append(numbers if is_relative else numbers | {GROUND})
         return connected
 

@@ -3,7 +3,7 @@
 The files sympy_in, sympy_out and latex are the only ones that know SymPy.
 """
 
-from symmb.symbolic.batch import batch, nonzeros, so_far
+from symmb.symbolic.batch import batch, evaluated, nonzeros, pattern, so_far
 from symmb.symbolic.geometry import (
     Z,
     conjugate,
@@ -35,7 +35,7 @@ from symmb.symbolic.linear import (
 )
 from symmb.symbolic.nodes import with_nodes
 from symmb.symbolic.pickling import reduction
-from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching
+from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching, with_common_expressions
 from symmb.symbolic.symbols import Kind, Symbol, TruthValueError, ddt, declare, is_time, lookup, rate, symbols_in, t
 from symmb.symbolic.sympy_in import from_sympy, is_sympy
 from symmb.symbolic.sympy_out import to_sympy

@@ -7,7 +7,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 
 
 @lru_cache(maxsize=256)
@@ -40,6 +40,19 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
     RuntimeError             if a sample fails, which integrators may
     """
     return tuple(_shaped(f, i, values) for i, values in enumerate(_results(f, arguments, threads)))
+
+
+def evaluated(f: ca.Function, *arguments: Array) -> Array:
+    """The first result (m, k) at one set of arguments, dense."""
+    values = batch(f, *arguments)[0]
+    return values.T if f.size2_out(0) == 1 else values[0]
+
+
+def pattern(sparsity: ca.Sparsity) -> Mask:
+    """Where a matrix (m, k) has entries."""
+    there = np.zeros(sparsity.shape, dtype=bool)
+    there[tuple(np.array(sparsity.get_triplet(), dtype=np.intp))] = True
+    return there
 
 
 def nonzeros(f: ca.Function, *arguments: Array) -> Array:

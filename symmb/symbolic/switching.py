@@ -132,6 +132,12 @@ def has_kinks(f: ca.Function) -> bool:
     return any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
 
 
+def with_common_expressions(f: ca.Function) -> ca.Function:
+    """The same SX Function, in which expressions that are equal are one."""
+    inputs = f.sx_in()
+    return ca.Function(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out(), {"cse": True})
+
+
 def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     """The branches of an SX Function at symbols for its inputs.
 

@@ -1,5 +1,6 @@
 """Runs in coordinates of joints against those in coordinates of bodies."""
 
+import pickle
 from dataclasses import replace
 
 import bricard
@@ -9,7 +10,7 @@ from mechanisms import double_pendulum
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from models import andrews, bicycle, four_bar, spherical_pendulum
+from models import andrews, bicycle, four_bar, six_axis_arm, spherical_pendulum
 
 TIGHT = mb.DormandPrince(rtol=1e-11)
 GROUND = mb.Ground()
@@ -92,6 +93,26 @@ def test_the_cheaper_coordinates_are_chosen_and_told():
     assert mb.DAESimulator(spherical_pendulum.scene(), mb.DormandPrince()).coordinates == "body"
     augmented = mb.DormandPrince(stabilization=mb.AugmentedLagrangian())
     assert mb.DAESimulator(four_bar.scene(), augmented).coordinates == "body"
+
+
+def test_accelerations_of_bodies_are_not_derived_where_their_rows_alone_cost_more(monkeypatch):
+    scene = replace(six_axis_arm.scene(), times=np.linspace(0, 0.1, 3))
+
+    def derived(*arguments):
+        raise AssertionError("the accelerations of the bodies are derived")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("symmb.model.system.saddle_solver", derived)
+        simulator = mb.DAESimulator(scene, mb.DormandPrince())
+        P = simulator.dae.p_nominal[None]
+        Y = simulator.run(P).Y
+        assert simulator.coordinates == "joint" and "more than" in simulator.reason
+    copy = pickle.loads(pickle.dumps(simulator))  # contains what has not been used
+    assert np.array_equal(copy.run(P).Y, Y)
+    state = simulator.start.nominal()
+    at = (*(state[name] for name in "qv"), *((state["s"],) if simulator.dae.n_s else ()), state["p"], 0.0)
+    (_, a, *_), whole = copy.dae.rhs(*at), mb.compile_dae(scene.system)
+    assert_allclose(a.full(), whole.rhs(*at)[1].full(), rtol=1e-12, atol=1e-12)
 
 
 def test_coordinates_that_are_not_possible_are_refused():

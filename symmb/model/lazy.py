@@ -1,0 +1,37 @@
+"""Values that are computed at their first use."""
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar, cast
+
+T = TypeVar("T")
+
+
+class Lazy(Generic[T]):
+    """A value that is computed when it is first asked for. A pickle contains the value.
+
+    Examples
+    --------
+    >>> area = Lazy(lambda: 3.0 * 4.0)
+    >>> area()
+    12.0
+    """
+
+    def __init__(self, compute: Callable[[], T]) -> None:
+        self._compute: Callable[[], T] | None = compute
+        self._value: T | None = None
+
+    def __call__(self) -> T:
+        """The value."""
+        compute = self._compute
+        if compute is not None:
+            self._value = compute()
+            self._compute = None  # what it refers to may be large
+        return cast(T, self._value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return known, (self(),)
+
+
+def known(value: T) -> Lazy[T]:
+    """A value that is known already."""
+    return Lazy(lambda: value)
