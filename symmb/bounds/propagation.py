@@ -65,7 +65,9 @@ def propagate(
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         bounds = method.bounds(simulator, box, executor=executor, progress=progress)
     doubts = _doubts_of_proofs(simulator) if bounds.kind == "enclosure" else _doubts_of_runs(simulator, box, bounds)
-    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), study=study_of(scene_or_simulator, simulator, method, box))
+    bounds = replace(
+        bounds, run_doubts=(*bounds.run_doubts, *doubts), study=study_of(scene_or_simulator, simulator, method, box)
+    )
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
 

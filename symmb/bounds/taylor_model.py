@@ -121,8 +121,8 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     if found.is_loose.any():
         begin = times[found.is_loose.any(axis=1).argmax()]
         return (
-            f"proved, but wide from t = {begin:g} s on for {_names(outputs, found.is_loose)}: more than half of a width "
-            f"is remainder; try {remedy}"
+            f"proved, but wide from t = {begin:g} s on for {_names(outputs, found.is_loose)}: more than half of a "
+            f"width is remainder; try {remedy}"
         )
     return ""
 
