@@ -7,14 +7,16 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.enclosures.expressions import expression_bounds
-from symmb.enclosures.front import Front, half
-from symmb.enclosures.march import Course, march
+from symmb.enclosures.front import half
+from symmb.enclosures.march import Course, Place, march
 from symmb.enclosures.problem import Problem
 
-_LARGE = 1e-5
-"""Remainder over the width of the states in the whole box above which a part is halved, if another one is allowed.
+_FIRST, _GROWTH = 1e-7, 8.0
+"""Remainder over the width of the states at which the whole box is halved, and how many times larger it is for halves.
 
-A part that is halved keeps its remainder. It is halved early, as what polynomials of a large part lack is not got back.
+Most of the remainder is what polynomials of a part lack, and halves lack 2^(order + 1) times less. They keep the
+remainder, which is twice as large over their width. If it could not grow meanwhile, they would be halved again at
+once, in vain. A first halving at 1e-7 comes before steps of the double pendulum take many times longer.
 """
 _VISIBLE, _SMALL = 1e-6, 0.1
 """Widths over the size of an output, and over how far it moves with the parameters, that are worth a caution."""
@@ -22,29 +24,33 @@ _VISIBLE, _SMALL = 1e-6, 0.1
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of the box, the front from which its motion goes on, and bounds up to there.
-
-    Attributes
-    ----------
-    share : of the whole box
-    earlier : None before the start
-    """
+    """A part of the box and its course so far, with the share that it is of the whole box."""
 
     problem: Problem
+    course: Course
     share: float = 1.0
-    begin: Front | None = None
-    earlier: Course | None = None
 
     @property
-    def since(self) -> float:
-        """Time [s] from which on the motion is not yet proved."""
-        return 0.0 if self.begin is None else self.begin.t
+    def largest(self) -> float:
+        """Remainder over the width of the states at which it is halved, if another part is allowed."""
+        return _FIRST * _GROWTH ** -np.log2(self.share)
 
-    def halves(self, front: Front, course: Course) -> "list[_Part]":
-        """Both halves, from a front of the course."""
-        variable = front.slowest()
+    @property
+    def can_be_halved(self) -> bool:
+        """Whether its motion is not proved to the end, and halves may be."""
+        return not self.course.is_done and self.course.checkpoint is not None and self.problem.d > 0
+
+    def halves(self) -> "list[_Part]":
+        """Both halves, from the checkpoint on, in the variable whose coefficients decay the least at the end."""
+        end, at = self.course.end, self.course.checkpoint
+        assert end is not None and at is not None
+        variable = end.front.slowest()
         return [
-            _Part(self.problem.over(variable, side), 0.5 * self.share, half(front, variable, side), course)
+            _Part(
+                self.problem.over(variable, side),
+                self.course.back_to(Place(half(at.front, variable, side), at.control), self.problem.times),
+                0.5 * self.share,
+            )
             for side in (-1, 1)
         ]
 
@@ -98,28 +104,24 @@ def enclose(
         course = expression_bounds(problem, order)
         return Enclosure(course.lower, course.upper, course.remainder, course.until, course.why, 1)
     horizon = float(problem.times[-1]) or 1.0
-    waiting, courses, count, done = [_Part(problem)], [], 1, 0.0
+    parts = [_Part(problem, Course.empty(problem))]
 
-    def follow(part: _Part, largest: float, done: float) -> Course:
-        """The course of a part, whose progress is told."""
-        return march(part.problem, order, part.begin, part.earlier and part.earlier.control, largest,
-                     lambda t: progress(done + part.share * (t - part.since) / horizon))  # fmt: skip
+    def follow(part: _Part, largest: float) -> None:
+        """Go on with a part until its remainder is too large, or to the end, and tell the progress."""
+        done = sum(other.share * other.course.until for other in parts if other is not part)
+        march(part.problem, order, part.course, largest, lambda t: progress((done + part.share * t) / horizon))
 
-    while waiting:
-        part = min(waiting, key=lambda part: part.since)  # those that lose first are halved first
-        waiting.remove(part)
-        more = count < boxes and problem.d > 0
-        course = follow(part, _LARGE / part.share if more else np.inf, done)
-        if part.earlier is not None:
-            course.keep(part.earlier, problem.times <= part.since)
-        at = course.checkpoint
-        if course.why and more and at is not None:
-            waiting += part.halves(at, course)
-            count += 1
-            done += part.share * (at.t - part.since) / horizon
-        else:
-            courses.append(course)
-            done += part.share * (horizon - part.since) / horizon
+    follow(parts[0], parts[0].largest if boxes > 1 else np.inf)
+    while len(parts) < boxes and (lost := [part for part in parts if part.can_be_halved]):
+        first = min(lost, key=lambda part: part.course.until)  # those that lose first are halved first
+        parts.remove(first)
+        for part in first.halves():
+            parts.append(part)
+            follow(part, part.largest)
+    for part in parts:
+        if not part.course.why:
+            follow(part, np.inf)
+    courses = [part.course for part in parts]
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
     return Enclosure(
         np.min([course.lower for course in courses], axis=0),
@@ -127,5 +129,5 @@ def enclose(
         np.max([course.remainder for course in courses], axis=0),
         min(course.until for course in courses),
         last.why,
-        count,
+        len(courses),
     )
