@@ -35,8 +35,8 @@ CASES = (
     (double_pendulum, 0.01, 5.0, 8),
 )
 PUBLISHED = (
-    "published, not run here: JuliaReach encloses a double pendulum with a controller and uncertain starts for 1 s in 72 "
-    "boxes (ARCH-COMP, AINNCS)"
+    "published, not run here: JuliaReach encloses a double pendulum with a controller and uncertain starts for 1 s in "
+    "72 boxes (ARCH-COMP, AINNCS)"
 )
 STEPS, FAR = (0.02, 0.005, 0.002), 2.0
 """Steps of codac [s], and the time up to which it is run [s]: its slices take minutes where boxes are wide."""
