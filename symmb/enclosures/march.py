@@ -49,7 +49,7 @@ class Course:
     until : time up to which the motion is proved, from the first one [s]
     why : what ended the proof; empty if it can go on
     end : the last place; None before the start
-    checkpoint : the last place where the remainder was not too large, or the first one
+    checkpoint : the last place where the remainder was small, or the first one
     stored : output times up to there
     """
 
@@ -84,13 +84,16 @@ class Course:
         return Course(lower, upper, remainder, place.front.t, "", place, place, stored)
 
 
-def march(problem: Problem, order: int, course: Course, largest: float, progress: Callable[[float], None]) -> None:
+def march(
+    problem: Problem, order: int, course: Course, small: float, largest: float, progress: Callable[[float], None]
+) -> None:
     """Go on with a course over one box from its last place, or from the start.
 
     Parameters
     ----------
     order : highest degree in each parameter
-    largest : remainder, over the width of the states, above which the march stops
+    small : remainder, over the width of the states, up to which a place is a checkpoint
+    largest : the same above which the march stops
     progress : called with the time that is reached
     """
     times = problem.times
@@ -122,9 +125,10 @@ def march(problem: Problem, order: int, course: Course, largest: float, progress
         course.stored, course.until, course.end = behind, front.t, Place(front, replace(control))
         progress(front.t)
         share, longest = front.share(), max(longest, step.h)
+        if share <= small:
+            course.checkpoint = course.end
         if share > largest:
             return
-        course.checkpoint = course.end
         if share > _LOST and step.h < _CRAWL * longest:
             course.why = "the deviations from the polynomials grow too fast"
             return
