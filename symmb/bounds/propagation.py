@@ -64,11 +64,22 @@ def propagate(
     with shown_runs(progress, repr(method)) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         bounds = method.bounds(simulator, box, executor=executor, progress=progress)
-    own = getattr(simulator, "doubts", ())
-    doubts = (*bounds.run_doubts, *own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
-    bounds = replace(bounds, run_doubts=doubts, study=study_of(scene_or_simulator, simulator, method, box))
+    doubts = _doubts_of_proofs(simulator) if bounds.kind == "enclosure" else _doubts_of_runs(simulator, box, bounds)
+    bounds = replace(
+        bounds, run_doubts=(*bounds.run_doubts, *doubts), study=study_of(scene_or_simulator, simulator, method, box)
+    )
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
+
+
+def _doubts_of_proofs(simulator: Simulator) -> tuple[str, ...]:
+    """Doubts about the start. Proofs make no runs, and errors of the solver are none of theirs."""
+    return simulator.start.doubts if isinstance(simulator, DAESimulator) else ()
+
+
+def _doubts_of_runs(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[str, ...]:
+    own = getattr(simulator, "doubts", ())
+    return (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
 
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:

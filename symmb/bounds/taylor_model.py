@@ -90,7 +90,8 @@ class TaylorModel(Method):
 
         found = enclose(problem, self.order, self.boxes, tell)
         tell(1.0)
-        caution = self._caution(found, np.asarray(simulator.times, dtype=float), tuple(simulator.outputs))
+        remedy = "a higher order, more boxes or smaller intervals" if problem.n else "smaller intervals"
+        caution = _caution(found, remedy, np.asarray(simulator.times, dtype=float), tuple(simulator.outputs))
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
     def _require_room(self, d: int) -> None:
@@ -103,29 +104,27 @@ class TaylorModel(Method):
                 f"most {_TERMS}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
             )
 
-    def _caution(self, found: Enclosure, times: Array, outputs: Sequence[str]) -> str:
-        """The caution about times or outputs of which nothing or little is proved."""
-        begin = float(times[0])
-        if found.why and not np.isfinite(found.upper[0]).all():
-            return f"not proved at any time: {found.why}; try a higher order, more boxes or smaller intervals"
-        if found.why:
-            return (
-                f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}; try a higher order, "
-                "more boxes or smaller intervals"
-            )
-        if not np.isfinite(found.upper).all():
-            names = _names(outputs, ~np.isfinite(found.upper))
-            return f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals"
-        if found.is_loose.any():
-            begin = times[found.is_loose.any(axis=1).argmax()]
-            return (
-                f"proved, but wide from t = {begin:g} s on for {_names(outputs, found.is_loose)}: more than half of a "
-                "width is remainder; try a higher order, more boxes or smaller intervals"
-            )
-        return ""
-
     def __repr__(self) -> str:
         return constructor_text(self, f"order={self.order}")
+
+
+def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]) -> str:
+    """The caution about times or outputs of which nothing or little is proved."""
+    begin = float(times[0])
+    if found.why and not np.isfinite(found.upper).any():
+        return f"not proved at any time: {found.why}; try {remedy}"
+    if found.why:
+        return f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}; try {remedy}"
+    if not np.isfinite(found.upper).all():
+        names = _names(outputs, ~np.isfinite(found.upper))
+        return f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals"
+    if found.is_loose.any():
+        begin = times[found.is_loose.any(axis=1).argmax()]
+        return (
+            f"proved, but wide from t = {begin:g} s on for {_names(outputs, found.is_loose)}: more than half of a "
+            f"width is remainder; try {remedy}"
+        )
+    return ""
 
 
 def _names(outputs: Sequence[str], which: Mask) -> str:

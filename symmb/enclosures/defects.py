@@ -29,8 +29,10 @@ _UNRESOLVED = 30.0
 _TRIALS = 2
 """Finer grids that are tried until the aliasing is small."""
 
-_NUMBERS = 1e7
-"""Most numbers in an array of values at nodes that suffice without a bound of aliasing: 80 MB."""
+_NUMBERS, _NODES = 2e7, 8e6
+"""Most numbers in an array of values at nodes that suffice without a bound of aliasing: 160 MB; and most nodes, since
+bounds of rounding hold for sums of so many terms.
+"""
 
 
 def exact_defects(step: Step) -> tuple[Array, Array] | None:
@@ -55,7 +57,8 @@ def exact_defects(step: Step) -> tuple[Array, Array] | None:
 
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
     """Nodes in which polynomials are interpolated exactly; None if there are too many for so many polynomials."""
-    if not numbers * np.prod(degrees + 1.0) <= _NUMBERS:
+    nodes = np.prod(degrees + 1.0)
+    if not (nodes <= _NODES and numbers * nodes <= _NUMBERS):
         return None
     return tuple(int(degree) + 1 for degree in degrees)
 

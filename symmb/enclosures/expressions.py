@@ -27,6 +27,6 @@ def expression_bounds(problem: Problem, order: int) -> Course:
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
         course.remainder = np.minimum(course.remainder, rest)
     course.until = end
-    if not np.isfinite(course.upper).all():
+    if not np.isfinite(course.upper).any():
         course.why = "an output cannot be shown to be smooth over the box"
     return course

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures.curves import Step
 from symmb.enclosures.ellipses import Choice, Control, usual_patches
@@ -31,7 +31,15 @@ _GRAINS = 2.0**30
 """Steps are multiples of a power of 2, that of the horizon over this: times of steps are then sums without rounding."""
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A front, and what is adapted from step to step there."""
+
+    front: Front
+    control: Control
+
+
+@dataclass(eq=False)
 class Course:
     """What is proved over a part of the box: bounds (n_t, n_y), infinite where there are none.
 
@@ -39,10 +47,10 @@ class Course:
     ----------
     remainder : (n_t, n_y) part of the bounds that is not the range of a polynomial
     until : time up to which the motion is proved, from the first one [s]
-    why : what ended the proof; empty if it reached the end
-    front : the end
-    checkpoint : the last front whose remainder was not too large, or the first one
-    control : what is adapted from step to step
+    why : what ended the proof; empty if it can go on
+    end : the last place; None before the start
+    checkpoint : the last place where the remainder was small, or the first one
+    stored : output times up to there
     """
 
     lower: Array
@@ -50,9 +58,9 @@ class Course:
     remainder: Array
     until: float = 0.0
     why: str = ""
-    front: Front | None = None
-    checkpoint: Front | None = None
-    control: Control | None = None
+    end: Place | None = None
+    checkpoint: Place | None = None
+    stored: int = 0
 
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
@@ -60,74 +68,92 @@ class Course:
         shape = len(problem.times), problem.outputs.numel_out(0)
         return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf))
 
-    def keep(self, earlier: "Course", known: Mask) -> None:
-        """Take the bounds of an earlier course at the times (n_t,) at which they are known."""
-        self.lower[known], self.upper[known] = earlier.lower[known], earlier.upper[known]
-        self.remainder[known] = earlier.remainder[known]
+    @property
+    def is_done(self) -> bool:
+        """Whether all output times have bounds, as far as outputs are smooth."""
+        return self.stored == len(self.lower)
+
+    def back_to(self, place: Place, times: Array) -> "Course":
+        """The course up to the time of a place, from which it goes on there; times (n_t,) are those of the outputs."""
+        stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
+        later = (np.arange(len(times)) >= stored)[:, None]
+        lower, upper, remainder = (
+            np.where(later, none, known)
+            for none, known in ((-np.inf, self.lower), (np.inf, self.upper), (np.inf, self.remainder))
+        )
+        return Course(lower, upper, remainder, place.front.t, "", place, place, stored)
 
 
 def march(
-    problem: Problem,
-    order: int,
-    begin: Front | None,
-    control: Control | None,
-    largest: float,
-    progress: Callable[[float], None],
-) -> Course:
-    """Bounds of the outputs over one box, from the start or from a front.
+    problem: Problem, order: int, course: Course, small: float, largest: float, progress: Callable[[float], None]
+) -> None:
+    """Go on with a course over one box from its last place, or from the start.
 
     Parameters
     ----------
     order : highest degree in each parameter
-    begin : front to go on from; None: the start
-    control : that of the course before
-    largest : remainder, over the width of the states, above which the march ends
+    small : remainder, over the width of the states, up to which a place is a checkpoint
+    largest : the same above which the march stops
     progress : called with the time that is reached
     """
-    course, times = Course.empty(problem), problem.times
+    times = problem.times
     end = float(times[-1])
     grain = 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS
-    usual = usual_patches(problem.d)
-    first = Control(Choice(patches=(usual, usual)), (end or 1.0) / _FIRST)
-    control = first if control is None else replace(control)
-    course.control = control
-    try:
-        front = first_front(problem, order) if begin is None else begin
-    except ProofError as error:
-        course.why = f"the start cannot be proved, because {error}"
-        return course
+    if course.end is None:
+        try:
+            front = first_front(problem, order)
+        except ProofError as error:
+            course.why = f"the start cannot be proved, because {error}"
+            return
+        course.end = course.checkpoint = Place(front, Control(_first_choice(problem), (end or 1.0) / _FIRST))
+    front, control = course.end.front, replace(course.end.control)
     longest = 0.0
-    stored = int(np.searchsorted(times, front.t, side="left" if begin is None else "right"))
-    course.until, course.front, course.checkpoint = front.t, front, front
-    while stored < len(times):
+    while not course.is_done:
         try:
             front = well_conditioned(front, problem.scales)
             step, proof = _step(problem, front, grain, control)
         except ProofError as error:
             course.why = str(error)
-            return course
+            return
         front = leaving(step, proof.end)
         behind = int(np.searchsorted(times, front.t, side="right"))
-        part = slice(stored, behind)
-        if behind > stored:
+        if behind > course.stored:
+            part = slice(course.stored, behind)
             course.lower[part], course.upper[part], course.remainder[part] = output_bounds(
                 step, proof.W, times[part], control.choice
             )
-        stored, course.until, course.front = behind, front.t, front
+        course.stored, course.until, course.end = behind, front.t, Place(front, replace(control))
         progress(front.t)
         share, longest = front.share(), max(longest, step.h)
+        if share <= small:
+            course.checkpoint = course.end
         if share > largest:
-            course.why = "the deviations from the polynomials are large"
-            return course
-        course.checkpoint = front
+            return
         if share > _LOST and step.h < _CRAWL * longest:
             course.why = "the deviations from the polynomials grow too fast"
-            return course
-    return course
+            return
 
 
 def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[Step, Proof]:
-    """A proved step that begins at a front, and its proof."""
+    """A proved step that begins at a front, and its proof.
+
+    What was adapted to earlier steps may be bad for this one: before it is given up, it is tried with the first choice.
+    """
+    aim = control.h
+    try:
+        return _shortened(problem, front, grain, control)
+    except ProofError:
+        control.choice, control.h = _first_choice(problem), aim
+        return _shortened(problem, front, grain, control)
+
+
+def _first_choice(problem: Problem) -> Choice:
+    usual = usual_patches(problem.d)
+    return Choice(patches=(usual, usual))
+
+
+def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[Step, Proof]:
+    """The same, as long as it can be proved with what is adapted so far."""
     h = aim = control.h
     reason = ""
     while h >= _SHORTEST * aim and h > 4 * grain:

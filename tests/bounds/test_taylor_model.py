@@ -84,8 +84,23 @@ def test_fast_oscillations_and_outputs_that_are_never_smooth():
         [bounds.lower[:, 0], bounds.upper[:, 0]], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6
     )
     scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.fabs(p.k - 1)}, box=mb.Box(k=(0.9, 1.1)))
-    with pytest.warns(mb.SymmbWarning, match="not proved at any time"):
+    with pytest.warns(mb.SymmbWarning, match="not proved at any time: .* over the box; try smaller intervals"):
         assert np.isinf(mb.propagate(scene, mb.TaylorModel()).upper).all()
+
+
+def test_one_of_two_formulas_that_is_not_smooth():
+    p = mb.Parameters(k=1.0)
+    scene = mb.Scene(mb.System(parameters=p), outputs={"f": ca.fabs(p.k - 1), "g": p.k**2}, box=mb.Box(k=(0.9, 1.1)))
+    with pytest.warns(mb.SymmbWarning, match=r"bounds are infinite for f, .* over the box; try smaller intervals"):
+        bounds = mb.propagate(scene, mb.TaylorModel())
+    np.testing.assert_allclose(bounds["g"], [[0.81], [1.21]], atol=1e-12)
+
+
+def test_errors_of_a_solver_are_no_doubt_about_a_proof():
+    scene, loose = van_der_pol(end=4.0), mb.DormandPrince(rtol=1e-1)
+    with pytest.warns(mb.SymmbWarning, match="exceed a thousandth of their range"):
+        assert mb.propagate(scene, mb.Vertex(), solver=loose).doubts
+    assert not mb.propagate(scene, mb.TaylorModel(order=4), solver=loose).doubts
 
 
 @pytest.mark.parametrize(

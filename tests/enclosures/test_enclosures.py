@@ -16,6 +16,8 @@ from symmb.enclosures.degrees import degrees_of_equations
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import integrated
+from symmb.enclosures.march import Course, Place, march
+from symmb.enclosures.start import first_front
 from symmb.simulation import DAESimulator
 
 INSIDE = 1e-11
@@ -126,6 +128,22 @@ def test_halves_of_the_box_are_joined():
     assert four.boxes > 1 and check(problem, four, count=20).outside <= INSIDE
     finite = np.isfinite(one.upper)
     assert (four.remainder[-1] < one.remainder[-1]).all() or not finite[-1].any()
+
+
+def test_a_box_that_needs_no_halves_is_one_part():
+    problem, found = _enclosed(pendulum(), order=6)
+    parts = enclose(problem, 6, 8)
+    assert parts.boxes == 1
+    np.testing.assert_array_equal(parts.upper, found.upper)
+
+
+def test_a_choice_that_was_good_for_earlier_steps_is_not_the_end():
+    """Ellipses of almost no width: an interpolation needs too many nodes, and no other choice nearby needs fewer."""
+    problem = problem_of("method", DAESimulator(scene := pendulum()), scene.box)
+    course, narrow = Course.empty(problem), Control(Choice((1e-9, 1e-9), (40, 40)), 0.02)
+    course.end = Place(first_front(problem, 4), narrow)
+    march(problem, 4, course, 0.0, np.inf, lambda t: None)
+    assert course.is_done and check(problem, course).outside <= INSIDE
 
 
 def test_a_lost_proof_keeps_the_part_that_is_proved():
