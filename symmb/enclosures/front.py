@@ -80,8 +80,8 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
     return value, above(curve.error + of_sum(len(rest[0]) + 2) * ch.sums(rest, d + 1) + U * ch.sums(value, d))
 
 
-def well_conditioned(front: Front, scales: Array) -> Front:
-    """The front in an orthogonal frame where its own is badly conditioned.
+def well_conditioned(front: Front, scales: Array, worst: float = _WORST) -> Front:
+    """The front in an orthogonal frame where its own has the condition `worst` or more.
 
     The columns of the frame at nodes of the parameters, the longest first, are made orthogonal. The new frame is a
     polynomial through these, or the frame of the scales where that polynomial is far from them. |C B| w bounds the new
@@ -95,7 +95,7 @@ def well_conditioned(front: Front, scales: Array) -> Front:
     at = ch.along([ch.values_at_nodes(m, k) for m, k in zip(counts, lengths, strict=True)], front.B)
     at = np.moveaxis(at, (0, 1), (-2, -1)) / scales[:, None]
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
-    if float(np.linalg.cond(at / columns).max()) < _WORST:
+    if float(np.linalg.cond(at / columns).max()) < worst:
         return front
     order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
     Q, R = np.linalg.qr(at[..., order])

@@ -110,7 +110,6 @@ def march(
     longest = 0.0
     while not course.is_done:
         try:
-            front = well_conditioned(front, problem.scales)
             step, proof = _step(problem, front, grain, control)
         except ProofError as error:
             course.why = str(error)
@@ -137,14 +136,19 @@ def march(
 def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[Step, Proof]:
     """A proved step that begins at a front, and its proof.
 
-    What was adapted to earlier steps may be bad for this one: before it is given up, it is tried with the first choice.
+    What was adapted to earlier steps may be bad for this one, and its frame may differ too much over the box: before it
+    is given up, it is tried with the first choice, and with an orthogonal frame.
     """
     aim = control.h
     try:
-        return _shortened(problem, front, grain, control)
+        return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
     except ProofError:
         control.choice, control.h = _first_choice(problem), aim
-        return _shortened(problem, front, grain, control)
+    try:
+        return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
+    except ProofError:
+        control.choice, control.h = _first_choice(problem), aim
+        return _shortened(problem, well_conditioned(front, problem.scales, 0.0), grain, control)
 
 
 def _first_choice(problem: Problem) -> Choice:

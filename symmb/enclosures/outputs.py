@@ -13,8 +13,9 @@ from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
 from symmb.enclosures.rounding import U, above
 
-_MANY_PATCHES = 24
-"""Patches of each variable where outputs cannot be shown to be smooth with fewer ones, or have large bounds."""
+_MANY_PATCHES = 24, 64
+"""Patches of each variable where outputs cannot be shown to be smooth with fewer ones, or have large bounds: quotients
+of sums that are positive, such as reactions, may need many."""
 _MANY_NODES = 50
 """Nodes of each parameter above which more patches are tried."""
 _FINEST, _LARGEST = 300, 3e6
@@ -36,13 +37,14 @@ def output_bounds(
     n_y = problem.outputs.numel_out(0)
     with np.errstate(all="ignore"):
         e = above(step.B_largest @ w)
-        for patches in (usual_patches(problem.d), _MANY_PATCHES):
+        more = [count for count in _MANY_PATCHES if count ** (1 + problem.d) <= _LARGEST]
+        for patches in (usual_patches(problem.d), *more):
             rho, most, nodes = _ellipses(step, choice, patches)
             real = patches_on(step, [1.0] * len(rho), (patches, patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
             of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
             smooth = np.isfinite(most) & np.isfinite(of_states)
-            if (smooth.all() and nodes <= _MANY_NODES**problem.d) or _MANY_PATCHES ** len(rho) > _LARGEST:
+            if smooth.all() and nodes <= _MANY_NODES**problem.d:
                 break
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
