@@ -146,6 +146,16 @@ def test_a_choice_that_was_good_for_earlier_steps_is_not_the_end():
     assert course.is_done and check(problem, course).outside <= INSIDE
 
 
+@pytest.mark.parametrize(("make", "end", "order"), [(pendulum, 10.0, 16), (van_der_pol, 20.0, 8)])
+def test_long_motions_are_proved_with_their_reactions(make, end, order):
+    """The oscillator contracts, and its frame comes close to singular; the rod's reaction is a quotient."""
+    scene = make(spread=0.05, end=end)
+    problem, found = _enclosed(scene.with_times(np.linspace(0.0, end, 51)), order)
+    assert not found.why and check(problem, found).outside <= INSIDE
+    width = found.upper - found.lower
+    assert (found.remainder <= 5e-3 * width.max(axis=0)).all()
+
+
 def test_a_lost_proof_keeps_the_part_that_is_proved():
     """x' = x^2 leaves every bound at t = 1 / x(0)."""
     problem = ode(lambda x, p, t: [x[0] ** 2], lambda p: [p[0]], [(0.9, 1.1)], np.linspace(0, 1.2, 13))
