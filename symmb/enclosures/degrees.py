@@ -19,16 +19,28 @@ def degrees_of_equations(step: Step) -> tuple[Array, Array]:
 
     Coefficients of the motion that are 0 as computed may be rounding, but not where those of its rate are 0 as well.
     """
-    problem, none = step.problem, np.zeros(step.x.c.ndim - 1)
+    none = np.zeros(step.x.c.ndim - 1)
+    outputs = step.problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), _arguments(step))
+    rates, slopes = (np.max([none, *(degree for degree, _ in part)], axis=0) for part in outputs)
+    return rates, slopes
+
+
+def degrees_of_outputs(step: Step) -> Array:
+    """Highest degrees (n_y, d) in the parameters of the outputs along the motion."""
+    none = np.zeros(step.x.c.ndim - 1)
+    (outputs,) = step.problem.output_tape.run(_OPERATIONS, lambda value: (none, value), _arguments(step))
+    return np.array([degree[1:] for degree, _ in outputs])
+
+
+def _arguments(step: Step) -> list[list[Degree]]:
+    """Degrees of states, parameters and time."""
+    none = np.zeros(step.x.c.ndim - 1)
     x: list[Degree] = [
         (none + step.degrees if c.any() or rate.any() else none, None)
         for c, rate in zip(step.x.c, step.x.rate, strict=True)
     ]
-    p: list[Degree] = [(none + (np.arange(len(none)) == 1 + j) * (j >= 0), None) for j in problem.variables]
-    time: Degree = (none + (np.arange(len(none)) == 0), None)
-    outputs = problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), [x, p, [time]])
-    rates, slopes = (np.max([none, *(degree for degree, _ in part)], axis=0) for part in outputs)
-    return rates, slopes
+    p: list[Degree] = [(none + (np.arange(len(none)) == 1 + j) * (j >= 0), None) for j in step.problem.variables]
+    return [x, p, [(none + (np.arange(len(none)) == 0), None)]]
 
 
 def highest(c: Array) -> Array:

@@ -8,6 +8,7 @@ from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
 from symmb.enclosures.curves import Step, parameter_points
+from symmb.enclosures.degrees import degrees_of_outputs
 from symmb.enclosures.ellipses import Choice, ellipses, node_counts, nodes_needed, patches_on, reaches, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.ranges import cut, ranges
@@ -86,7 +87,8 @@ def _good_bounds(
 ) -> tuple[Array, Array, Array]:
     """The same of some outputs, which are at most `most` on the ellipses rho of the parameters."""
     d = len(rho)
-    c, rest = interpolation(step, times, which, rho, most, of_states, sharp)
+    degrees = degrees_of_outputs(step)[list(which)]
+    c, rest = interpolation(step, times, which, rho, most, of_states, sharp, degrees)
     width = (ch.sums(c, d) - np.abs(c[(..., *(0,) * d)])).max(axis=1)
     flat, gone = cut(c.reshape(-1, *c.shape[2:]), np.repeat(0.1 * sharp * width, len(times)))
     rest = above(rest + of_states[:, None] + gone.reshape(rest.shape))
@@ -103,6 +105,7 @@ def interpolation(
     most: Array,
     blurred: Array,
     sharp: float = SHARP,
+    degrees: Array | float = np.inf,
 ) -> tuple[Array, Array]:
     """Coefficients (m, n_t, n1, ...) of outputs in the parameters, and bounds (m, n_t) of the errors.
 
@@ -112,6 +115,7 @@ def interpolation(
     most : (m,) bounds of the outputs on them
     blurred : (m,) errors beside which those of aliasing need not be smaller
     sharp : share of the width up to which they may be larger
+    degrees : (m, d) of outputs that are polynomials, which more nodes interpolate exactly; infinite of others
     """
     d = len(rho)
     lengths = step.x.c.shape[2:]
@@ -122,7 +126,8 @@ def interpolation(
         moved = values - mean[(..., *(None,) * d)]
         c = ch.along([ch.coefficients_from_nodes(m) for m in counts], moved)
         width = ch.sums(c, d).max(axis=1)
-        alias = above(ch.aliasing(rho, counts) * most)
+        is_exact = np.broadcast_to(degrees < np.array(counts), (len(most), d)).all(axis=1)
+        alias = np.where(is_exact, 0.0, above(ch.aliasing(rho, counts) * most))
         allowed = 0.1 * (sharp * width + blurred) + errors
         if (alias <= allowed).all():
             break
