@@ -131,8 +131,8 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     x = ca.vertcat(system.q, system.v, system.s)
     at = start.nominal()
     place = ca.Function("place", [x, system.p], [system.joints.of_bodies[0]])
-    found = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
-    joints = system.joints.with_signs(found, bodies.start.nominal()["q"])
+    state = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
+    joints = system.joints.with_signs(state, bodies.start.nominal()["q"])
     y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
 
     def states() -> ca.Function:

@@ -67,8 +67,8 @@ def quasi_random_points(number: int, d: int) -> Array:
 def screening_corners(d: int) -> Array:
     """Corners (N, d) of the unit box: the rows of a Hadamard matrix that Paley's construction gives.
 
-    Each combination of the signs of any three parameters is among the first 12 for up to eleven of these, and each of
-    two in one of four.
+    For up to eleven parameters there are 12 corners. Among them is each combination of the signs of any three
+    parameters.
 
     References
     ----------

@@ -51,7 +51,7 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     """
     d, n_spread, n_fit = nodes.shape[1], 0, 0
     latest, kernels = np.ones(1), list[Kernel]()
-    unseen = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
+    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
     runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
     while True:
         if not runs.noise_is_known and len(runs) >= SUSPICIOUS_RUNS:
@@ -74,10 +74,10 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
             if not is_enough:
                 estimate = np.maximum(estimate, _left_out(surface, data.noise))
             return data.range(runs, surface, (places[:, 0], ends), attained, estimate)._replace(is_enough=is_enough)
-        spread = unseen.pop() if unseen else quasi_random_points(n_spread + SPREAD, d)[n_spread:]
+        space_filling = corners.pop() if corners else quasi_random_points(n_spread + SPREAD, d)[n_spread:]
         n_spread += SPREAD
         beside = _beside(places[:, 0].reshape(-1, d), n_spread)
-        new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
+        new = _distinct([*places.reshape(-1, d), *beside, *space_filling], data.points)
         points, responses = runs.check(new[: runs.left])
         if len(points):
             errors = np.abs(data.relative(responses) - surface.mean(points))
