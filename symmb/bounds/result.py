@@ -103,7 +103,9 @@ class Bounds(Result):
                 f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
                 f"happens near the failed ones is not known.{where}"
             )
-        if parts := [name + self._doubtful_part(name, t) for name, t in self.doubtful().items()]:
+        if since := self.doubtful():
+            windows = self.doubtful_windows()
+            parts = [name + self._doubtful_part(t, [w[1:] for w in windows if w[0] == name]) for name, t in since.items()]
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
         if self.caution:
             doubts.append(f"The bounds are {self.caution}.")
@@ -148,11 +150,10 @@ class Bounds(Result):
             for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
         )
 
-    def _doubtful_part(self, name: str, since: float) -> str:
+    def _doubtful_part(self, since: float, windows: list[tuple[float, float]]) -> str:
         """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
         if len(self.t) == 1:
             return ""
-        windows = [(begin, end) for other, begin, end in self.doubtful_windows() if other == name]
         if not windows or windows[-1][1] == self.t[-1]:
             return f" from {since:g} s"
         texts = [f"from {begin:g} to {end:g} s" for begin, end in windows[:_NAMED_WINDOWS]]

@@ -49,6 +49,6 @@ def on_threads(work: Callable[[ctypes.c_long], object], n: int, numbers: int) ->
 
 _FEWEST = 128
 """Pieces of work for each additional thread: fewer take less time than the start of a thread."""
-_FEW_NUMBERS = 2**12
+_FEW_NUMBERS = 2**17
 """Numbers up to which work takes less than 0.1 s: no interrupt waits for longer."""
 _STOPPED = int(c_number("polynomial_ranges", "STOPPED"))

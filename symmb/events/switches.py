@@ -204,8 +204,8 @@ def _jumps(law: ca.Function, times: Array) -> Array:
 
 def _is_timed(dae: DAE) -> bool:
     """Whether rates depend on time."""
-    x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-    return ca.depends_on(ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t)))), t)
+    t = dae.rhs.n_in() - 1
+    return any(dae.rhs.jac_sparsity(k, t).nnz() for k in range(dae.rhs.n_out()))  # CasADi keeps them
 
 
 def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:

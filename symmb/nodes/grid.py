@@ -46,19 +46,22 @@ class Grid:
         """More indices, in the order of their degree."""
         for index in sorted(indices, key=lambda a: (sum(a), a)):
             self.row[index] = len(self.row)
-        self.__dict__.pop("_tensors", None)
+        for derived in ("alpha", "nodes", "_tensors"):
+            self.__dict__.pop(derived, None)
 
     def ahead(self) -> set[Index]:
         """Indices that may be added, because the set contains all smaller ones."""
         near = {above for index in self.row for above in _above(index)}
         return {index for index in near if index not in self.row and all(b in self.row for b in below(index))}
 
-    @property
+    @cached_property
     def alpha(self) -> MultiIndices:
         """(N, d)."""
-        return np.array(list(self.row), dtype=np.intp).reshape(-1, self.d)
+        alpha = np.array(list(self.row), dtype=np.intp).reshape(-1, self.d)
+        alpha.flags.writeable = False  # expansions share it
+        return alpha
 
-    @property
+    @cached_property
     def nodes(self) -> Array:
         """(N, d) in [-1, 1]."""
         return line(int(self.alpha.max(initial=0)) + 1)[self.alpha]

@@ -75,13 +75,8 @@ class TruncationError:
                 mixed += np.square(unmixed * _ratio(product, factor))
         return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
-    def at_some_times(self, step: int) -> "TruncationError":
-        """The same at one of so many times."""
-        directions, slow = self.directions[:, ::step], self.slow[:, ::step]
-        return TruncationError(directions, slow, self.mixed[::step], self.degrees)
-
     def at(self, x: Array) -> Array:
-        """Expected error (n_t, n_y) at points x (n_t, n_y, d), or (d,) for all times and outputs."""
+        """Expected error (..., n_t, n_y) at points x (..., n_t, n_y, d), or (..., 1, 1, d) for all times and outputs."""
         if self.degrees is None:
             return self.least
         factors = (_node_polynomial(x[..., i], n) for i, n in enumerate(self.degrees.tolist()))

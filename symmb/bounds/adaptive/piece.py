@@ -1,6 +1,6 @@
 """A part of the box with its own interpolant on a tensor grid, and the range of this interpolant."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -21,9 +21,10 @@ from symmb.bounds.adaptive.constants import (
     WHOLE_DEGREE,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.runs import Runs, relative_errors
+from symmb.bounds.adaptive.runs import ALL_TIMES, Runs, relative_errors
 from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
 from symmb.codegen import with_compiler
+from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, MultiIndices
 from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
@@ -59,6 +60,7 @@ class Piece:
     Attributes
     ----------
     centre, half : (d,) of the unit box
+    times : of the responses that are interpolated: n_t of them, by whose errors others are known
     expansion : in coordinates of the piece
     nodes : (N, d) in coordinates of the piece
     runs, rows : all runs, and the rows (N,) of the responses at the nodes
@@ -68,6 +70,7 @@ class Piece:
 
     centre: Array
     half: Array
+    times: slice
     expansion: Expansion
     nodes: Array
     runs: Runs
@@ -80,18 +83,30 @@ class Piece:
         """Run the nodes that are new; failed ones get the values that make the interpolant smoothest."""
         centre, half, degrees = part
         grid = _grid(*degrees.tolist())
-        rows = runs.at(centre + half * grid.nodes, parent and parent.values)
+        rows = runs.at(centre + half * grid.nodes, parent and (lambda lost: parent.at_all_times.values(lost)))
         lost = rows[~runs.is_attained[rows]]
         if 0 < len(lost) <= MOST_SMOOTHED:
-            runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
-        coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1), rows).reshape(-1, *runs.shape)
-        expansion = Expansion(grid.alpha, coefficients, runs.box.names)
-        return cls(centre, half, expansion, grid.nodes, runs, rows, runs.rms_widths(), parent and parent.inherited)
+            runs.change(lost, _smoothing(grid, runs.nodes, rows, lost))
+        expansion, inherited = _interpolant(grid, runs.some_nodes, rows, runs.box), parent and parent.inherited
+        return cls(centre, half, runs.some_times, expansion, grid.nodes, runs, rows, runs.rms_widths(), inherited)
+
+    @cached_property
+    def at_all_times(self) -> "Piece":
+        """The same part of the box, with interpolants at all times."""
+        if self.times == ALL_TIMES:
+            return self
+        grid = _grid(*self.expansion.alpha.max(axis=0).tolist())
+        expansion = _interpolant(grid, self.runs.nodes, self.rows, self.runs.box)
+        return replace(self, times=ALL_TIMES, expansion=expansion)
 
     @property
     def Y(self) -> Array:
         """Responses at the nodes (N, n_t, n_y)."""
-        return self.runs.nodes[self.rows]
+        return self._responses[self.rows]
+
+    @property
+    def _responses(self) -> Array:
+        return self.runs.nodes if self.times == ALL_TIMES else self.runs.some_nodes
 
     @cached_property
     def truncation(self) -> TruncationError:
@@ -108,11 +123,11 @@ class Piece:
         """Expected errors (d, n_t, n_y) where events happen between nodes, nan elsewhere; None without events."""
         if self.runs.events is None:
             return None
-        degrees, (n_t, n_y) = self.expansion.alpha.max(axis=0), self.runs.shape
+        degrees, (n_t, n_y) = self.expansion.alpha.max(axis=0), self.expansion.coefficients.shape[1:]
         errors = np.empty((len(degrees), n_t, n_y))
+        Y, events = self._responses, self.runs.events[:, self.times]
         for window in windows(n_t, n_y * len(self.rows)):
-            Y, events = self.runs.nodes[self.rows, window], self.runs.events[self.rows, window]
-            errors[:, window] = event_errors(self.nodes, degrees, Y, events)
+            errors[:, window] = event_errors(self.nodes, degrees, Y[self.rows, window], events[self.rows, window])
         return errors
 
     @cached_property
@@ -131,7 +146,7 @@ class Piece:
     def jumps(self) -> Mask | None:
         """Where (n_t, n_y) the range is that of the nodes, because interpolants overshoot at jumps; None if nowhere."""
         has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
-        if self.rough_direction is None or self.inherited is None or has_event is not None:
+        if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
         large = self.truncation.directions >= REFINED_SHARE * self.truncation.directions.max(axis=0)
         rough = (self.truncation.slow & large).any(axis=0)
@@ -148,12 +163,6 @@ class Piece:
             places = np.where(self.jumps[..., None], nodes, places)
         return lower, upper, self.centre + self.half * places
 
-    def errors_at_some_times(self, step: int) -> Array:
-        """Expected errors (n, n_y) of the range, where the response is smooth, at one of so many times."""
-        places = _extremes(self.expansion.alpha, self.expansion.coefficients[:, ::step])[2]
-        truncation = self.truncation.at_some_times(step)
-        return np.maximum(*(truncation.at(x) for x in places))
-
     @cached_property
     def errors(self) -> Array:
         """Expected errors (2, n_t, n_y) of the range."""
@@ -167,7 +176,7 @@ class Piece:
         return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
 
     def expected_error(self, places: Array) -> Array:
-        """Expected errors (n_t, n_y) at places (n_t, n_y, d) of the box, or (d,) for all times and outputs."""
+        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or (..., 1, 1, d) for all of these."""
         smooth = self.truncation.at((places - self.centre) / self.half)
         if self.event_errors is not None:
             events = self.event_errors.sum(axis=0)
@@ -181,9 +190,12 @@ class Piece:
         return self.expansion.values((points - self.centre) / self.half)
 
     def observed_errors(self, points: Array, Y: Array) -> Array:
-        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs; 0 where nodes are used instead."""
+        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs; 0 where nodes are used instead.
+
+        Y are their responses at all times.
+        """
         errors = self.values(points)
-        np.subtract(Y, errors, out=errors)
+        np.subtract(Y[:, self.times], errors, out=errors)
         return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
     def refined_parts(self, all_directions: bool = False) -> list[Part]:
@@ -215,6 +227,11 @@ class Piece:
                 share = INHERITED_SHARE ** (1 / len(self.half))
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
+
+
+def _interpolant(grid: Grid, Y: Array, rows: Indices, box: Box) -> Expansion:
+    coefficients = grid.coefficients(Y.reshape(len(Y), -1), rows).reshape(-1, *Y.shape[1:])
+    return Expansion(grid.alpha, coefficients, box.names)
 
 
 def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:

@@ -11,6 +11,7 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.check_runs import quasi_random_points
 from symmb.bounds.adaptive.constants import (
     LARGEST_SHARE,
+    MANY_TIMES,
     NODE_DIGITS,
     NOISE_RUNS,
     NOISE_RUNS_OF_FEW,
@@ -29,6 +30,9 @@ from symmb.bounds.time_windows import average_over_window
 from symmb.model import Box
 from symmb.polynomials import Expansion, TotalDegree, basis_values
 from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
+
+
+ALL_TIMES = slice(None)
 
 
 class EstimatedRange(NamedTuple):
@@ -63,13 +67,13 @@ class Runs:
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
     before : runs of the study before it began anew with larger powers
     rounding : share of an output's scale below which its width is rounding
-    nodes : (N, n_t, n_y) responses at nodes
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
     tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
     noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
     extremes : smallest and largest responses of all runs (n_t, n_y)
+    some_times : at which errors are estimated; all, unless there are many
     """
 
     simulator: Simulator
@@ -77,7 +81,6 @@ class Runs:
     most: int
     executor: Executor | None
     progress: Progress | None
-    nodes: Array = field(init=False)
     checks: Array = field(init=False)
     points: Array = field(init=False)
     extremes: tuple[Array, Array] = field(init=False)
@@ -91,12 +94,18 @@ class Runs:
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
-        self.nodes = self.checks = np.empty((0, *self.shape))
+        step = self.shape[0] // MANY_TIMES
+        self.some_times = slice(None, None, step) if step > 1 else ALL_TIMES
+        self.checks = np.empty((0, *self.shape))
+        self._nodes: list[Array] = []
+        self._some_nodes = self._nodes if self.some_times == ALL_TIMES else []
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.tried = np.empty((0, len(self.box)))
         self.ok = np.empty(0, dtype=bool)
         self.power = np.zeros(self.shape[1], dtype=np.intp)
         self._least_power = np.full(self.shape[1], np.iinfo(np.int32).min)
+        self._largest = np.zeros(self.shape[1])
+        self._widths: Array | None = None
         self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
@@ -119,9 +128,25 @@ class Runs:
         runs._least_power = self._least_power
         return runs
 
+    @property
+    def nodes(self) -> Array:
+        """(N, n_t, n_y) responses at nodes, at all times."""
+        return _merged(self._nodes)
+
+    @property
+    def some_nodes(self) -> Array:
+        """The same at ``some_times``."""
+        return _merged(self._some_nodes)
+
+    def change(self, rows: Indices, change: Array) -> None:
+        """Add (k, n_t, n_y) to the values of k nodes."""
+        self.nodes[rows] += change
+        if self._some_nodes is not self._nodes:
+            self.some_nodes[rows] += change[:, self.some_times]
+
     def unknown(self, points: Array) -> int:
         """How many of the points (N, d) are not nodes yet."""
-        return sum(key not in self._row for key in _keys(points))
+        return len(set(_keys(points)).difference(self._row))
 
     def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
         """Rows of ``nodes`` for points (N, d) of the unit box; ``predict`` gives the values of those that fail.
@@ -134,7 +159,7 @@ class Runs:
         """
         keys = _keys(points)
         new = [i for i, key in enumerate(keys) if key not in self._row]
-        self._row |= {keys[i]: len(self.nodes) + k for k, i in enumerate(new)}
+        self._row |= {keys[i]: len(self.is_attained) + k for k, i in enumerate(new)}
         if new:
             Y, ok, events = self._run(points[new])
             if predict is None and 2 * ok.sum() < len(ok):
@@ -148,7 +173,9 @@ class Runs:
             if events is not None:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
-            self.nodes = np.concatenate([self.nodes, Y]) if len(self.nodes) else Y
+            self._nodes.append(Y)
+            if self._some_nodes is not self._nodes:
+                self._some_nodes.append(np.ascontiguousarray(Y[:, self.some_times]))
             self.is_attained = np.concatenate([self.is_attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
@@ -173,9 +200,11 @@ class Runs:
 
     def rms_widths(self) -> Array:
         """Root mean square widths (n_y,), by which errors are measured; infinite if a width is only rounding."""
-        low, high = self.extremes
-        width = rms(high - low)
-        return np.where(width > np.maximum(self.rounding * self._scale, 2 * self.noise), width, np.inf)
+        if self._widths is None:
+            low, high = self.extremes
+            width = rms(high - low)
+            self._widths = np.where(width > np.maximum(self.rounding * self._scale, 2 * self.noise), width, np.inf)
+        return self._widths
 
     @property
     def _scale(self) -> Array:
@@ -198,9 +227,14 @@ class Runs:
             is_lost |= region.contains(near)
         return is_lost[which.ravel()].reshape(places.shape[:-1])
 
-    def beyond(self, lower: Array, upper: Array) -> Array:
-        """How far runs go beyond bounds (n_t, n_y), less noise."""
-        lowest, highest = self.extremes
+    def at_all_times(self, error: Array) -> Array:
+        """The error (n_t, n_y) at all times, from that at some: each is that at the nearest time before."""
+        step = self.some_times.step or 1
+        return np.repeat(error, step, axis=0)[: self.shape[0]]
+
+    def beyond(self, lower: Array, upper: Array, times: slice = ALL_TIMES) -> Array:
+        """How far runs go beyond bounds (n_t, n_y) at some times, less noise."""
+        lowest, highest = (extreme[times] for extreme in self.extremes)
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def measure_noise(self) -> None:
@@ -217,6 +251,7 @@ class Runs:
             line, _ = np.linalg.qr(np.vander(along[ok], 2))
             rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
             self.noise = NOISE_SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
+            self._widths = None
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
         """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t).
@@ -243,15 +278,15 @@ class Runs:
         note_attained(low, high, len(P))
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
-        self._choose_powers(np.maximum(np.abs(low), np.abs(high)).max(axis=0))
-        self.extremes = (
-            np.minimum(self.extremes[0], np.ldexp(low, -self.power)),
-            np.maximum(self.extremes[1], np.ldexp(high, -self.power)),
-        )
+        self._choose_powers(np.maximum(high.max(axis=0), -low.min(axis=0)))
+        self.extremes = np.minimum(self.extremes[0], self._scaled(low)), np.maximum(self.extremes[1], self._scaled(high))
+        self._widths = None
         if self._told is not None:
-            self.noise = np.maximum(np.ldexp(self._told, -self.power), self.rounding * self._scale)
-        Y = np.ldexp(ensemble.Y, -self.power) if self.power.any() else ensemble.Y
-        return Y, ensemble.ok, ensemble.events
+            self.noise = np.maximum(self._scaled(self._told), self.rounding * self._scale)
+        return self._scaled(ensemble.Y), ensemble.ok, ensemble.events
+
+    def _scaled(self, values: Array) -> Array:
+        return np.ldexp(values, -self.power) if self.power.any() else values
 
     def _choose_powers(self, largest: Array) -> None:
         """Scale outputs that have been 0 so far, by their largest values (n_y,) in new runs.
@@ -260,13 +295,21 @@ class Runs:
         ------
         OutgrownError           if others exceed earlier ones so far that their squares overflow
         """
+        varies = self._largest > 0
+        self._largest = np.maximum(self._largest, largest)
         largest = np.maximum(largest, 0.0 if self._told is None else self._told)
         new = np.maximum(np.where(largest > 0, np.frexp(largest)[1], self.power), self._least_power)
-        varies = np.isfinite(self.extremes[0]).any(axis=0) & (np.abs(self.extremes) > 0).any(axis=(0, 1))
         if (too_large := varies & (new - self.power > ORDINARY)).any():
             self._least_power = np.where(too_large, new, self._least_power)
             raise OutgrownError
         self.power = np.where(varies | (np.abs(new) < ORDINARY / 2), self.power, new)
+
+
+def _merged(blocks: list[Array]) -> Array:
+    """The blocks as one array. The list holds no other then."""
+    if len(blocks) > 1:
+        blocks[:] = [np.concatenate(blocks)]
+    return blocks[0]
 
 
 def relative_rms(error: Array, widths: Array) -> float:

@@ -1,6 +1,5 @@
 """Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,17 +13,14 @@ from symmb.bounds.adaptive.constants import (
     CHEAP_SHARE,
     CHECKED_TOGETHER,
     DOUBTED_SHARE,
-    FAR,
     FARTHEST_SCALING,
     FIELD_TRUST,
     LEAST_COST,
-    MANY_TIMES,
     MANY_VALUES,
     NOISE_RUNS,
     REACHED_POWER,
     REACHED_SHARE,
     SAFETY,
-    SKIPPED_TIMES,
     SOME_VALUES,
     TENSOR_PROBES,
     TENSOR_RANGE,
@@ -72,10 +68,6 @@ def _range_or_refinement(
     if len(pieces) == 1 and _affordable(parts, runs):
         if measure(pieces[0].truncation.least, widths) > tolerance / trust:
             return pieces[0], parts
-        if is_field and runs.shape[0] >= MANY_TIMES:  # what is far from enough shows at some of the times
-            some = pieces[0].errors_at_some_times(SKIPPED_TIMES)
-            if measure(FIELD_TRUST * some, widths) > FAR * tolerance:
-                return pieces[0], pieces[0].refined_parts()
     union = Union.of(pieces)
     worst = pieces[0]
     if len(pieces) > 1:
@@ -88,7 +80,7 @@ def _range_or_refinement(
     expected = relative_rms(estimate, widths)
     runs.tell(expected)
     estimate, inflated, ratio, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
-    beyond = runs.beyond(union.lower, union.upper)
+    beyond = runs.beyond(union.lower, union.upper, runs.some_times)
     if len(pieces) > 1 and len(runs.checks) and relative_rms(beyond, widths) > relative_rms(estimate, widths):
         worst = _farthest(runs, union, widths)
     estimate = np.maximum(estimate, beyond)
@@ -114,16 +106,17 @@ def _range_or_refinement(
     parts = worst.refined_parts(all_directions=np.isfinite(error) and error > FARTHEST_SCALING * expected)
     if error > tolerance and _affordable(parts, runs):
         return worst, parts
-    whole, is_enough = pieces[0].expansion, max(error, TENSOR_RANGE) <= tolerance
+    is_enough = max(error, TENSOR_RANGE) <= tolerance
     is_certain = len(pieces) == 1 and not (
         is_doubted or is_doubtful_in_window(estimate, width, runs.noise)[:, varies].any()
     )
     if is_enough and is_certain and runs.shape[0] * runs.shape[1] >= SOME_VALUES:
         share = min(1.0, REACHED_SHARE * tolerance**REACHED_POWER)
         estimate = np.maximum(share * estimate, beyond)
-    estimate = estimate + TENSOR_RANGE * (union.upper - union.lower)
-    expansion = (lambda: whole) if len(pieces) == 1 else None
-    return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
+    lower, upper, places = union.at_all_times()
+    estimate = runs.at_all_times(estimate) + TENSOR_RANGE * (upper - lower)
+    whole = pieces[0].at_all_times.expansion
+    return EstimatedRange(lower, upper, estimate, (lambda: whole) if len(pieces) == 1 else None, places, is_enough)
 
 
 def _affordable(parts: list[Part], runs: Runs) -> bool:
@@ -138,13 +131,14 @@ def _cost(parts: list[Part], runs: Runs) -> int:
 
 def _probes(runs: Runs) -> int:
     """The number of quasi-random check points."""
-    shapes = count_shapes(runs.nodes, runs.rms_widths())
+    shapes = count_shapes(runs.some_nodes, runs.rms_widths())
     return next((number for most, number in TENSOR_PROBES if shapes <= most), 1)
 
 
 def _farthest(runs: Runs, union: Union, widths: Array) -> Piece:
     """The piece that holds the check run which goes farthest beyond the range."""
-    beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in runs.checks]
+    Y = runs.checks[:, runs.some_times]
+    beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in Y]
     return union.piece_at(runs.points[int(np.argmax(beyond))])
 
 
@@ -172,13 +166,13 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
         return estimate, np.zeros_like(estimate), np.ones(runs.shape[1]), worst
     squares, largest = np.zeros_like(estimate), -1.0
     seen, foreseen = np.zeros((2, runs.shape[1]))
-    for row, piece, error in _observed_errors(runs, union, rows):
-        expected = piece.expected_error(runs.points[row])
-        ratio = np.divide(estimate, expected, out=np.ones_like(error), where=expected > estimate / FARTHEST_SCALING)
-        ratio = np.where(np.abs(error) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)
-        beyond_noise = np.maximum(np.square(error) - np.square(runs.noise), 0.0)
-        squares = np.maximum(squares, beyond_noise * np.square(ratio))
-        seen, foreseen = seen + beyond_noise.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
+    for points, piece, errors in _observed_errors(runs, union, rows):
+        expected = piece.expected_error(points[:, None, None])
+        ratio = np.divide(estimate, expected, out=np.ones_like(errors), where=expected > estimate / FARTHEST_SCALING)
+        ratio = np.where(np.abs(errors) > FARTHEST_SCALING * expected, np.maximum(ratio, 1.0), ratio)
+        beyond_noise = np.maximum(np.square(errors) - np.square(runs.noise), 0.0)
+        squares = np.maximum(squares, (beyond_noise * np.square(ratio)).max(axis=0))
+        seen, foreseen = seen + beyond_noise.sum(axis=(0, 1)), foreseen + np.square(expected).sum(axis=(0, 1))
         if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(beyond_noise), widths)) > largest:
             largest, worst = observed, piece
     ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
@@ -186,15 +180,14 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
     return np.maximum(inflated, union.trust * estimate), inflated, np.maximum(ratio, FIELD_TRUST), worst
 
 
-def _observed_errors(runs: Runs, union: Union, rows: list[int]) -> Iterator[tuple[int, Piece, Array]]:
-    """Rows of check runs, the piece that holds each, and the error (n_t, n_y) of its interpolant there.
+def _observed_errors(runs: Runs, union: Union, rows: list[int]) -> Iterator[tuple[Array, Piece, Array]]:
+    """Points (C, d) of check runs, the piece that holds them, and the errors (C, n_t, n_y) of its interpolant there.
 
-    Errors are computed a few at a time: more of them would take more memory than the runs.
+    They are a few at a time: more errors would take more memory than the runs.
     """
     pieces = [union.piece_at(runs.points[row]) for row in rows]
     for piece in union.pieces:
         own = [row for row, its in zip(rows, pieces, strict=True) if its is piece]
         for start in range(0, len(own), CHECKED_TOGETHER):
             some = own[start : start + CHECKED_TOGETHER]
-            errors = piece.observed_errors(runs.points[some], runs.checks[some])
-            yield from zip(some, itertools.repeat(piece), errors)
+            yield runs.points[some], piece, piece.observed_errors(runs.points[some], runs.checks[some])
