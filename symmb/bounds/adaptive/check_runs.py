@@ -35,7 +35,7 @@ def select_dispersed(places: Array, weights: Array, number: int) -> Array:
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     first = max(len(weights) - HEAVIEST, 0)
-    heaviest = np.flatnonzero(weights >= np.partition(weights, first)[first])
+    heaviest = np.flatnonzero(weights >= np.sort(weights)[first])
     heaviest = heaviest[np.argsort(weights[heaviest], kind="stable")]  # the same order on every processor
     candidates = heaviest[:: max(1, len(heaviest) // CANDIDATES)]
     points, weights = points[candidates], weights[candidates]

@@ -106,6 +106,7 @@ class Runs:
         self._least_power = np.full(self.shape[1], np.iinfo(np.int32).min)
         self._largest = np.zeros(self.shape[1])
         self._widths: Array | None = None
+        self._scale = np.full(self.shape[1], np.inf)  # root mean square (n_y,) of the extremes
         self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
@@ -207,11 +208,6 @@ class Runs:
         return self._widths
 
     @property
-    def _scale(self) -> Array:
-        """Root mean square (n_y,) of the extremes."""
-        return np.maximum(*map(rms, self.extremes))
-
-    @property
     def floor(self) -> Array:
         """Errors (n_y,) that are noise or rounding."""
         return np.maximum(self.noise, self.rounding * self._scale)
@@ -280,7 +276,7 @@ class Runs:
             return ensemble.Y, ensemble.ok, ensemble.events
         self._choose_powers(np.maximum(high.max(axis=0), -low.min(axis=0)))
         self.extremes = np.minimum(self.extremes[0], self._scaled(low)), np.maximum(self.extremes[1], self._scaled(high))
-        self._widths = None
+        self._widths, self._scale = None, np.maximum(*map(rms, self.extremes))
         if self._told is not None:
             self.noise = np.maximum(self._scaled(self._told), self.rounding * self._scale)
         return self._scaled(ensemble.Y), ensemble.ok, ensemble.events
