@@ -77,7 +77,7 @@ SOME_VALUES, REACHED_SHARE, REACHED_POWER = 50, 0.6, -0.06
 share, which the tolerance to a power multiplies: a loose tolerance is reached with few coefficients, and the estimate
 is then farther above the error. Medians of estimates over errors are 4 to 6 at tolerances of 1e-1 to 1e-3, and 99 % are
 covered."""
-MANY_TIMES = 125
+MANY_TIMES = 250
 """Times from which errors are estimated at every second, third, ... one of them: at least so many. A window of time holds
 five of them."""
 WINDOW_SHARE = 0.2

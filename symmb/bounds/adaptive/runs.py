@@ -224,9 +224,11 @@ class Runs:
         return is_lost[which.ravel()].reshape(places.shape[:-1])
 
     def at_all_times(self, error: Array) -> Array:
-        """The error (n_t, n_y) at all times, from that at some: each is that at the nearest time before."""
-        step = self.some_times.step or 1
-        return np.repeat(error, step, axis=0)[: self.shape[0]]
+        """The error (n_t, n_y) at all times: the larger of those at the nearest of some times before and after."""
+        if self.some_times == ALL_TIMES:
+            return error
+        larger = np.maximum(error, np.concatenate([error[1:], error[-1:]]))
+        return np.repeat(larger, self.some_times.step, axis=0)[: self.shape[0]]
 
     def beyond(self, lower: Array, upper: Array, times: slice = ALL_TIMES) -> Array:
         """How far runs go beyond bounds (n_t, n_y) at some times, less noise."""
