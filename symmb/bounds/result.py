@@ -105,7 +105,9 @@ class Bounds(Result):
             )
         if since := self.doubtful():
             windows = self.doubtful_windows()
-            parts = [name + self._doubtful_part(t, [w[1:] for w in windows if w[0] == name]) for name, t in since.items()]
+            parts = [
+                name + self._doubtful_part(t, [w[1:] for w in windows if w[0] == name]) for name, t in since.items()
+            ]
             doubts.append(f"The estimated error is above 10 % of the width: {', '.join(parts)}.")
         if self.caution:
             doubts.append(f"The bounds are {self.caution}.")

@@ -66,9 +66,12 @@ class Grid:
         """(N, d) in [-1, 1]."""
         return line(int(self.alpha.max(initial=0)) + 1)[self.alpha]
 
-    def coefficients(self, Y: Array, rows: Indices | None = None) -> Array:
-        """Legendre coefficients (N, m) of the interpolant from values (n, m), of which rows (N,) are at the nodes."""
-        return interpolants(self._tensors, Y, np.arange(len(Y)) if rows is None else rows)
+    def coefficients(self, *blocks: Array, rows: Indices | None = None) -> Array:
+        """Legendre coefficients (N, m) of the interpolant from blocks of values (.., m).
+
+        The rows (N,) of all blocks together, or all of them, are those at the nodes.
+        """
+        return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
 
     @cached_property
     def _tensors(self) -> list[Tensor]:

@@ -29,12 +29,12 @@ class _Tensors(ctypes.Structure):
     ]
 
 
-def interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Array:
-    """Coefficients (N, m) from values (n, m), of which rows (N,) are at the nodes."""
-    in_arrays = partial(_array_interpolants, tensors, Y, rows)
-    if Y.shape[1] * len(rows) <= _FEW:
+def interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
+    """Coefficients (N, m) from blocks of values (.., m), of which rows (N,), counted through, are at the nodes."""
+    in_arrays = partial(_array_interpolants, tensors, blocks, rows)
+    if blocks[0].shape[1] * len(rows) <= _FEW:
         return in_arrays()
-    return with_compiler(partial(_compiled_interpolants, tensors, Y, rows), in_arrays)
+    return with_compiler(partial(_compiled_interpolants, tensors, blocks, rows), in_arrays)
 
 
 def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
@@ -45,7 +45,7 @@ def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
     return with_compiler(partial(_compiled_squares, coefficients, groups), in_arrays)
 
 
-def _compiled_interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Array:
+def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
     matrices = {id(A): A for _, fits, _ in tensors for A in fits}
     starts = dict(zip(matrices, _ends([A.size for A in matrices.values()])[:-1].tolist(), strict=True))
     axes = [[A for A in fits if len(A) > 1] for _, fits, _ in tensors]
@@ -60,9 +60,11 @@ def _compiled_interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Ar
     )
     largest = max(len(some) for some, _, _ in tensors)
     basis = _Tensors(len(tensors), len(rows), largest, *(a.ctypes.data for a in arrays))
-    Y, at, m = np.ascontiguousarray(Y, dtype=float), np.ascontiguousarray(rows, dtype=int), Y.shape[1]
+    blocks = [np.ascontiguousarray(Y, dtype=float) for Y in blocks]
+    at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]  # addresses
+    m = blocks[0].shape[1]
     C = np.empty((len(rows), m))
-    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (Y, at, C)]
+    pointers = [ctypes.c_void_p(a.ctypes.data) for a in (at, C)]
     library = load(_SOURCE)
 
     def work(next_response: ctypes.c_long) -> None:
@@ -83,11 +85,11 @@ def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
     return sums
 
 
-def _array_interpolants(tensors: list[Tensor], Y: Array, rows: Indices) -> Array:
+def _array_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
     """The same without a compiler."""
-    coefficients = np.zeros((len(rows), Y.shape[1]))
-    for window in windows(Y.shape[1], len(rows)):
-        values = Y[rows, window]
+    coefficients = np.zeros((len(rows), blocks[0].shape[1]))
+    for window in windows(coefficients.shape[1], len(rows)):
+        values = np.concatenate([Y[:, window] for Y in blocks])[rows]
         for some, fits, factor in tensors:
             coefficients[some, window] += factor * transform_axes(fits, values[some])
     return coefficients

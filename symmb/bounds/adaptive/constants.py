@@ -78,8 +78,8 @@ share, which the tolerance to a power multiplies: a loose tolerance is reached w
 is then farther above the error. Medians of estimates over errors are 4 to 6 at tolerances of 1e-1 to 1e-3, and 99 % are
 covered."""
 MANY_TIMES = 250
-"""Times from which errors are estimated at every second, third, ... one of them: at least so many. A window of time holds
-five of them."""
+"""Least times at which errors are estimated; of twice as many and more, every second, third, ... one. A window of time
+holds five of them."""
 WINDOW_SHARE = 0.2
 """Weight of the largest error in a window of time: what acts for a moment counts, but less than what stays."""
 

@@ -76,7 +76,7 @@ class TruncationError:
         return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
-        """Expected error (..., n_t, n_y) at points x (..., n_t, n_y, d), or (..., 1, 1, d) for all times and outputs."""
+        """Expected error (..., n_t, n_y) at points x (..., n_t, n_y, d), or (..., 1, 1, d) for all times."""
         if self.degrees is None:
             return self.least
         factors = (_node_polynomial(x[..., i], n) for i, n in enumerate(self.degrees.tolist()))

@@ -21,10 +21,10 @@ from symmb.bounds.adaptive.constants import (
     WHOLE_DEGREE,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.runs import ALL_TIMES, Runs, relative_errors
+from symmb.bounds.adaptive.node_responses import ALL_TIMES
+from symmb.bounds.adaptive.runs import Runs, relative_errors
 from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
 from symmb.codegen import with_compiler
-from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, MultiIndices
 from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
@@ -86,17 +86,18 @@ class Piece:
         rows = runs.at(centre + half * grid.nodes, parent and (lambda lost: parent.at_all_times.values(lost)))
         lost = rows[~runs.is_attained[rows]]
         if 0 < len(lost) <= MOST_SMOOTHED:
-            runs.change(lost, _smoothing(grid, runs.nodes, rows, lost))
-        expansion, inherited = _interpolant(grid, runs.some_nodes, rows, runs.box), parent and parent.inherited
-        return cls(centre, half, runs.some_times, expansion, grid.nodes, runs, rows, runs.rms_widths(), inherited)
+            runs.responses.change(lost, _smoothing(grid, runs.nodes, rows, lost))
+        times, inherited = runs.responses.some_times, parent and parent.inherited
+        expansion = runs.responses.interpolant(grid, rows, times, runs.box.names)
+        return cls(centre, half, times, expansion, grid.nodes, runs, rows, runs.rms_widths(), inherited)
 
     @cached_property
     def at_all_times(self) -> "Piece":
         """The same part of the box, with interpolants at all times."""
         if self.times == ALL_TIMES:
             return self
-        grid = _grid(*self.expansion.alpha.max(axis=0).tolist())
-        expansion = _interpolant(grid, self.runs.nodes, self.rows, self.runs.box)
+        grid, responses = _grid(*self.expansion.alpha.max(axis=0).tolist()), self.runs.responses
+        expansion = responses.interpolant(grid, self.rows, ALL_TIMES, self.runs.box.names)
         return replace(self, times=ALL_TIMES, expansion=expansion)
 
     @property
@@ -106,7 +107,7 @@ class Piece:
 
     @property
     def _responses(self) -> Array:
-        return self.runs.nodes if self.times == ALL_TIMES else self.runs.some_nodes
+        return self.runs.responses.at(self.times)
 
     @cached_property
     def truncation(self) -> TruncationError:
@@ -176,7 +177,7 @@ class Piece:
         return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
 
     def expected_error(self, places: Array) -> Array:
-        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or (..., 1, 1, d) for all of these."""
+        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or (..., 1, 1, d) for all times."""
         smooth = self.truncation.at((places - self.centre) / self.half)
         if self.event_errors is not None:
             events = self.event_errors.sum(axis=0)
@@ -229,18 +230,13 @@ class Piece:
         return pieces
 
 
-def _interpolant(grid: Grid, Y: Array, rows: Indices, box: Box) -> Expansion:
-    coefficients = grid.coefficients(Y.reshape(len(Y), -1), rows).reshape(-1, *Y.shape[1:])
-    return Expansion(grid.alpha, coefficients, box.names)
-
-
 def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:
     """Changes (k, n_t, n_y) of values Y at rows that are lost, which make the coefficients of high degree least.
 
     Coefficients of smooth responses fall by a factor with each degree: here it is 2.
     """
     weights = 2.0 ** np.minimum(grid.alpha.sum(axis=1), 40)[:, None]
-    c = grid.coefficients(Y.reshape(len(Y), -1), rows)
+    c = grid.coefficients(Y.reshape(len(Y), -1), rows=rows)
     of_lost = grid.coefficients((rows[:, None] == lost).astype(float))
     change = np.linalg.lstsq(weights * of_lost, -weights * c)[0]
     return change.reshape(-1, *Y.shape[1:])

@@ -11,7 +11,6 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.check_runs import quasi_random_points
 from symmb.bounds.adaptive.constants import (
     LARGEST_SHARE,
-    MANY_TIMES,
     NODE_DIGITS,
     NOISE_RUNS,
     NOISE_RUNS_OF_FEW,
@@ -22,6 +21,7 @@ from symmb.bounds.adaptive.constants import (
     ROUNDING_WIDTH,
     WINDOW_SHARE,
 )
+from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses
 from symmb.bounds.failed_region import find_failed_region
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import parameter_samples
@@ -30,9 +30,6 @@ from symmb.bounds.time_windows import average_over_window
 from symmb.model import Box
 from symmb.polynomials import Expansion, TotalDegree, basis_values
 from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
-
-
-ALL_TIMES = slice(None)
 
 
 class EstimatedRange(NamedTuple):
@@ -67,13 +64,13 @@ class Runs:
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
     before : runs of the study before it began anew with larger powers
     rounding : share of an output's scale below which its width is rounding
+    responses : at nodes
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
     tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
     noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
     extremes : smallest and largest responses of all runs (n_t, n_y)
-    some_times : at which errors are estimated; all, unless there are many
     """
 
     simulator: Simulator
@@ -94,11 +91,8 @@ class Runs:
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
-        step = self.shape[0] // MANY_TIMES
-        self.some_times = slice(None, None, step) if step > 1 else ALL_TIMES
+        self.responses = NodeResponses(self.shape[0])
         self.checks = np.empty((0, *self.shape))
-        self._nodes: list[Array] = []
-        self._some_nodes = self._nodes if self.some_times == ALL_TIMES else []
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.tried = np.empty((0, len(self.box)))
         self.ok = np.empty(0, dtype=bool)
@@ -131,19 +125,8 @@ class Runs:
 
     @property
     def nodes(self) -> Array:
-        """(N, n_t, n_y) responses at nodes, at all times."""
-        return _merged(self._nodes)
-
-    @property
-    def some_nodes(self) -> Array:
-        """The same at ``some_times``."""
-        return _merged(self._some_nodes)
-
-    def change(self, rows: Indices, change: Array) -> None:
-        """Add (k, n_t, n_y) to the values of k nodes."""
-        self.nodes[rows] += change
-        if self._some_nodes is not self._nodes:
-            self.some_nodes[rows] += change[:, self.some_times]
+        """(N, n_t, n_y) responses at nodes."""
+        return self.responses.at(ALL_TIMES)
 
     def unknown(self, points: Array) -> int:
         """How many of the points (N, d) are not nodes yet."""
@@ -174,9 +157,7 @@ class Runs:
             if events is not None:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
-            self._nodes.append(Y)
-            if self._some_nodes is not self._nodes:
-                self._some_nodes.append(np.ascontiguousarray(Y[:, self.some_times]))
+            self.responses.append(Y)
             self.is_attained = np.concatenate([self.is_attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
@@ -222,13 +203,6 @@ class Runs:
         if region is not None and 2 * region.inside[0] > region.inside[1]:
             is_lost |= region.contains(near)
         return is_lost[which.ravel()].reshape(places.shape[:-1])
-
-    def at_all_times(self, error: Array) -> Array:
-        """The error (n_t, n_y) at all times: the larger of those at the nearest of some times before and after."""
-        if self.some_times == ALL_TIMES:
-            return error
-        larger = np.maximum(error, np.concatenate([error[1:], error[-1:]]))
-        return np.repeat(larger, self.some_times.step, axis=0)[: self.shape[0]]
 
     def beyond(self, lower: Array, upper: Array, times: slice = ALL_TIMES) -> Array:
         """How far runs go beyond bounds (n_t, n_y) at some times, less noise."""
@@ -277,7 +251,10 @@ class Runs:
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
         self._choose_powers(np.maximum(high.max(axis=0), -low.min(axis=0)))
-        self.extremes = np.minimum(self.extremes[0], self._scaled(low)), np.maximum(self.extremes[1], self._scaled(high))
+        self.extremes = (
+            np.minimum(self.extremes[0], self._scaled(low)),
+            np.maximum(self.extremes[1], self._scaled(high)),
+        )
         self._widths, self._scale = None, np.maximum(*map(rms, self.extremes))
         if self._told is not None:
             self.noise = np.maximum(self._scaled(self._told), self.rounding * self._scale)
@@ -301,13 +278,6 @@ class Runs:
             self._least_power = np.where(too_large, new, self._least_power)
             raise OutgrownError
         self.power = np.where(varies | (np.abs(new) < ORDINARY / 2), self.power, new)
-
-
-def _merged(blocks: list[Array]) -> Array:
-    """The blocks as one array. The list holds no other then."""
-    if len(blocks) > 1:
-        blocks[:] = [np.concatenate(blocks)]
-    return blocks[0]
 
 
 def relative_rms(error: Array, widths: Array) -> float:

@@ -80,7 +80,7 @@ def _range_or_refinement(
     expected = relative_rms(estimate, widths)
     runs.tell(expected)
     estimate, inflated, ratio, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
-    beyond = runs.beyond(union.lower, union.upper, runs.some_times)
+    beyond = runs.beyond(union.lower, union.upper, runs.responses.some_times)
     if len(pieces) > 1 and len(runs.checks) and relative_rms(beyond, widths) > relative_rms(estimate, widths):
         worst = _farthest(runs, union, widths)
     estimate = np.maximum(estimate, beyond)
@@ -114,7 +114,7 @@ def _range_or_refinement(
         share = min(1.0, REACHED_SHARE * tolerance**REACHED_POWER)
         estimate = np.maximum(share * estimate, beyond)
     lower, upper, places = union.at_all_times()
-    estimate = runs.at_all_times(estimate) + TENSOR_RANGE * (upper - lower)
+    estimate = runs.responses.at_all_times(estimate, len(lower)) + TENSOR_RANGE * (upper - lower)
     whole = pieces[0].at_all_times.expansion
     return EstimatedRange(lower, upper, estimate, (lambda: whole) if len(pieces) == 1 else None, places, is_enough)
 
@@ -131,13 +131,13 @@ def _cost(parts: list[Part], runs: Runs) -> int:
 
 def _probes(runs: Runs) -> int:
     """The number of quasi-random check points."""
-    shapes = count_shapes(runs.some_nodes, runs.rms_widths())
+    shapes = count_shapes(runs.responses.at(runs.responses.some_times), runs.rms_widths())
     return next((number for most, number in TENSOR_PROBES if shapes <= most), 1)
 
 
 def _farthest(runs: Runs, union: Union, widths: Array) -> Piece:
     """The piece that holds the check run which goes farthest beyond the range."""
-    Y = runs.checks[:, runs.some_times]
+    Y = runs.checks[:, runs.responses.some_times]
     beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in Y]
     return union.piece_at(runs.points[int(np.argmax(beyond))])
 

@@ -63,17 +63,17 @@ static void interpolate(const Tensors *t, V *y, V *sum, V *in, V *out) {
   memcpy(y, sum, t->n * sizeof *y);
 }
 
-/* Values Y (.., m), of which rows `at` (n) are those at the nodes, -> coefficients C (n, m). `next` counts the responses
-   that threads have taken, many at a time: only long parts of rows pass through memory fast. Returns 0 if there is not
-   enough memory. */
-int fit(const Tensors *t, long *next, long m, const double *Y, const long *at, double *C);
-int fit(const Tensors *t, long *next, long m, const double *Y, const long *at, double *C) {
+/* Values Y (n, m) at the nodes, whose rows may lie anywhere, -> coefficients C (n, m). `next` counts the responses that
+   threads have taken, many at a time: only long parts of rows pass through memory fast. Returns 0 if there is not enough
+   memory. */
+int fit(const Tensors *t, long *next, long m, const double *const *Y, double *C);
+int fit(const Tensors *t, long *next, long m, const double *const *Y, double *C) {
   const long n = t->n, most = CACHED / n, tile = most < 1 ? 1 : most < LONGEST ? most : LONGEST;
   V *y = aligned_alloc(sizeof(V), ((tile + 1) * n + 2 * t->largest) * sizeof(V)), *sum = y + tile * n, *in = sum + n;
   for (long i; y && (i = __atomic_fetch_add(next, tile * W, __ATOMIC_RELAXED)) < m;) {
     const long end = m - i < tile * W ? m - i : tile * W;
     for (long k = 0; k < n; ++k)
-      for (long v = 0; v < end; v += W) y[v / W * n + k] = some_of(Y + at[k] * m + i + v, end - v);
+      for (long v = 0; v < end; v += W) y[v / W * n + k] = some_of(Y[k] + i + v, end - v);
     for (long v = 0; v < end; v += W) interpolate(t, y + v / W * n, sum, in, in + t->largest);
     for (long k = 0; k < n; ++k)
       for (long v = 0; v < end; v += W) to_some(C + k * m + i + v, y[v / W * n + k], end - v);
