@@ -27,14 +27,14 @@ def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
         return [work(first), *(run.result() for run in running)]
 
 
-def on_threads(work: Callable[[ctypes.c_long], object], n: int, numbers: int) -> None:
+def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) -> None:
     """Call `work` once on each of several threads, with a common counter of n small pieces of work.
 
-    An interrupt moves the counter to the end, so that threads take no more pieces. Work on few numbers, which takes a
-    moment, is done in this thread.
+    An interrupt moves the counter to the end, so that threads take no more pieces. Work that takes a moment, as its
+    seconds in one thread tell, is done in this thread.
     """
     counter = ctypes.c_long(0)
-    if numbers <= _FEW_NUMBERS:
+    if seconds <= _MOMENT:
         work(counter)
         return
     count = max(1, min(cores(), n // _FEWEST))
@@ -49,6 +49,6 @@ def on_threads(work: Callable[[ctypes.c_long], object], n: int, numbers: int) ->
 
 _FEWEST = 128
 """Pieces of work for each additional thread: fewer take less time than the start of a thread."""
-_FEW_NUMBERS = 2**17
-"""Numbers up to which work takes less than 0.1 s: no interrupt waits for longer."""
+_MOMENT = 0.1
+"""Seconds for which an interrupt may wait."""
 _STOPPED = int(c_number("polynomial_ranges", "STOPPED"))

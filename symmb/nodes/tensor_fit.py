@@ -19,6 +19,10 @@ _FEW = 2**16
 """Values, or coefficients that are squared, up to which a compiled loop is not worth its build."""
 
 
+_SECONDS = 1e-7
+"""Time that a coefficient takes, at most. Higher degrees than 64 would take more."""
+
+
 class _Tensors(ctypes.Structure):
     """Tensors of c/tensor_fit.h."""
 
@@ -71,7 +75,7 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
         if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to fit an expansion")
 
-    on_threads(work, m, C.size)
+    on_threads(work, m, _SECONDS * C.size)
     return C
 
 

@@ -11,6 +11,8 @@ from symmb.codegen import c_source, load, on_threads
 from symmb.polynomials.chebyshev import LowerSet, halving
 from symmb.polynomials.ranges.terms import FEW, LANES, Terms, terms_of
 
+_SECONDS = 2.5e-5
+"""Time that a coefficient takes, of many parameters, with a budget of thousands of boxes."""
 _LEVELS = 64
 """Halvings of a parameter after which a box is as small as rounding allows."""
 
@@ -68,7 +70,7 @@ def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, *addresses)
         library.ranges(ctypes.byref(search), ctypes.c_long(m), of, to, ctypes.c_long(n_given), *rest)
 
-    on_threads(work, m, legendre.size)
+    on_threads(work, m, _SECONDS * legendre.size)
     return *ranges, *points, *gaps
 
 

@@ -20,6 +20,8 @@ _FEWEST = 12
 _WAVY = 8
 """Degree above which the valleys along a parameter may all be alike. This parameter gets twice as many samples, and
 Newton's method starts in each of `_PIECES` pieces. tests/polynomials/test_ranges.py"""
+_SECONDS = 2e-7
+"""Time that a coefficient takes, at most: that of one parameter at the highest degree."""
 _PIECES = int(c_number("dense_search", "PIECES"))
 
 
@@ -78,7 +80,7 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
         if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    on_threads(work, m, C.size)
+    on_threads(work, m, _SECONDS * C.size)
     return extremes, points
 
 
