@@ -59,3 +59,16 @@ def test_smooth_pulses_of_any_width_in_a_box_are_neither_missed_nor_doubtful():
         assert_allclose(bounds.lower[1:], 0.9, atol=1e-6)
         assert_allclose(bounds.upper[1:], 1.1, atol=1e-6)
         assert not bounds.doubts
+
+
+def test_errors_of_motions_with_a_period_of_four_output_times_are_estimated():
+    i = np.arange(1001)
+
+    def motion(a, b):
+        return np.sin(np.pi / 2 * i)[:, None] * np.exp(np.sin(2 * a + b))
+
+    simulator = mb.FunctionSimulator(motion, parameters={"a": 0.0, "b": 0.0}, times=i, outputs=["y"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1, 1), b=(-1, 1)))
+    error = np.abs(bounds.upper[1::4, 0] - np.e)  # sin(2 a + b) reaches 1
+    assert error.min() > 1e-5
+    assert (bounds.estimate[1::4, 0] >= error).mean() > 0.99

@@ -7,7 +7,10 @@ from symmb.bounds.adaptive.constants import MANY_TIMES
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion
 
+Times = slice | Indices
 ALL_TIMES = slice(None)
+_GOLDEN = 0.6180339887498949
+"""Its multiples are dispersed modulo 1."""
 
 
 class NodeResponses:
@@ -15,22 +18,25 @@ class NodeResponses:
 
     Attributes
     ----------
-    some_times : at which errors are estimated; all, unless there are many
+    some_times : at which errors are estimated; all, unless there are many. They are not equally spaced: a motion whose
+        period is a few output times would show them the same phase.
     """
 
     def __init__(self, n_t: int) -> None:
         step = n_t // MANY_TIMES
-        self.some_times = slice(None, None, step) if step > 1 else ALL_TIMES
+        blocks = np.arange(n_t // max(step, 1))
+        within = (step * np.modf(_GOLDEN * blocks)[0]).astype(np.intp)
+        self.some_times: Times = step * blocks + within if step > 1 else ALL_TIMES
         self._all: list[Array] = []
-        self._some = self._all if self.some_times == ALL_TIMES else []
+        self._some = self._all if self.some_times is ALL_TIMES else []
 
     def append(self, Y: Array) -> None:
         """More responses (N, n_t, n_y)."""
         self._all.append(Y)
         if self._some is not self._all:
-            self._some.append(np.ascontiguousarray(Y[:, self.some_times]))
+            self._some.append(Y[:, self.some_times])
 
-    def at(self, times: slice) -> Array:
+    def at(self, times: Times) -> Array:
         """Responses of all nodes (N, .., n_y) at all or some times."""
         blocks = self._at(times)
         if len(blocks) > 1:
@@ -43,7 +49,7 @@ class NodeResponses:
         if self._some is not self._all:
             self.at(self.some_times)[rows] += change[:, self.some_times]
 
-    def interpolant(self, grid: Grid, rows: Indices, times: slice, names: tuple[str, ...]) -> Expansion:
+    def interpolant(self, grid: Grid, rows: Indices, times: Times, names: tuple[str, ...]) -> Expansion:
         """Through the responses at nodes of these rows (N,), at all or some times, in named parameters."""
         blocks = self._at(times)
         coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in blocks), rows=rows)
@@ -51,10 +57,11 @@ class NodeResponses:
 
     def at_all_times(self, error: Array, n_t: int) -> Array:
         """An error (n_t, n_y) from that at some times: the larger of those at the nearest ones before and after."""
-        if self.some_times == ALL_TIMES:
+        if isinstance(self.some_times, slice):
             return error
-        larger = np.maximum(error, np.concatenate([error[1:], error[-1:]]))
-        return np.repeat(larger, self.some_times.step, axis=0)[:n_t]
+        behind = np.searchsorted(self.some_times, np.arange(n_t), side="right")
+        before = np.maximum(behind - 1, 0)
+        return np.maximum(error[before], error[np.minimum(behind, len(error) - 1)])
 
-    def _at(self, times: slice) -> list[Array]:
-        return self._all if times == ALL_TIMES else self._some
+    def _at(self, times: Times) -> list[Array]:
+        return self._all if times is ALL_TIMES else self._some

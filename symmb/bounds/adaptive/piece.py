@@ -21,7 +21,7 @@ from symmb.bounds.adaptive.constants import (
     WHOLE_DEGREE,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.node_responses import ALL_TIMES
+from symmb.bounds.adaptive.node_responses import ALL_TIMES, Times
 from symmb.bounds.adaptive.runs import Runs, relative_errors
 from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
 from symmb.codegen import with_compiler
@@ -70,7 +70,7 @@ class Piece:
 
     centre: Array
     half: Array
-    times: slice
+    times: Times
     expansion: Expansion
     nodes: Array
     runs: Runs
@@ -94,7 +94,7 @@ class Piece:
     @cached_property
     def at_all_times(self) -> "Piece":
         """The same part of the box, with interpolants at all times."""
-        if self.times == ALL_TIMES:
+        if self.times is ALL_TIMES:
             return self
         grid, responses = _grid(*self.expansion.alpha.max(axis=0).tolist()), self.runs.responses
         expansion = responses.interpolant(grid, self.rows, ALL_TIMES, self.runs.box.names)

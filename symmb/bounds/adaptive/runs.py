@@ -21,7 +21,7 @@ from symmb.bounds.adaptive.constants import (
     ROUNDING_WIDTH,
     WINDOW_SHARE,
 )
-from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses
+from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses, Times
 from symmb.bounds.failed_region import find_failed_region
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import parameter_samples
@@ -204,7 +204,7 @@ class Runs:
             is_lost |= region.contains(near)
         return is_lost[which.ravel()].reshape(places.shape[:-1])
 
-    def beyond(self, lower: Array, upper: Array, times: slice = ALL_TIMES) -> Array:
+    def beyond(self, lower: Array, upper: Array, times: Times = ALL_TIMES) -> Array:
         """How far runs go beyond bounds (n_t, n_y) at some times, less noise."""
         lowest, highest = (extreme[times] for extreme in self.extremes)
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
