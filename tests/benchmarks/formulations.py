@@ -32,7 +32,7 @@ STATES, ALLOWED, TRAJECTORY, CERTAIN = 20, 1e-9, 1e-8, 1e-9
 """States of a scene, allowed differences of accelerations and reactions and of trajectories, and errors of runs up to
 which these are compared, over their sizes."""
 STARTS = {"laval_rotor": {"to_y.displacement_rate": 0.1}}
-"""Starts of models that run without accelerations, so that there is something to compare: a push makes a rotor whirl."""
+"""Starts of models that run without accelerations, so that these can be compared: a push makes a rotor whirl."""
 NEWTON_STEPS = 3
 """From a run's state onto the constraints: errors of 1e-5 become rounding in two."""
 
