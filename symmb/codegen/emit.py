@@ -1,14 +1,20 @@
 """Vectorised C of a graph of values: a statement for each value, which is a vector with a lane for each sample."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb.codegen.graph import CONSTANT, INPUT, Graph
 from symmb.symbolic import operation_name
+
+LARGE_MODEL = 5000
+"""Values of a model above which sines and cosines are calls of a function: otherwise compilers take minutes. A call in
+the midst of a function waits for its result; a loop before it computes those of many angles side by side.
+tests/benchmarks/scaling.py"""
 
 _CHUNK = 400
 """Statements in one C function: compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
@@ -55,16 +61,21 @@ _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 
 @dataclass(frozen=True)
 class _Schedule:
-    """Order and pieces of the statements of a function, values that pieces pass on, sines with their cosines."""
+    """The statements of a function in pieces, places of the values that pieces pass on, sines with their cosines.
 
-    order: list[int]
-    piece: dict[int, int]
+    The first pieces compute angles; a loop behind them computes their sines and cosines.
+    """
+
+    pieces: list[list[int]]
+    n_first: int
+    angles: list[int]
     carried: dict[int, int]
     twins: dict[int, int]
 
-    @property
-    def n_pieces(self) -> int:
-        return max(self.piece.values(), default=0) + 1
+    @cached_property
+    def piece(self) -> dict[int, int]:
+        """The piece of each statement."""
+        return {k: i for i, piece in enumerate(self.pieces) for k in piece}
 
 
 class Emitter:
@@ -120,11 +131,13 @@ class Emitter:
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
         out = "c" if parameters_only else "out"
-        for piece in range(schedule.n_pieces):
+        for piece in range(len(schedule.pieces)):
             lines = self._piece(schedule, piece, outputs, out, parameters_only)
             head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
             self._pieces.append("\n".join([f"{head} {{", "  (void)w;", *lines, "}"]))
-        calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(schedule.n_pieces)]
+        calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(len(schedule.pieces))]
+        if schedule.angles:
+            calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C);")
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
         return "\n".join([f"PRIVATE void {name}({head}) {{", *calls, "}"])
 
@@ -138,27 +151,62 @@ class Emitter:
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
         order.sort(key=lambda k: (min(k, twins.get(k, k)), k))
-        piece = {k: i // _CHUNK for i, k in enumerate(order)}
-        last_use = dict(piece)
+        angles = self._angles(order) if len(nodes) > LARGE_MODEL else []
+        place = {angle: 2 * i for i, angle in enumerate(angles)}
+        turned = [k for k in order if nodes[k].operation in _TURNED and nodes[k].arguments[0] in place]
+        sines = {k: place[nodes[k].arguments[0]] + (nodes[k].operation == ca.OP_COS) for k in turned}
+        needed = self._needed(angles)
+        first = _chunks(k for k in order if k in needed) if angles else []
+        pieces = first + _chunks(k for k in order if k not in needed and k not in sines)
+        return _Schedule(pieces, len(first), angles, sines | self._carried(pieces, 2 * len(angles)), twins)
+
+    def _angles(self, order: Sequence[int]) -> list[int]:
+        """Arguments of sines and cosines that depend on none of these."""
+        nodes, behind = self._graph.nodes, set[int]()
+        angles: dict[int, None] = {}
         for k in order:
-            for a in nodes[k].arguments:
-                if a in last_use:
-                    last_use[a] = max(last_use[a], piece[k])
-        return _Schedule(order, piece, _carried(order, piece, last_use), twins)
+            if not behind.isdisjoint(nodes[k].arguments):
+                behind.add(k)
+            elif nodes[k].operation in _TURNED:
+                angles[nodes[k].arguments[0]] = None
+                behind.add(k)
+        return list(angles)
+
+    def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
+        """Places, from `count` on, of values that later pieces use; one is free again after the piece of last use."""
+        piece = {k: i for i, ks in enumerate(pieces) for k in ks}
+        last_use = dict(piece)
+        for k, i in piece.items():
+            last_use.update((a, max(last_use[a], i)) for a in self._graph.nodes[k].arguments if a in last_use)
+        places: dict[int, int] = {}
+        free: list[int] = []
+        released: dict[int, list[int]] = {}
+        for i, ks in enumerate(pieces):
+            free += released.pop(i - 1, [])
+            for k in ks:
+                if last_use[k] > i:
+                    if not free:
+                        free.append(count)
+                        count += 1
+                    places[k] = free.pop()
+                    released.setdefault(last_use[k], []).append(places[k])
+        return places
 
     def _piece(
         self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
     ) -> list[str]:
         """The statements of a piece: values, those for later pieces, and results."""
-        places: dict[int, list[int]] = {}
-        for i, k in enumerate(outputs):
-            places.setdefault(k, []).append(i)
+        results = [(k, f"{out}[{i}]") for i, k in enumerate(outputs)]
+        angles = [(k, f"w[{2 * i}]") for i, k in enumerate(schedule.angles)]
+        places: dict[int, list[str]] = {}
+        for k, place in [*results, *(angles if piece < schedule.n_first else ())]:
+            places.setdefault(k, []).append(place)
 
         def text(a: int) -> str:
             return self._operand(a, schedule, piece, parameters_only)
 
         lines = []
-        for k in schedule.order[piece * _CHUNK : (piece + 1) * _CHUNK]:
+        for k in schedule.pieces[piece]:
             operands = [text(a) for a in self._graph.nodes[k].arguments]
             twin = schedule.twins.get(k)
             if twin is None or schedule.piece[twin] != piece:
@@ -169,10 +217,9 @@ class Emitter:
                 lines.append(f"  v_sincos(each({operands[0]}), &v{sine}, &v{cosine});")
             if k in schedule.carried:
                 lines.append(f"  w[{schedule.carried[k]}] = v{k};")
-            lines += [f"  {out}[{i}] = v{k};" for i in places.get(k, ())]
-        if piece == schedule.n_pieces - 1:
-            plain = [k for k in places if k not in schedule.piece]
-            lines += [f"  {out}[{i}] = each({text(k)});" for k in plain for i in places[k]]
+            lines += [f"  {place} = v{k};" for place in places.get(k, ())]
+        at_end = {schedule.n_first - 1: angles, len(schedule.pieces) - 1: results}.get(piece, [])
+        lines += [f"  {place} = each({text(k)});" for k, place in at_end if k not in schedule.piece]
         return lines
 
     def _operand(self, a: int, schedule: "_Schedule", piece: int, parameters_only: bool) -> str:
@@ -186,7 +233,7 @@ class Emitter:
             return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
         if node.operation == INPUT:
             return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
-        return f"v{a}" if schedule.piece[a] == piece else f"w[{schedule.carried[a]}]"
+        return f"v{a}" if schedule.piece.get(a) == piece else f"w[{schedule.carried[a]}]"
 
     def _expression(self, k: int, arguments: list[str]) -> str:
         node = self._graph.nodes[k]
@@ -205,23 +252,10 @@ class Emitter:
         raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
 
 
-def _carried(order: Sequence[int], piece: Mapping[int, int], last_use: Mapping[int, int]) -> dict[int, int]:
-    """Places of the values that later pieces use. A place is taken again after the piece of its last use."""
-    places: dict[int, int] = {}
-    free: list[int] = []
-    released: dict[int, list[int]] = {}
-    now = count = 0
-    for k in order:
-        if piece[k] > now:
-            free += released.pop(now, [])
-            now = piece[k]
-        if last_use[k] > now:
-            if not free:
-                free.append(count)
-                count += 1
-            places[k] = free.pop()
-            released.setdefault(last_use[k], []).append(places[k])
-    return places
+def _chunks(statements: Iterable[int]) -> list[list[int]]:
+    """Pieces of statements, at least one."""
+    every = list(statements)
+    return [every[at : at + _CHUNK] for at in range(0, len(every), _CHUNK)] or [[]]
 
 
 def _literal(value: float) -> str:

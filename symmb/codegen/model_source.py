@@ -11,13 +11,10 @@ import casadi as ca
 
 from symmb.codegen import cache, tableau
 from symmb.codegen.c_source import c_source
-from symmb.codegen.emit import Emitter
+from symmb.codegen.emit import LARGE_MODEL, Emitter
 from symmb.codegen.graph import INPUT, Graph, graph_of
 from symmb.schemes import MOST_STEPS
 
-LARGE_MODEL = 5000
-"""Values of a model above which sines and cosines are calls of a function: otherwise compilers take minutes.
-tests/benchmarks/scaling.py"""
 CACHED_STATES = 32
 """States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
 

@@ -109,6 +109,20 @@ def test_parts_of_a_large_model_are_compiled_on_their_own(monkeypatch, tmp_path)
     assert_allclose(values(Engine, outputs, x0, p)[:, 0], expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize("chunk", [2, 400])
+def test_angles_of_a_large_model_are_computed_before_their_sines(monkeypatch, chunk):
+    """Angles that are states, sums of these, results themselves, or depend on other sines; in one piece and in many."""
+    monkeypatch.setattr("symmb.codegen.emit.LARGE_MODEL", 0)
+    monkeypatch.setattr("symmb.codegen.emit._CHUNK", chunk)
+    together = X[0] + X[1]
+    late = ca.sin(X[0]) * P[0] + together
+    angles = ca.vertcat(X, together, together * P[0], T, late, P, 2 * T + P[1], ca.sin(P[0]), ca.cos(late))
+    outputs = ca.vertcat(ca.cos(angles), angles, ca.sin(angles) * angles, 3.0, ca.cos(5 * X[1]))
+    x0, p = RNG.uniform(-3, 3, (20, 2)), RNG.uniform(-3, 3, (20, 2))
+    expected = ca.Function("f", [X, P, T], [outputs])(x0.T, p.T, 0.7).full().T
+    assert_allclose(values(Engine, outputs, x0, p, [0.7])[:, 0], expected, rtol=1e-14, atol=1e-14)
+
+
 @both
 def test_sines_and_cosines_of_any_angle(kind):
     """Near multiples of pi / 2, where digits cancel, on both sides of the limit of the reduction, and infinite."""

@@ -103,12 +103,7 @@ PRIVATE NOINLINE void sincos_by_lane(V a, V *s, V *c) {
   }
 }
 
-#if defined(LARGE) && LARGE
-PRIVATE NOINLINE
-#else
-PRIVATE inline
-#endif
-void v_sincos(V a, V *s, V *c) {
+PRIVATE inline __attribute__((always_inline)) void sincos_inline(V a, V *s, V *c) {
   const double to_integer = 6755399441055744.0; /* 1.5 * 2^52: the last bits of a sum with it are an integer */
   V shifted = a * 0.63661977236758134308 + to_integer, n = shifted - to_integer;
   V r = a - n * 1.57079632673412561417;
@@ -125,8 +120,21 @@ void v_sincos(V a, V *s, V *c) {
   *c = (V)((M)blend(swap, sine, cosine) ^ (((quarter + 1) & 2) << 62));
   if (__builtin_expect(!all_below(v_fabs(a), 1e5), 0)) sincos_by_lane(a, s, c);
 }
+
+/* A call in a large model: compilers take minutes for many of these in line. */
+#if defined(LARGE) && LARGE
+PRIVATE NOINLINE
+#else
+PRIVATE inline
+#endif
+void v_sincos(V a, V *s, V *c) { sincos_inline(a, s, c); }
 PRIVATE inline V v_sin(V a) { V s, c; v_sincos(a, &s, &c); return s; }
 PRIVATE inline V v_cos(V a) { V s, c; v_sincos(a, &s, &c); return c; }
+
+/* Replaces each of n angles, a[0], a[2], ..., by its sine, with its cosine behind it. They do not wait for each other. */
+PRIVATE NOINLINE void sines(int n, V *a) {
+  for (int i = 0; i < n; ++i) sincos_inline(a[2 * i], a + 2 * i, a + 2 * i + 1);
+}
 
 BY_LANE_1(v_tan, tan)
 BY_LANE_1(v_asin, asin)
