@@ -52,16 +52,17 @@ class Step:
     def at(self, times: Array) -> tuple[Array, Array]:
         """The motion at times (n_t,) as polynomials of the parameters (n, n_t, N + 1, ...), and their errors (n, n_t).
 
-        An error of the time changes T_k by k^2 of it at most.
+        An error of the time changes T_k by k^2 of it at most. Constant terms are added last: their part has only the
+        rounding of that sum.
         """
         c = self.x.c
-        k = np.arange(c.shape[1])
+        k = np.arange(1, c.shape[1])
         s = np.clip(2.0 * (times - self.t0) / self.h - 1.0, -1.0, 1.0)
         matrix = np.cos(np.outer(np.arccos(s), k))
         entries = k * k * (6.0 * U * (1.0 + (np.abs(times).max() + abs(self.t0)) / self.h)) + 16.0 * U * (k + 1)
-        modulus = np.abs(c).sum(axis=tuple(range(2, c.ndim)))
-        error = above(modulus[:, 1:] @ (above(entries[1:]) + of_sum(len(k) + 2)) + self.x.error + U * modulus[:, 0])
-        found = ch.along([matrix, *[None] * (c.ndim - 2)], c)
+        moved, d = np.abs(c[:, 1:]).sum(axis=tuple(range(2, c.ndim))), c.ndim - 2
+        found = c[:, :1] + ch.along([matrix, *[None] * d], c[:, 1:])
+        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + self.x.error + U * ch.sums(found, d).max(axis=1))
         return found, np.broadcast_to(error[:, None], found.shape[:2])
 
     @cached_property

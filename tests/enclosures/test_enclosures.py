@@ -15,7 +15,7 @@ from symmb.enclosures.curves import Step
 from symmb.enclosures.degrees import degrees_of_equations
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.flow import integrated
+from symmb.enclosures.flow import Curve, integrated
 from symmb.enclosures.march import Course, Place, march
 from symmb.enclosures.start import first_front
 from symmb.simulation import DAESimulator
@@ -201,6 +201,18 @@ def _step_of(f, order=2):
 )
 def test_degrees_of_equations(f, expected):
     assert tuple(degrees_of_equations(_step_of(f))[0]) == expected
+
+
+def test_states_at_a_time_with_terms_of_the_size_of_rounding():
+    """Each of 20 sums to a constant of 1.5 rounds, in a bound that is as small as one rounding."""
+    c = np.array([[[1.5], *[[1e-16]] * 20]])
+    curve = Curve(c, np.zeros(1), np.zeros((1, 20, 1)))
+    times = np.array([0.2, 0.9, 0.99, 1.0])
+    values, errors = Step(_step_of(lambda x, p, t: [x[0], x[1]]).problem, 0.0, 1.0, curve, curve, c[None]).at(times)
+    for t, value, error in zip(times, values[0, :, 0], errors[0], strict=True):
+        with mpmath.workdps(40):
+            exact = sum(mpmath.mpf(a) * mpmath.chebyt(k, 2 * mpmath.mpf(t) - 1) for k, a in enumerate(c[0, :, 0]))
+            assert abs(exact - mpmath.mpf(value)) <= error
 
 
 # Planted faults
