@@ -83,9 +83,10 @@ class Step:
         problem = self.problem
         more = self.x.error if radius is None else self.x.error + radius
         x = [(centre, above(r + m)) for (centre, r), m in zip(patches.discs(self.x.c), more, strict=True)]
+        errors = np.broadcast_to(problem.errors, problem.middle.shape)
         p = [
-            discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j)
-            for m, r, j in zip(problem.middle, problem.radius, problem.variables, strict=True)
+            discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j, error)
+            for m, r, j, error in zip(problem.middle, problem.radius, problem.variables, errors, strict=True)
         ]
         return [x, p, [patches.linear(self.t0 + 0.5 * self.h, 0.5 * self.h, 0)]]
 
@@ -131,9 +132,10 @@ class Step:
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
-    """Parameters at nodes, with bounds of errors. Middles of intervals that were halved a few times have some."""
+    """Parameters at nodes, with bounds of errors."""
     values = parameters_at(problem, [ch.nodes(m) for m in counts], leading)
+    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
     return [
-        points.point(value, 16.0 * U * (abs(m) + r) + r * ch.ENTRY if isinstance(value, np.ndarray) else 0.0)
-        for value, m, r in zip(values, problem.middle, problem.radius, strict=True)
+        points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)
+        for value, error in zip(values, errors, strict=True)
     ]

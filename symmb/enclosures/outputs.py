@@ -151,7 +151,7 @@ def _values(step: Step, times: Array, counts: tuple[int, ...], which: tuple[int,
     errors = above(errors + at[1]).max(axis=1)
     states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
     p = parameter_points(problem, counts, 1)
-    t = [points.point(times.reshape(-1, *(1,) * d))]
+    t = [points.point(times.reshape(-1, *(1,) * d), U * np.abs(times).max())]  # differences from the first time
     found = problem.tape_of_outputs(which).run(points.OPERATIONS, points.point, [states, p, t])[0]
     shape = (len(times), *counts)
     return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])

@@ -1,5 +1,7 @@
 """Enclosures of motions: samples lie inside, bounds are close to them, and planted faults are found."""
 
+from fractions import Fraction
+
 import casadi as ca
 import mpmath
 import numpy as np
@@ -11,7 +13,7 @@ import symmb as mb
 from models import double_pendulum, heavy_top
 from symmb.enclosures import defects, enclose, points, problem_of
 from symmb.enclosures import step as steps
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import Step, parameter_points
 from symmb.enclosures.degrees import degrees_of_equations
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
@@ -213,6 +215,28 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
         with mpmath.workdps(40):
             exact = sum(mpmath.mpf(a) * mpmath.chebyt(k, 2 * mpmath.mpf(t) - 1) for k, a in enumerate(c[0, :, 0]))
             assert abs(exact - mpmath.mpf(value)) <= error
+
+
+def test_middles_of_parts_near_zero():
+    """Sums of middles and halves round, and later middles are much smaller than these."""
+    problem = ode(lambda x, p, t: [p[0]], lambda p: [0.0], [(-0.0017, 0.0019)], [0.0, 1.0])
+    middle, radius = (Fraction(float(a[0])) for a in (problem.middle, problem.radius))
+    for k in range(40):
+        side = 1 if k == 0 or middle < 0 else -1
+        problem, radius = problem.over(0, side), radius / 2
+        middle += side * radius
+        value, error, *_ = parameter_points(problem, (3,), 0)[0]
+        assert abs(Fraction(float(value[1])) - middle) <= Fraction(error)
+
+
+def test_an_output_of_time_from_a_negative_first_time():
+    """-0.1 + 1000 rounds by 1e-14."""
+    p = mb.Parameters(a=1.0)
+    state = mb.State("z", rate=lambda z: p.a + 0 * z)
+    times = np.array([-1000.0, -0.1, -1e-3])
+    scene = mb.Scene(mb.System(state, parameters=p), {"z": 0.0}, times, {"t": mb.t}, box=mb.Box(a=(0.9, 1.1)))
+    _, found = _enclosed(scene, order=2)
+    assert (found.lower[:, 0] <= times).all() and (times <= found.upper[:, 0]).all()
 
 
 # Planted faults
