@@ -11,7 +11,7 @@ from enclosure_scenes import SCENES, pendulum, van_der_pol
 
 import symmb as mb
 from models import double_pendulum, heavy_top
-from symmb.enclosures import defects, enclose, points, problem_of
+from symmb.enclosures import chebyshev, defects, enclose, points, problem_of
 from symmb.enclosures import step as steps
 from symmb.enclosures.curves import Step, parameter_points
 from symmb.enclosures.degrees import degrees_of_equations
@@ -19,6 +19,7 @@ from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, integrated
 from symmb.enclosures.march import Course, Place, march
+from symmb.enclosures.ranges import ranges
 from symmb.enclosures.start import first_front
 from symmb.simulation import DAESimulator
 
@@ -215,6 +216,15 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
         with mpmath.workdps(40):
             exact = sum(mpmath.mpf(a) * mpmath.chebyt(k, 2 * mpmath.mpf(t) - 1) for k, a in enumerate(c[0, :, 0]))
             assert abs(exact - mpmath.mpf(value)) <= error
+
+
+def test_a_range_whose_maximum_is_on_a_surface():
+    """Cells as fine as a tolerance of 1e-12 would be 1e12: there the search ends, and bounds are wider."""
+    x, y, z = np.meshgrid(*[chebyshev.nodes(3)] * 3, indexing="ij")
+    c = chebyshev.along([chebyshev.coefficients_from_nodes(3)] * 3, np.stack([-((x - y + z) ** 2), x - y + z]))
+    lower, upper = ranges(c, 1e-12)
+    assert lower == pytest.approx([-9.0, -3.0], abs=1e-8) and (lower <= [-9.0, -3.0]).all()
+    assert upper == pytest.approx([0.0, 3.0], abs=1e-3) and (upper >= [0.0, 3.0]).all()
 
 
 def test_middles_of_parts_near_zero():
