@@ -49,15 +49,17 @@ def output_bounds(
                 break
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
-        if not len(good):
-            return -lower, upper, remainder
-        try:
-            low, high, rest = _good_bounds(
-                step, times, tuple(good.tolist()), rho[1:], most[good], of_states[good], sharp
-            )
-        except ProofError:
-            return -lower, upper, remainder
-        lower[:, good], upper[:, good], remainder[:, good] = -low, high, rest
+        pending = [good] if len(good) else []
+        while pending:
+            part = pending.pop()
+            try:
+                low, high, rest = _good_bounds(
+                    step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp
+                )
+            except ProofError:  # of one of them
+                pending += np.split(part, len(part)) if len(part) > 1 else []
+            else:
+                lower[:, part], upper[:, part], remainder[:, part] = -low, high, rest
         return -lower, upper, remainder
 
 
@@ -126,6 +128,8 @@ def interpolation(
         moved = values - mean[(..., *(None,) * d)]
         c = ch.along([ch.coefficients_from_nodes(m) for m in counts], moved)
         width = ch.sums(c, d).max(axis=1)
+        if not np.isfinite(width).all():
+            raise ProofError("a value is too large")
         is_exact = np.broadcast_to(degrees < np.array(counts), (len(most), d)).all(axis=1)
         alias = np.where(is_exact, 0.0, above(ch.aliasing(rho, counts) * most))
         allowed = 0.1 * (sharp * width + blurred) + errors

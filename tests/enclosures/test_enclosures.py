@@ -218,6 +218,17 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
             assert abs(exact - mpmath.mpf(value)) <= error
 
 
+def test_an_output_that_is_too_large_leaves_others_their_bounds():
+    """1.7e8 a is below the largest number, which sums of its values exceed."""
+    problem = ode(lambda x, p, t: [0 * x[0]], lambda p: [0.0], [(1.0, 1e300)], [0.0, 1.0],
+                  outputs=lambda x, p, t: [1.7e8 * p[0], p[0]])  # fmt: skip
+    found = enclose(problem, 3, 1)
+    assert np.isinf(found.upper[:, 0]).all()
+    assert (
+        (found.lower[:, 1] <= 1.0).all() and (found.upper[:, 1] >= 1e300).all() and (found.upper < 1.1e300)[:, 1].all()
+    )
+
+
 def test_a_range_whose_maximum_is_on_a_surface():
     """Cells as fine as a tolerance of 1e-12 would be 1e12: there the search ends, and bounds are wider."""
     x, y, z = np.meshgrid(*[chebyshev.nodes(3)] * 3, indexing="ij")
