@@ -218,6 +218,14 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
             assert abs(exact - mpmath.mpf(value)) <= error
 
 
+def test_a_long_fall_from_rest():
+    """Speeds reach a hundred kilometres a second, of which the first step, a fiftieth of the time, is a part."""
+    problem = ode(lambda x, p, t: [x[1], -p[0]], lambda p: [1.0, 0.0], [(0.9, 1.1)], [0.0, 0.01, 1e5])
+    found, half = enclose(problem, 4, 1), 0.5 * problem.times**2
+    assert (found.lower[:, 0] <= 1.0 - 1.1 * half).all() and (1.0 - 0.9 * half <= found.upper[:, 0]).all()
+    assert found.upper[:, 0] - found.lower[:, 0] == pytest.approx(0.2 * half, rel=1e-9, abs=1e-9)
+
+
 def test_an_output_that_is_too_large_leaves_others_their_bounds():
     """1.7e8 a is below the largest number, which sums of its values exceed."""
     problem = ode(lambda x, p, t: [0 * x[0]], lambda p: [0.0], [(1.0, 1e300)], [0.0, 1.0],
