@@ -95,7 +95,9 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
         x, most = new, _DIVERGED * moved if most is None else most
-        if not np.isfinite(change) or (moved > most).any():
+        if not np.isfinite(change):
+            raise ProofError("the motion is not a number, or changes too fast for the shortest step")
+        if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
         if change <= _SETTLED or (change > 0.5 * last and (difference < _CLOSE * moved).all()):
             break
