@@ -221,7 +221,7 @@ def _erf(a: Disc) -> Disc:
 
 
 def _power(a: Disc, b: Disc) -> Disc:
-    if b[0].size > 1 or np.any(b[1] > above(0.0)):
+    if b[0].size > 1 or not np.all(b[1] <= above(0.0)):
         return _exp(_multiply(b, _log(a)))
     n = float(np.real(b[0]))
     size = np.abs(a[0])

@@ -19,6 +19,8 @@ _MANY_PATCHES = 24, 64
 of sums that are positive, such as reactions, may need many."""
 _MANY_NODES = 50
 """Nodes of each parameter above which more patches are tried."""
+EXTRA_NODES = 4
+"""Nodes of each parameter that are taken first, beside the terms of the motion."""
 _FINEST, _LARGEST = 300, 3e6
 """Most nodes of a variable, and of the grids of all times: their values take seconds."""
 SHARP = 1e-6
@@ -121,7 +123,7 @@ def interpolation(
     """
     d = len(rho)
     lengths = step.x.c.shape[2:]
-    counts, top = tuple(m + 4 for m in lengths), (_FINEST,) * d
+    counts, top = tuple(m + EXTRA_NODES for m in lengths), (_FINEST,) * d
     while True:
         values, errors = _values(step, times, counts, which)
         mean = values.mean(axis=tuple(range(2, values.ndim)))
