@@ -12,7 +12,7 @@ from symmb._types import Array, Executor, Mask
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
-from symmb.enclosures import Enclosure, enclose, problem_of
+from symmb.enclosures import EXTRA_NODES, Enclosure, enclose, problem_of
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator
 
@@ -20,6 +20,8 @@ _HIGHEST = 60
 """Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
 _TERMS = 20_000
 """Most terms of a polynomial of the parameters. A step then takes a minute, and gigabytes with some ten states."""
+_NODES = 1_000_000
+"""The same of interpolations of expressions: they take half a minute."""
 _PARTS = 1000
 """Parts of the horizon in which progress is told."""
 
@@ -81,8 +83,7 @@ class TaylorModel(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
-        if problem.n:
-            self._require_room(problem.d)
+        self._require_room(problem.d, *((_TERMS, 1) if problem.n else (_NODES, EXTRA_NODES + 1)))
 
         def tell(share: float) -> None:
             if progress is not None:
@@ -94,14 +95,14 @@ class TaylorModel(Method):
         caution = _caution(found, remedy, np.asarray(simulator.times, dtype=float), tuple(simulator.outputs))
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
-    def _require_room(self, d: int) -> None:
-        """Refuse more parameters than polynomials of the order have room for: steps would take minutes."""
-        if (self.order + 1) ** d > _TERMS:
-            most = int(_TERMS ** (1.0 / d) + 1e-9) - 1
-            lower = f"order={most}, " if most else ""
+    def _require_room(self, d: int, terms: int, more: int) -> None:
+        """Refuse more parameters than polynomials of the order, with `more` terms of each, have room for."""
+        if (self.order + more) ** d > terms:
+            most = int(terms ** (1.0 / d) + 1e-9) - more
+            lower = f"order={most}, " if most > 0 else ""
             raise PropagationError(
-                f"{self!r}: polynomials of {d} parameters have {(self.order + 1) ** d} terms, of which it takes at "
-                f"most {_TERMS}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
+                f"{self!r}: polynomials of {d} parameters have {(self.order + more) ** d} terms, of which it takes at "
+                f"most {terms}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
             )
 
     def __repr__(self) -> str:

@@ -5,4 +5,5 @@ remainder in a frame, which is proved afterwards.
 """
 
 from symmb.enclosures.boxes import Enclosure, enclose
+from symmb.enclosures.outputs import EXTRA_NODES
 from symmb.enclosures.scene_problem import problem_of

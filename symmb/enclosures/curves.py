@@ -52,16 +52,17 @@ class Step:
     def at(self, times: Array) -> tuple[Array, Array]:
         """The motion at times (n_t,) as polynomials of the parameters (n, n_t, N + 1, ...), and their errors (n, n_t).
 
-        An error of the time changes T_k by k^2 of it at most.
+        An error of the time changes T_k by k^2 of it at most. Constant terms are added last: their part has only the
+        rounding of that sum.
         """
         c = self.x.c
-        k = np.arange(c.shape[1])
+        k = np.arange(1, c.shape[1])
         s = np.clip(2.0 * (times - self.t0) / self.h - 1.0, -1.0, 1.0)
         matrix = np.cos(np.outer(np.arccos(s), k))
         entries = k * k * (6.0 * U * (1.0 + (np.abs(times).max() + abs(self.t0)) / self.h)) + 16.0 * U * (k + 1)
-        modulus = np.abs(c).sum(axis=tuple(range(2, c.ndim)))
-        error = above(modulus[:, 1:] @ (above(entries[1:]) + of_sum(len(k) + 2)) + self.x.error + U * modulus[:, 0])
-        found = ch.along([matrix, *[None] * (c.ndim - 2)], c)
+        moved, d = np.abs(c[:, 1:]).sum(axis=tuple(range(2, c.ndim))), c.ndim - 2
+        found = c[:, :1] + ch.along([matrix, *[None] * d], c[:, 1:])
+        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + self.x.error + U * ch.sums(found, d).max(axis=1))
         return found, np.broadcast_to(error[:, None], found.shape[:2])
 
     @cached_property
@@ -82,9 +83,10 @@ class Step:
         problem = self.problem
         more = self.x.error if radius is None else self.x.error + radius
         x = [(centre, above(r + m)) for (centre, r), m in zip(patches.discs(self.x.c), more, strict=True)]
+        errors = np.broadcast_to(problem.errors, problem.middle.shape)
         p = [
-            discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j)
-            for m, r, j in zip(problem.middle, problem.radius, problem.variables, strict=True)
+            discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j, error)
+            for m, r, j, error in zip(problem.middle, problem.radius, problem.variables, errors, strict=True)
         ]
         return [x, p, [patches.linear(self.t0 + 0.5 * self.h, 0.5 * self.h, 0)]]
 
@@ -130,9 +132,10 @@ class Step:
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
-    """Parameters at nodes, with bounds of errors. Middles of intervals that were halved a few times have some."""
+    """Parameters at nodes, with bounds of errors."""
     values = parameters_at(problem, [ch.nodes(m) for m in counts], leading)
+    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
     return [
-        points.point(value, 16.0 * U * (abs(m) + r) + r * ch.ENTRY if isinstance(value, np.ndarray) else 0.0)
-        for value, m, r in zip(values, problem.middle, problem.radius, strict=True)
+        points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)
+        for value, error in zip(values, errors, strict=True)
     ]

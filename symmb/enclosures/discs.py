@@ -221,7 +221,7 @@ def _erf(a: Disc) -> Disc:
 
 
 def _power(a: Disc, b: Disc) -> Disc:
-    if b[0].size > 1 or np.any(b[1] > above(0.0)):
+    if b[0].size > 1 or not np.all(b[1] <= above(0.0)):
         return _exp(_multiply(b, _log(a)))
     n = float(np.real(b[0]))
     size = np.abs(a[0])
@@ -272,10 +272,20 @@ def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
     return operation
 
 
+def _holds(condition: Disc) -> float:
+    """1 where a condition, which may be any number, is not 0, and 0 where it is; not a number where it is not known."""
+    if np.all(condition[0] == 0.0) and np.all(condition[1] <= above(0.0)):
+        return 0.0
+    return 1.0 if _one_sided(condition) else np.nan
+
+
+def _decided(truth: float) -> Disc:
+    return _if(truth == truth, disc(truth))
+
+
 def _if_else_zero(condition: Disc, a: Disc) -> Disc:
-    if not np.all(np.isfinite(condition[1])):
-        return _if(False, a)
-    return a if np.real(condition[0]) > 0.5 else disc(0.0)
+    truth = _holds(condition)
+    return _if(truth == truth, a if truth else disc(0.0))
 
 
 OPERATIONS: dict[int, Callable[..., Disc]] = {
@@ -318,9 +328,9 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_LE: _truth(lambda side: float(side < 0)),
     ca.OP_EQ: _truth(lambda side: 0.0),
     ca.OP_NE: _truth(lambda side: 1.0),
-    ca.OP_NOT: lambda a: _subtract(disc(1.0), a),
-    ca.OP_AND: _multiply,
-    ca.OP_OR: lambda a, b: a if np.real(a[0]).flat[0] > 0.5 else b,
+    ca.OP_NOT: lambda a: _decided(1.0 - _holds(a)),
+    ca.OP_AND: lambda a, b: _decided(_holds(a) * _holds(b)),
+    ca.OP_OR: lambda a, b: _decided(float(np.maximum(_holds(a), _holds(b)))),
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
 }
 """Operations of CasADi on discs."""

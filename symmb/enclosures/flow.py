@@ -19,6 +19,8 @@ _ITERATIONS = 60
 """Most iterations of Picard's: they halve the error at least, or the step is too long."""
 _SPARE = 2
 """Nodes in each parameter beside the least number, so that cut terms alias little."""
+_DIVERGED = 1e3
+"""Growth of a state after the first iteration at which a step is too long."""
 _SETTLED = 2e-15
 """Change over the size of a state at which the iteration ends: rounding."""
 
@@ -84,16 +86,20 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
     step = 0.5 * h * (values_at_nodes(terms, terms + 1) @ integral(terms) @ coefficients_from_nodes(terms))
     x = np.repeat(begin[:, None], terms, axis=1)
-    size = np.maximum(problem.scales, np.abs(begin).max(axis=tuple(range(1, begin.ndim))))
-    last = np.inf
+    others = tuple(range(1, x.ndim))
+    size = np.maximum(problem.scales, np.abs(x).max(axis=others))
+    last, most = np.inf, None
     for _ in range(_ITERATIONS):
         f = rates_at(problem, x, p, t)
         new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
-        change = float((np.abs(new - x).max(axis=tuple(range(1, x.ndim))) / size).max(initial=0.0))
-        x = new
-        if not np.isfinite(change) or change > 1e3:
+        difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
+        change = float((difference / size).max(initial=0.0))
+        x, most = new, _DIVERGED * moved if most is None else most
+        if not np.isfinite(change):
+            raise ProofError("the motion is not a number, or changes too fast for the shortest step")
+        if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
-        if change <= _SETTLED or (change < _CLOSE and change > 0.5 * last):
+        if change <= _SETTLED or (change > 0.5 * last and (difference < _CLOSE * moved).all()):
             break
         last = change
     else:

@@ -23,6 +23,8 @@ _RESOLVED, _UNRESOLVED = 1e-14, 1e-12
 """Last coefficients in time over the sizes of the states: those aimed at, and those with which a step is too long."""
 _SHORTEST = 2.0**-4
 """Shortest step that is tried in vain, over the one aimed at."""
+_MUCH_SHORTER = 0.3
+"""A step over one that is too long for the motion."""
 _FIRST = 50
 """Horizon over the first step that is tried."""
 _LOST, _CRAWL = 1e-2, 2.0**-6
@@ -164,11 +166,16 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         h = float(np.floor(h / grain)) * grain
         try:
             x = motion(problem, front.x, front.t, h, TIME_TERMS)
-            tail = _tail(problem, x.c)
-            wanted = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), 0.3, 1.5))
-            if tail > _UNRESOLVED:
-                aim = h = wanted
-                continue
+        except ProofError as error:
+            reason, aim = str(error), _MUCH_SHORTER * h
+            h = aim
+            continue
+        tail = _tail(problem, x.c)
+        wanted = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _MUCH_SHORTER, 1.5))
+        if tail > _UNRESOLVED:
+            aim = h = wanted
+            continue
+        try:
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = Step(problem, front.t, h, x, B, C)
             proof = prove(step, entering(front, step), control)

@@ -19,6 +19,8 @@ _MANY_PATCHES = 24, 64
 of sums that are positive, such as reactions, may need many."""
 _MANY_NODES = 50
 """Nodes of each parameter above which more patches are tried."""
+EXTRA_NODES = 4
+"""Nodes of each parameter that are taken first, beside the terms of the motion."""
 _FINEST, _LARGEST = 300, 3e6
 """Most nodes of a variable, and of the grids of all times: their values take seconds."""
 SHARP = 1e-6
@@ -49,15 +51,17 @@ def output_bounds(
                 break
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
-        if not len(good):
-            return -lower, upper, remainder
-        try:
-            low, high, rest = _good_bounds(
-                step, times, tuple(good.tolist()), rho[1:], most[good], of_states[good], sharp
-            )
-        except ProofError:
-            return -lower, upper, remainder
-        lower[:, good], upper[:, good], remainder[:, good] = -low, high, rest
+        pending = [good] if len(good) else []
+        while pending:
+            part = pending.pop()
+            try:
+                low, high, rest = _good_bounds(
+                    step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp
+                )
+            except ProofError:  # of one of them
+                pending += np.split(part, len(part)) if len(part) > 1 else []
+            else:
+                lower[:, part], upper[:, part], remainder[:, part] = -low, high, rest
         return -lower, upper, remainder
 
 
@@ -119,13 +123,15 @@ def interpolation(
     """
     d = len(rho)
     lengths = step.x.c.shape[2:]
-    counts, top = tuple(m + 4 for m in lengths), (_FINEST,) * d
+    counts, top = tuple(m + EXTRA_NODES for m in lengths), (_FINEST,) * d
     while True:
         values, errors = _values(step, times, counts, which)
         mean = values.mean(axis=tuple(range(2, values.ndim)))
         moved = values - mean[(..., *(None,) * d)]
         c = ch.along([ch.coefficients_from_nodes(m) for m in counts], moved)
         width = ch.sums(c, d).max(axis=1)
+        if not np.isfinite(width).all():
+            raise ProofError("a value is too large")
         is_exact = np.broadcast_to(degrees < np.array(counts), (len(most), d)).all(axis=1)
         alias = np.where(is_exact, 0.0, above(ch.aliasing(rho, counts) * most))
         allowed = 0.1 * (sharp * width + blurred) + errors
@@ -151,7 +157,7 @@ def _values(step: Step, times: Array, counts: tuple[int, ...], which: tuple[int,
     errors = above(errors + at[1]).max(axis=1)
     states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
     p = parameter_points(problem, counts, 1)
-    t = [points.point(times.reshape(-1, *(1,) * d))]
+    t = [points.point(times.reshape(-1, *(1,) * d), U * np.abs(times).max())]  # differences from the first time
     found = problem.tape_of_outputs(which).run(points.OPERATIONS, points.point, [states, p, t])[0]
     shape = (len(times), *counts)
     return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])

@@ -17,7 +17,7 @@ from symmb.enclosures.rounding import above
 _SUMS = 1e-9
 """Share of the sum of moduli that covers the rounding of centres and radii."""
 _ROUNDED = 4e-15
-"""Relative error of the middle of an interval that was halved a few times."""
+"""Covers the rounding of sums of a middle and its distances."""
 
 
 class Patches:
@@ -54,13 +54,13 @@ class Patches:
         radii = above(reaches * (1.0 + _SUMS) - sizes)
         return [disc(centre, radius.ravel()[:1]) for centre, radius in zip(centres, radii, strict=True)]
 
-    def linear(self, middle: float, radius: float, variable: int) -> Disc:
-        """The discs of middle + radius z for one variable z."""
+    def linear(self, middle: float, radius: float, variable: int, error: float = 0.0) -> Disc:
+        """The discs of middle + radius z for one variable z, where the middle has an error."""
         shape = [-1 if i == variable else 1 for i in range(len(self.centres))]
         centres = middle + radius * self.centres[variable][:, 1].reshape(shape)
         swing = self._reaches[variable][1] - self._sizes[variable][1]
         return disc(centres, above(radius * swing * (1 + _SUMS) + _SUMS * (radius * self._reaches[variable][1])
-                                   + _ROUNDED * abs(middle)))  # fmt: skip
+                                   + _ROUNDED * abs(middle) + error))  # fmt: skip
 
 
 def largest_on(rho: Sequence[float], c: Array) -> Array:

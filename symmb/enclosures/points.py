@@ -112,7 +112,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
     n, most = float(exponent[0]), size(a) + a[1]
     if n == int(n) and n < 0:
         return _inverse(_constant_power(a, point(-n)))
-    if n != int(n) and a[2] <= 0:
+    if n != int(n) and a[2] <= a[1]:
         raise ProofError("the base of a power may vanish")
     steepest = most if n == int(n) or n > 1 else _distance_from_zero(a)
     try:
@@ -121,8 +121,13 @@ def _constant_power(a: Point, exponent: Point) -> Point:
         raise ProofError("a power is too large") from None
 
 
+def _is_constant(a: Point) -> bool:
+    """Whether it is one number without an error, beside that which covers underflow."""
+    return a[1] <= above(0.0) and a[2] == a[3]
+
+
 def _power(a: Point, b: Point) -> Point:
-    if b[1] == 0.0 and b[2] == b[3]:
+    if _is_constant(b):
         return _constant_power(a, point(b[2]))
     return _EXP(_multiply(b, _LOG(a)))
 
@@ -157,6 +162,11 @@ def _larger(a: Point, b: Point) -> Point:
 
 def _less(a: Point, b: Point) -> Point:
     return point(0.0 if _sign(_subtract(a, b))[0] > 0 else 1.0)
+
+
+def _holds(condition: Point) -> bool:
+    """Whether a condition, which may be any number, is not 0."""
+    return not (_is_constant(condition) and condition[2] == 0.0) and bool(_sign(condition)[0])
 
 
 _SQRT = _function(np.sqrt, lambda low, high: 0.5 / math.sqrt(low))
@@ -207,10 +217,10 @@ OPERATIONS: dict[int, Callable[..., Point]] = {
     ca.OP_LE: _less,
     ca.OP_EQ: lambda a, b: point(0.0 * float(_sign(_subtract(a, b))[0])),
     ca.OP_NE: lambda a, b: point(abs(float(_sign(_subtract(a, b))[0]))),
-    ca.OP_NOT: lambda a: point(1.0 - a[2]),
-    ca.OP_AND: lambda a, b: point(a[2] * b[2]),
-    ca.OP_OR: lambda a, b: point(max(a[2], b[2])),
-    ca.OP_IF_ELSE_ZERO: lambda condition, a: a if condition[2] else point(0.0),
+    ca.OP_NOT: lambda a: point(float(not _holds(a))),
+    ca.OP_AND: lambda a, b: point(float(_holds(a) and _holds(b))),
+    ca.OP_OR: lambda a, b: point(float(_holds(a) or _holds(b))),
+    ca.OP_IF_ELSE_ZERO: lambda condition, a: a if _holds(condition) else point(0.0),
 }
 """Operations of CasADi on such numbers. Comparisons are decided where all points agree, and are 0 or 1."""
 
@@ -261,8 +271,8 @@ PLAIN: dict[int, Callable[..., Array | float]] = {
     ca.OP_EQ: lambda a, b: np.equal(a, b) * 1.0,
     ca.OP_NE: lambda a, b: np.not_equal(a, b) * 1.0,
     ca.OP_NOT: lambda a: np.equal(a, 0.0) * 1.0,
-    ca.OP_AND: lambda a, b: np.multiply(a, b),
-    ca.OP_OR: np.maximum,
+    ca.OP_AND: lambda a, b: np.logical_and(a, b) * 1.0,
+    ca.OP_OR: lambda a, b: np.logical_or(a, b) * 1.0,
     ca.OP_IF_ELSE_ZERO: lambda condition, a: np.where(condition, a, 0.0),
 }
 """The same operations without bounds of errors."""

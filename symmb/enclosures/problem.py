@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
+from symmb.enclosures.rounding import U, above
 from symmb.enclosures.tape import Tape
 
 
@@ -24,6 +25,7 @@ class Problem:
     variables : number of the variable xi_j of each parameter, -1 where it is fixed
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
+    errors : (n_p,) of the middles of a part of the box, which are rounded
     """
 
     rates: ca.Function
@@ -34,12 +36,15 @@ class Problem:
     times: Array
     scales: Array
     start: "StartEquations"
+    errors: Array | float = 0.0
 
     def over(self, variable: int, side: int) -> "Problem":
         """The problem over the half of the box where a variable is negative (side -1) or positive (1)."""
         mine = np.array(self.variables) == variable
         radius = np.where(mine, 0.5 * self.radius, self.radius)
-        half = replace(self, middle=np.where(mine, self.middle + side * radius, self.middle), radius=radius)
+        middle = np.where(mine, self.middle + side * radius, self.middle)
+        errors = np.where(mine, above(self.errors + U * np.abs(middle)), self.errors)
+        half = replace(self, middle=middle, radius=radius, errors=errors)
         half.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
         return half
 

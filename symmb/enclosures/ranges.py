@@ -11,8 +11,10 @@ from symmb._types import Array
 from symmb.enclosures.chebyshev import along
 from symmb.enclosures.rounding import U, above
 
-_CELLS = 2**17
-"""Cells that are treated together."""
+_NUMBERS = 2**20
+"""Coefficients of the cells of a polynomial that are treated together, 8 MB, and above which it is searched no further:
+where it is largest on a curve or a surface, cells double until they are as fine as the tolerance.
+"""
 _DEPTH = 80
 """Most halvings of a cell."""
 
@@ -20,7 +22,7 @@ _DEPTH = 80
 def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     """Bounds (m,) of polynomials with Chebyshev coefficients (m, n1, ..., nd).
 
-    They are off by at most `tolerance` of the range, beside rounding, unless cells were halved often in vain.
+    They are off by at most `tolerance` of the range, beside rounding, unless too many cells are needed.
 
     The largest Bernstein coefficient of a polynomial is at least its maximum, and the coefficients at the corners are
     values. Cells whose largest coefficient is not above the largest value found, by more than the tolerance, are done.
@@ -38,7 +40,7 @@ def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     width = corners.max(axis=1) - corners.min(axis=1)
     tolerances = tolerance * width + errors
     upper, lower = _maxima(b, tolerances), -_maxima(-b, tolerances)
-    halving = _DEPTH * sum(lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
+    halving = _DEPTH * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
     return lower - above(errors + halving), upper + above(errors + halving)
 
 
@@ -46,6 +48,7 @@ def _maxima(b: Array, tolerances: Array) -> Array:
     """Upper bounds (m,) of polynomials with Bernstein coefficients (m, n1, ..., nd)."""
     best = _corners(b).max(axis=1)
     top = best.copy()
+    most = max(_NUMBERS // math.prod(b.shape[1:]), 2)
     pending = [(np.arange(len(b)), b, 0)]
     while pending:
         owner, cells, depth = pending.pop()
@@ -58,14 +61,21 @@ def _maxima(b: Array, tolerances: Array) -> Array:
         owner, cells = owner[~done], cells[~done]
         if not len(owner):
             continue
+        if 2 * len(owner) > most:
+            if owner[0] == owner[-1]:
+                np.maximum.at(top, owner, bound[~done])
+            else:  # all cells of a polynomial stay together
+                first = owner < owner[len(owner) // 2]
+                first = first if first.any() else owner <= owner[0]
+                pending += [(owner[part], cells[part], depth) for part in (first, ~first)]
+            continue
         steepest = np.stack([np.abs(np.diff(cells, axis=axis)).reshape(len(cells), -1).max(axis=1, initial=0.0)
                              for axis in range(1, cells.ndim)])  # fmt: skip
         axis_of = steepest.argmax(axis=0)
         halves = [_halved(cells[axis_of == axis], axis + 1) for axis in range(len(steepest))]
-        owners = [np.tile(owner[axis_of == axis], 2) for axis in range(len(steepest))]
-        cells, owner = np.concatenate(halves), np.concatenate(owners)
-        for first in range(0, len(owner), _CELLS):
-            pending.append((owner[first : first + _CELLS], cells[first : first + _CELLS], depth + 1))
+        owners = np.concatenate([np.tile(owner[axis_of == axis], 2) for axis in range(len(steepest))])
+        order = np.argsort(owners, kind="stable")
+        pending.append((owners[order], np.concatenate(halves)[order], depth + 1))
     return np.maximum(top, best)
 
 

@@ -45,7 +45,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0], scales, start)
     if times[0]:
         problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]))
-    for tape in (problem.jacobian_tape, problem.sensitivity_tape, Tape(problem.start.states)):
+    starts = [Tape(problem.start.residual), Tape(problem.start.states)]
+    for tape in (problem.jacobian_tape, problem.sensitivity_tape, *starts):
         if unknown := tape.unknown(OPERATIONS):
             raise PropagationError(f"{method!r}: it has no remainder of {', '.join(unknown)}. Use PolynomialChaos().")
     return problem

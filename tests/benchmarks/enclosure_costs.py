@@ -83,7 +83,8 @@ def picture(path: str) -> None:
         axes[row, 0].grid(alpha=0.3), axes[row, 1].grid(alpha=0.3)
     axes[1, 0].set_xlabel("order, with 2 states")
     axes[1, 1].set_xlabel("states, at order 4")
-    axes[0, 0].legend(frameon=False, title="parameters (hollow: not proved to the end)")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(PARAMETERS),
+                  frameon=False, title="parameters (hollow: not proved to the end)")  # fmt: skip
     figure.savefig(path, dpi=120)
 
 

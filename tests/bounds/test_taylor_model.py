@@ -154,6 +154,9 @@ def test_more_parameters_than_polynomials_have_room_for_are_refused():
     scene = mb.Scene(mb.System(z, parameters=p), {"z": 1.0}, [0.0, 0.1], {"z": z.value}, box=box)
     with pytest.raises(mb.PropagationError, match=r"of 6 parameters have 531441 terms.* Use order=4, fewer"):
         mb.propagate(scene, mb.TaylorModel())
+    formula = mb.Scene(mb.System(parameters=p), outputs={"f": p.a * p.b * p.c * p.d * p.e * p.f}, box=box)
+    with pytest.raises(mb.PropagationError, match=r"of 6 parameters have 4826809 terms.* Use order=5, fewer"):
+        mb.propagate(formula, mb.TaylorModel())
 
 
 def test_spatial_joints():

@@ -83,8 +83,8 @@ def test_discs_hold_all_values_of_their_arguments(name):
 
 @pytest.mark.parametrize("exponent", [0.0, 2.0, 3.0, -1.0, -2.0, 0.5, -1.5, 2.5])
 def test_constant_powers(exponent):
-    rng = np.random.default_rng(4)
-    x, radius = rng.uniform(0.5, 3.0, 200) + 0.1j, 0.05
+    rng, sign = np.random.default_rng(4), -1.0 if exponent == int(exponent) else 1.0
+    x, radius = sign * rng.uniform(0.5, 3.0, 200) + 0.1j, 0.05
     centres, reach = discs.OPERATIONS[ca.OP_CONSTPOW](discs.disc(x, radius), discs.disc(exponent))
     values, error, *_ = points.OPERATIONS[ca.OP_CONSTPOW](points.point(x.real, 1e-9), points.point(exponent))
     for k, angle in enumerate(2 * np.pi * rng.random(200)):
@@ -125,6 +125,10 @@ def test_discs_on_both_sides_of_a_pole_prove_nothing():
         ("OP_OR", (0.0, 1.0), 1.0),
         ("OP_IF_ELSE_ZERO", (1.0, 5.0), 5.0),
         ("OP_IF_ELSE_ZERO", (0.0, 5.0), 0.0),
+        ("OP_NOT", (-2.0,), 0.0),
+        ("OP_AND", (2.0, -3.0), 1.0),
+        ("OP_OR", (-2.0, 0.0), 1.0),
+        ("OP_IF_ELSE_ZERO", (-2.0, 5.0), 5.0),
     ],
 )
 def test_decided_comparisons(name, arguments, expected):
@@ -134,6 +138,22 @@ def test_decided_comparisons(name, arguments, expected):
     value, error, *_ = points.OPERATIONS[code](*map(points.point, arguments))
     assert float(value) == expected and error < 1e-12
     assert float(points.PLAIN[code](*arguments)) == expected
+
+
+EITHER = np.array([-1.0, 2.0])
+"""A condition that may hold or not."""
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [("OP_NOT", (EITHER,)), ("OP_AND", (1.0, EITHER)), ("OP_OR", (EITHER, 0.0)), ("OP_OR", (0.0, EITHER)),
+     ("OP_IF_ELSE_ZERO", (EITHER, 5.0))],
+)  # fmt: skip
+def test_conditions_that_may_vanish_are_not_decided(name, arguments):
+    code = getattr(ca, name)
+    assert np.isinf(discs.OPERATIONS[code](*map(discs.disc, arguments))[1]).all()
+    with pytest.raises(ProofError, match="may vanish"):
+        points.OPERATIONS[code](*map(points.point, arguments))
 
 
 def test_the_three_arithmetics_know_the_same_operations():

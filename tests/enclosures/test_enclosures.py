@@ -1,5 +1,7 @@
 """Enclosures of motions: samples lie inside, bounds are close to them, and planted faults are found."""
 
+from fractions import Fraction
+
 import casadi as ca
 import mpmath
 import numpy as np
@@ -9,14 +11,15 @@ from enclosure_scenes import SCENES, pendulum, van_der_pol
 
 import symmb as mb
 from models import double_pendulum, heavy_top
-from symmb.enclosures import defects, enclose, points, problem_of
+from symmb.enclosures import chebyshev, defects, enclose, points, problem_of
 from symmb.enclosures import step as steps
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import Step, parameter_points
 from symmb.enclosures.degrees import degrees_of_equations
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
-from symmb.enclosures.flow import integrated
+from symmb.enclosures.flow import Curve, integrated
 from symmb.enclosures.march import Course, Place, march
+from symmb.enclosures.ranges import ranges
 from symmb.enclosures.start import first_front
 from symmb.simulation import DAESimulator
 
@@ -201,6 +204,68 @@ def _step_of(f, order=2):
 )
 def test_degrees_of_equations(f, expected):
     assert tuple(degrees_of_equations(_step_of(f))[0]) == expected
+
+
+def test_states_at_a_time_with_terms_of_the_size_of_rounding():
+    """Each of 20 sums to a constant of 1.5 rounds, in a bound that is as small as one rounding."""
+    c = np.array([[[1.5], *[[1e-16]] * 20]])
+    curve = Curve(c, np.zeros(1), np.zeros((1, 20, 1)))
+    times = np.array([0.2, 0.9, 0.99, 1.0])
+    values, errors = Step(_step_of(lambda x, p, t: [x[0], x[1]]).problem, 0.0, 1.0, curve, curve, c[None]).at(times)
+    for t, value, error in zip(times, values[0, :, 0], errors[0], strict=True):
+        with mpmath.workdps(40):
+            exact = sum(mpmath.mpf(a) * mpmath.chebyt(k, 2 * mpmath.mpf(t) - 1) for k, a in enumerate(c[0, :, 0]))
+            assert abs(exact - mpmath.mpf(value)) <= error
+
+
+def test_a_long_fall_from_rest():
+    """Speeds reach a hundred kilometres a second, of which the first step, a fiftieth of the time, is a part."""
+    problem = ode(lambda x, p, t: [x[1], -p[0]], lambda p: [1.0, 0.0], [(0.9, 1.1)], [0.0, 0.01, 1e5])
+    found, half = enclose(problem, 4, 1), 0.5 * problem.times**2
+    assert (found.lower[:, 0] <= 1.0 - 1.1 * half).all() and (1.0 - 0.9 * half <= found.upper[:, 0]).all()
+    assert found.upper[:, 0] - found.lower[:, 0] == pytest.approx(0.2 * half, rel=1e-9, abs=1e-9)
+
+
+def test_an_output_that_is_too_large_leaves_others_their_bounds():
+    """1.7e8 a is below the largest number, which sums of its values exceed."""
+    problem = ode(lambda x, p, t: [0 * x[0]], lambda p: [0.0], [(1.0, 1e300)], [0.0, 1.0],
+                  outputs=lambda x, p, t: [1.7e8 * p[0], p[0]])  # fmt: skip
+    found = enclose(problem, 3, 1)
+    assert np.isinf(found.upper[:, 0]).all()
+    assert (
+        (found.lower[:, 1] <= 1.0).all() and (found.upper[:, 1] >= 1e300).all() and (found.upper < 1.1e300)[:, 1].all()
+    )
+
+
+def test_a_range_whose_maximum_is_on_a_surface():
+    """Cells as fine as a tolerance of 1e-12 would be 1e12: there the search ends, and bounds are wider."""
+    x, y, z = np.meshgrid(*[chebyshev.nodes(3)] * 3, indexing="ij")
+    c = chebyshev.along([chebyshev.coefficients_from_nodes(3)] * 3, np.stack([-((x - y + z) ** 2), x - y + z]))
+    lower, upper = ranges(c, 1e-12)
+    assert lower == pytest.approx([-9.0, -3.0], abs=1e-8) and (lower <= [-9.0, -3.0]).all()
+    assert upper == pytest.approx([0.0, 3.0], abs=1e-3) and (upper >= [0.0, 3.0]).all()
+
+
+def test_middles_of_parts_near_zero():
+    """Sums of middles and halves round, and later middles are much smaller than these."""
+    problem = ode(lambda x, p, t: [p[0]], lambda p: [0.0], [(-0.0017, 0.0019)], [0.0, 1.0])
+    middle, radius = (Fraction(float(a[0])) for a in (problem.middle, problem.radius))
+    for k in range(40):
+        side = 1 if k == 0 or middle < 0 else -1
+        problem, radius = problem.over(0, side), radius / 2
+        middle += side * radius
+        value, error, *_ = parameter_points(problem, (3,), 0)[0]
+        assert abs(Fraction(float(value[1])) - middle) <= Fraction(error)
+
+
+def test_an_output_of_time_from_a_negative_first_time():
+    """-0.1 + 1000 rounds by 1e-14."""
+    p = mb.Parameters(a=1.0)
+    state = mb.State("z", rate=lambda z: p.a + 0 * z)
+    times = np.array([-1000.0, -0.1, -1e-3])
+    scene = mb.Scene(mb.System(state, parameters=p), {"z": 0.0}, times, {"t": mb.t}, box=mb.Box(a=(0.9, 1.1)))
+    _, found = _enclosed(scene, order=2)
+    assert (found.lower[:, 0] <= times).all() and (times <= found.upper[:, 0]).all()
 
 
 # Planted faults
