@@ -72,3 +72,15 @@ def test_errors_of_motions_with_a_period_of_four_output_times_are_estimated():
     error = np.abs(bounds.upper[1::4, 0] - np.e)  # sin(2 a + b) reaches 1
     assert error.min() > 1e-5
     assert (bounds.estimate[1::4, 0] >= error).mean() > 0.99
+
+
+def test_pulses_between_the_times_at_which_errors_are_estimated_are_bounded():
+    times = np.arange(1000)
+    in_pulse = (times >= 9) & (times < 15)
+
+    def motion(a):
+        return np.stack([a * np.sin(6e-3 * times), in_pulse / (1 + 100 * (a - 0.3) ** 2)], axis=1)
+
+    simulator = mb.FunctionSimulator(motion, parameters={"a": 0.0}, times=times, outputs=["y", "z"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1, 1)))
+    assert_allclose(bounds["z"][1][in_pulse], 1, atol=0.01)

@@ -77,9 +77,9 @@ SOME_VALUES, REACHED_SHARE, REACHED_POWER = 50, 0.6, -0.06
 share, which the tolerance to a power multiplies: a loose tolerance is reached with few coefficients, and the estimate
 is then farther above the error. Medians of estimates over errors are 4 to 6 at tolerances of 1e-1 to 1e-3, and 99 % are
 covered."""
-MANY_TIMES = 250
+MANY_TIMES = 200
 """Least times at which errors are estimated; of twice as many and more, one of every two, three, ... A window of time
-holds five of them."""
+holds four of them."""
 WINDOW_SHARE = 0.2
 """Weight of the largest error in a window of time: what acts for a moment counts, but less than what stays."""
 

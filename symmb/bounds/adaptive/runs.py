@@ -21,7 +21,7 @@ from symmb.bounds.adaptive.constants import (
     ROUNDING_WIDTH,
     WINDOW_SHARE,
 )
-from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses, Times
+from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses, Times, rms
 from symmb.bounds.failed_region import find_failed_region
 from symmb.bounds.failure import Failure, failure_text
 from symmb.bounds.method import parameter_samples
@@ -91,7 +91,7 @@ class Runs:
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
-        self.responses = NodeResponses(self.shape[0])
+        self.responses = NodeResponses()
         self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.tried = np.empty((0, len(self.box)))
@@ -299,11 +299,6 @@ def relative_errors(error: Array, widths: Array) -> Array:
     squares = np.square(error)
     largest = WINDOW_SHARE**2 * average_over_window(squares).max(axis=-2, initial=0.0)
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-2), largest)) / widths)
-
-
-def rms(a: Array) -> Array:
-    """Root mean square over the first axis."""
-    return np.sqrt(np.mean(np.square(a), axis=0))
 
 
 def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:
