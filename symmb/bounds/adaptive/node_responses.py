@@ -21,16 +21,18 @@ class NodeResponses:
     Attributes
     ----------
     some_times : at which errors are estimated; all, unless there are many. The first responses choose them.
+    selects : whether some times are selected; sparse grids and response surfaces take all
     """
 
-    def __init__(self) -> None:
+    def __init__(self, selects: bool) -> None:
+        self.selects = selects
         self.some_times: Times = ALL_TIMES
         self._all: list[Array] = []
         self._some = self._all
 
     def append(self, Y: Array) -> None:
         """More responses (N, n_t, n_y)."""
-        if not self._all and Y.shape[1] >= 2 * MANY_TIMES:
+        if self.selects and not self._all and Y.shape[1] >= 2 * MANY_TIMES:
             self.some_times, self._some = _some_times(Y), []
         self._all.append(Y)
         if self._some is not self._all:
@@ -78,11 +80,13 @@ def _some_times(Y: Array) -> Indices:
     blocks = np.arange(1 + (n_t - 1) // step)
     within = (step * np.modf(_GOLDEN * blocks)[0]).astype(np.intp)
     times = np.unique(np.minimum(np.concatenate([[0], step * blocks + within, [n_t - 1]]), n_t - 1))
-    moved = Y - Y.mean(axis=0)
     before = np.clip(np.searchsorted(times, np.arange(n_t), side="right") - 1, 0, len(times) - 2)
     share = (np.arange(n_t) - times[before]) / (times[before + 1] - times[before])
-    rise = np.diff(moved[:, times], axis=1)[:, before]
-    away = np.abs(moved - moved[:, times[before]] - share[:, None] * rise).max(axis=0)
+    mean, away = Y.mean(axis=0), np.zeros(Y.shape[1:])
+    for y in Y:  # one at a time: memory
+        moved = y - mean
+        rise = np.diff(moved[times], axis=0)[before]
+        np.maximum(away, np.abs(moved - moved[times[before]] - share[:, None] * rise), out=away)
     is_pulse = np.maximum.reduceat(away, times, axis=0)[:-1] > _RESOLVED * rms(np.ptp(Y, axis=0))
     between = [times[k] + int(np.argmax(away[times[k] : times[k + 1], i])) for k, i in np.argwhere(is_pulse)]
     return np.unique(np.concatenate([times, np.array(between, dtype=np.intp)]))

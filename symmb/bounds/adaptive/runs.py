@@ -19,6 +19,7 @@ from symmb.bounds.adaptive.constants import (
     ORDINARY,
     ROUNDING_OF_VALUES,
     ROUNDING_WIDTH,
+    TENSOR_PARAMETERS,
     WINDOW_SHARE,
 )
 from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses, Times, rms
@@ -91,7 +92,7 @@ class Runs:
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
-        self.responses = NodeResponses()
+        self.responses = NodeResponses(selects=len(self.box) <= TENSOR_PARAMETERS)
         self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.tried = np.empty((0, len(self.box)))
