@@ -61,9 +61,9 @@ class Step:
         matrix = np.cos(np.outer(np.arccos(s), k))
         entries = k * k * (6.0 * U * (1.0 + (np.abs(times).max() + abs(self.t0)) / self.h)) + 16.0 * U * (k + 1)
         moved, d = np.abs(c[:, 1:]).sum(axis=tuple(range(2, c.ndim))), c.ndim - 2
-        found = c[:, :1] + ch.along([matrix, *[None] * d], c[:, 1:])
-        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + self.x.error + U * ch.sums(found, d).max(axis=1))
-        return found, np.broadcast_to(error[:, None], found.shape[:2])
+        motion = c[:, :1] + ch.along([matrix, *[None] * d], c[:, 1:])
+        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + self.x.error + U * ch.sums(motion, d).max(axis=1))
+        return motion, np.broadcast_to(error[:, None], motion.shape[:2])
 
     @cached_property
     def room(self) -> Array:

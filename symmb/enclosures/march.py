@@ -171,15 +171,15 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             h = aim
             continue
         tail = _tail(problem, x.c)
-        wanted = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _MUCH_SHORTER, 1.5))
+        h_resolved = h * float(np.clip((_RESOLVED / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _MUCH_SHORTER, 1.5))
         if tail > _UNRESOLVED:
-            aim = h = wanted
+            aim = h = h_resolved
             continue
         try:
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = Step(problem, front.t, h, x, B, C)
             proof = prove(step, entering(front, step), control)
-            control.h = wanted
+            control.h = h_resolved
             return step, proof
         except ProofError as error:
             reason, h = str(error), 0.5 * h
