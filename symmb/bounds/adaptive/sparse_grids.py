@@ -93,7 +93,8 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
         if is_last or error <= tolerance:
             estimate = estimate + SPARSE_RANGE * tolerance * (upper - lower)
             return EstimatedRange(lower, upper, estimate, corrected.expansion, places, error <= tolerance)
-        step = largest({a: sizes[a] for a in step}, int(len(step) * (error / tolerance - 1)))
+        # An empty step would repeat this round for ever.
+        step = largest({a: sizes[a] for a in step}, min(max(int(len(step) * (error / tolerance - 1)), 1), runs.left))
 
 
 def _interpolant(runs: Runs, grid: Grid, step: set[Index], before: Expansion | None) -> Expansion:

@@ -1,0 +1,78 @@
+"""Formulas of four and more parameters over time: their studies end, and their bounds are those of corners."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import symmb as mb
+
+T = np.linspace(0.0, 5.0, 11)
+
+
+def study(f, box, times=T, method=None):
+    """Bounds of f(**parameters) -> (n_t,), and the number of its calls."""
+    calls = 0
+
+    def response(**p):
+        nonlocal calls
+        calls += 1
+        return f(**p)[:, None]
+
+    simulator = mb.FunctionSimulator(response, {name: 0.5 * sum(ends) for name, ends in box.items()}, times, ["y"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), mb.Box(**box))
+    return bounds, calls
+
+
+def around(nominal, share):
+    return {name: ((1 - share) * value, (1 + share) * value) for name, value in nominal.items()}
+
+
+def at_corners(f, box):
+    """Smallest and largest values at all corners."""
+    corners = np.array(np.meshgrid(*box.values())).reshape(len(box), -1).T
+    values = np.array([f(**dict(zip(box, corner, strict=True))) for corner in corners])
+    return values.min(axis=0), values.max(axis=0)
+
+
+def deflection(L, E, b, h):
+    """A cantilever under a load that grows."""
+    return 100 * T * L**3 / (3 * E * b * h**3 / 12)
+
+
+def twist(L, G, D, k):
+    """A hollow shaft under a torque that grows."""
+    return 50 * T * L / (G * np.pi * D**4 * (1 - k**4) / 32)
+
+
+def rate(d, D, G, n, F):
+    """The deflection of a coil spring."""
+    return 8 * F * T * D**3 * n / (G * d**4)
+
+
+BEAM, SHAFT = {"L": 1.0, "E": 2e11, "b": 0.05, "h": 0.02}, {"L": 0.8, "G": 8e10, "D": 0.03, "k": 0.6}
+SPRING = {"d": 0.004, "D": 0.03, "G": 8e10, "n": 9.0, "F": 20.0}
+
+
+@pytest.mark.parametrize("share", [0.05, 0.02, 0.1])
+@pytest.mark.parametrize(("f", "nominal"), [(deflection, BEAM), (twist, SHAFT), (rate, SPRING)])
+def test_studies_of_formulas_end_with_the_bounds_of_corners(f, nominal, share):
+    box = around(nominal, share)
+    bounds, calls = study(f, box)
+    lower, upper = at_corners(f, box)
+    error = max(np.abs(bounds.lower[:, 0] - lower).max(), np.abs(bounds.upper[:, 0] - upper).max())
+    assert error <= 0.01 * np.ptp([lower, upper], axis=0).max()
+    assert not bounds.doubts and calls == bounds.evaluations < 150
+
+
+@pytest.mark.parametrize("budget", [47, 60, 333])
+@pytest.mark.parametrize("f", [lambda s: np.arctan(3 * s), lambda s: 1 / (2.5 + s), lambda s: abs(s - 0.2)])
+def test_studies_make_no_more_runs_than_their_budget(f, budget):
+    shapes = np.stack([np.cos((i + 1) * T + i) for i in range(5)]) / 5**0.5
+    box = dict.fromkeys("abcde", (-1.0, 1.0))
+    bounds, calls = study(
+        lambda **p: f(np.array(list(p.values())) @ shapes), box, method=mb.PolynomialChaos(budget=budget)
+    )
+    assert calls == bounds.evaluations <= budget
