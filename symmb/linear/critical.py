@@ -59,6 +59,7 @@ class CriticalSimulator(BlackBox):
         names = list(scene.system.parameters)
         self._number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
         self.name, self._parameter = scene.name, parameter
+        self.box = scene.box and scene.box.without(parameter)
         nominal = {name: value for name, value in scene.system.parameters.items() if name != parameter}
         found = self._values(nominal)
         if not found:

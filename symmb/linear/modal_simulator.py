@@ -56,7 +56,7 @@ class ModalSimulator(BlackBox):
         noise = [*errors / (2 * np.pi), *np.where(np.abs(found.values[modes].real) <= errors, 0.0, errors / sizes)]
         self._declare(scene.system.parameters, [0.0], names, dict(zip(names, noise, strict=True)))
         self.units = tuple("Hz" if name.startswith("f") else "1" for name in names)
-        self.name = scene.name
+        self.name, self.box = scene.name, scene.box
 
     def response(self, values: Mapping[str, float]) -> Any:
         """Frequencies and damping (1, n_y)."""

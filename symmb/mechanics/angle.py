@@ -14,7 +14,8 @@ def relative_angle(
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:
     """Angle of body b relative to body a about an axis fixed in both [rad], and the records of its state.
 
-    The angle is 0 where `alignment` (3, 3) turns vectors from axes of body a to those of body b.
+    The angle is 0 where `alignment` (3, 3) turns vectors from axes of body a to those of body b. Where the axes do not
+    stay parallel, it is the twist: the least rotation that brings the axes together does not count.
 
     For bodies that turn about z alone it is a difference of coordinates. Quaternions determine an angle only up to
     whole turns. Therefore a first-order state named `name.angle` follows the angle. It only chooses the number of
@@ -25,8 +26,23 @@ def relative_angle(
     frame_a = triad(axis_a)
     A = a.frame.R @ frame_a
     B = b.frame.R @ alignment @ frame_a
-    wrapped = ca.atan2(ca.dot(A[:, 1], B[:, 0]), ca.dot(A[:, 0], B[:, 0]))
-    rate = ca.dot(A[:, 2], b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega)
+    sine = ca.dot(A[:, 1], B[:, 0]) - ca.dot(A[:, 0], B[:, 1])
+    wrapped = ca.atan2(sine, ca.dot(A[:, 0], B[:, 0]) + ca.dot(A[:, 1], B[:, 1]))
+    omega = b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega
+    rate = ca.dot(turning_direction(a, axis_a, b, alignment), omega)
     state = ca.SX.sym(f"{name}.angle")
     records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
     return wrapped + 2 * math.pi * ca.floor((state - wrapped) / (2 * math.pi) + 0.5), records
+
+
+def turning_direction(a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX) -> ca.SX:
+    """The vector (3,) in world axes whose product with the relative angular velocity is the rate of `relative_angle`.
+
+    It is the axis where the axes are parallel. A torque along it does work on this angle alone, so that no energy is
+    created, whatever else the bodies do.
+    """
+    axis = a.frame.R @ axis_a
+    if turns_about_z(a.pose) and turns_about_z(b.pose):
+        return axis
+    other = b.frame.R @ alignment @ axis_a
+    return (axis + other) / (1 + ca.dot(axis, other))

@@ -2,19 +2,27 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 
 from symmb._types import Expr
-from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import AbstractBody, Body, Point, velocity_at
 from symmb.mechanics.contact_law import ContactLaw
-from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults, turning_faults
-from symmb.mechanics.force import MEETING, Action, ForceElement, Load, PairForce, fixed_at, is_constant, moment_on, push
+from symmb.mechanics.element import Bind, bound, direction_faults, pair_faults, point_faults
+from symmb.mechanics.force import (
+    MEETING,
+    Action,
+    ForceElement,
+    Load,
+    PairForce,
+    PairTorque,
+    fixed_at,
+    is_constant,
+    push,
+)
 from symmb.mechanics.friction import FrictionLaw, friction_faults
 from symmb.mechanics.pose import Planar
-from symmb.symbolic import Symbol, Z, ddt, triad, unit, vector
+from symmb.symbolic import Z, ddt, triad, unit, vector
 
 
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
@@ -166,8 +174,10 @@ class ToothContact(PairForce):
 
 
 @dataclass(frozen=True, eq=False)
-class TorsionContact(ForceElement):
+class TorsionContact(PairTorque):
     """A coupling with backlash. It turns freely over the backlash, and each stop pushes it back.
+
+    Where the axes of the bodies do not stay parallel, the angle is the twist, as that of `TorsionSpring`.
 
     Parameters
     ----------
@@ -179,34 +189,21 @@ class TorsionContact(ForceElement):
     axis : tuple           in both bodies' axes
     """
 
-    name: str
-    body_a: AbstractBody
-    body_b: AbstractBody
     backlash: Expr
     law: ContactLaw
     angle: Expr = 0.0
     axis: tuple[Expr, ...] = (0, 0, 1)
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.body_a, self.body_b)
-
     def faults(self) -> Iterator[str]:
-        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
+        yield from super().faults()
         yield from law_faults(self.title, self.law)
-
-    @cached_property
-    def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        axis = unit(vector(self.axis))
-        return relative_angle(self.name, self.body_a, axis, self.body_b, ca.SX.eye(3))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         backlash = bind(self.backlash, f"{self.title}: backlash")
         middle = bind(self.angle, f"{self.title}: angle")
-        alpha = self._alpha[0] - middle
-        axis = self.body_a.frame.R @ unit(vector(self.axis))
+        alpha = self.alpha - middle
 
         def loads(torque: ca.SX) -> tuple[Load, ...]:
-            turning = -ca.sign(alpha) * torque * axis
-            return moment_on(self.body_b, turning), moment_on(self.body_a, -turning)
+            return self._loads(-ca.sign(alpha) * torque)
 
         yield press(bound(self.law, bind, self.title), ca.fabs(alpha) - backlash / 2, loads, backlash, middle)

@@ -9,11 +9,11 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._types import Expr
-from symmb.mechanics.angle import relative_angle
+from symmb.mechanics.angle import relative_angle, turning_direction
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.element import Bind, Element, body_faults, pair_faults, point_faults, pose_faults, turning_faults
 from symmb.mechanics.pose import Planar, Spatial
-from symmb.symbolic import Kind, Symbol, ddt, is_time, is_zero, lookup, symbols_in, unit, vector
+from symmb.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, lookup, symbols_in, unit, vector
 
 MEETING = 1e-12
 """Distance below which two points meet [m]: no direction leads from one to the other."""
@@ -176,10 +176,47 @@ def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDa
 
 
 @dataclass(frozen=True, eq=False)
-class TorsionSpring(ForceElement):
+class PairTorque(ForceElement):
+    """Opposite torques on two bodies that depend on their relative angle about an axis fixed in both."""
+
+    name: str
+    body_a: AbstractBody
+    body_b: AbstractBody
+
+    def bodies(self) -> tuple[AbstractBody, ...]:
+        return (self.body_a, self.body_b)
+
+    def faults(self) -> Iterator[str]:
+        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
+
+    @property
+    @abstractmethod
+    def axis(self) -> tuple[Expr, ...]:
+        """In both bodies' axes, (3,)."""
+
+    @cached_property
+    def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
+        """Angle of b relative to a about the axis [rad], and the records of its state, which live as long as these."""
+        return relative_angle(self.name, self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
+
+    @property
+    def alpha(self) -> ca.SX:
+        """Angle of b relative to a about the axis [rad]."""
+        return self._angle[0]
+
+    def _loads(self, torque: ca.SX) -> tuple[Load, Load]:
+        """Loads of a torque on body b and its opposite on body a, whose power is the torque times the angle's rate."""
+        turning = torque * turning_direction(self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
+        return (moment_on(self.body_a, -turning), moment_on(self.body_b, turning))
+
+
+@dataclass(frozen=True, eq=False)
+class TorsionSpring(PairTorque):
     """Torsion spring and damper between two bodies about an axis fixed in both.
 
     The torque on body b is -(stiffness (alpha - angle) + damping alpha'), with the angle alpha of b relative to a.
+    Where the axes do not stay parallel, as on a Spherical joint, alpha is the twist: the least rotation that brings the
+    axes together does not count. The spring has the potential stiffness (alpha - angle)^2 / 2 there as well.
 
     Parameters
     ----------
@@ -191,39 +228,20 @@ class TorsionSpring(ForceElement):
     axis : tuple           in both bodies' axes
     """
 
-    name: str
-    body_a: AbstractBody
-    body_b: AbstractBody
     stiffness: Expr
     damping: Expr = 0.0
     angle: Expr = 0.0
     axis: tuple[Expr, ...] = (0, 0, 1)
 
-    def bodies(self) -> tuple[AbstractBody, ...]:
-        return (self.body_a, self.body_b)
-
-    def faults(self) -> Iterator[str]:
-        yield from turning_faults(self.title, self.body_a, self.body_b, self.axis)
-
-    @cached_property
-    def _alpha(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        axis = unit(vector(self.axis))
-        return relative_angle(self.name, self.body_a, axis, self.body_b, ca.SX.eye(3))
-
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         k = bind(self.stiffness, f"{self.title}: stiffness")
         c = bind(self.damping, f"{self.title}: damping")
         rest = bind(self.angle, f"{self.title}: angle")
-        alpha, _ = self._alpha
-        axis = self.body_a.frame.R @ unit(vector(self.axis))
-
-        def pair(torque: ca.SX) -> tuple[Load, ...]:
-            return (moment_on(self.body_a, -torque * axis), moment_on(self.body_b, torque * axis))
-
+        turn = self.alpha - rest
         if not is_zero(k):
-            yield Action(pair(-k * (alpha - rest)), 0.5 * k * (alpha - rest) ** 2 if is_constant(k, rest) else None)
+            yield Action(self._loads(-k * turn), 0.5 * k * turn**2 if is_constant(k, rest) else None)
         if not is_zero(c):
-            yield Action(pair(-c * ddt(alpha)))
+            yield Action(self._loads(-c * ddt(self.alpha)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +275,7 @@ class Bushing(PairForce):
 
 def diagonal(value: Expr | Sequence[Expr], what: str, bind: Bind) -> ca.SX:
     """Diagonal matrix (3, 3) of one number for all axes, or of three."""
-    values = value if isinstance(value, tuple | list) else (value,) * 3
+    values = components(value) or [value] * 3
     if len(values) != 3:
         raise DeclarationError(f"{what} has {len(values)} components; expected one or three.")
     return ca.sparsify(ca.diag(ca.vertcat(*[bind(v, what) for v in values])))
@@ -283,7 +301,7 @@ def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_t
 
 @dataclass(frozen=True, eq=False)
 class Force(ForceElement):
-    """A force (fx, fy, fz) [N] in world axes at a point."""
+    """A force (fx, fy[, fz]) [N] in world axes at a point: a list, a NumPy array or a CasADi vector."""
 
     name: str
     point: Point
@@ -294,16 +312,17 @@ class Force(ForceElement):
 
     def faults(self) -> Iterator[str]:
         yield from point_faults(self.title, self.point)
-        if not isinstance(self.force, tuple | list):
+        if components(self.force) is None:
             yield f"{self.title}: expected a force (fx, fy[, fz]), got {self.force!r}."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        yield Action((force_at(self.point, vector([bind(f, f"{self.title}: force") for f in self.force], self.title)),))
+        values = [bind(f, f"{self.title}: force") for f in components(self.force) or ()]
+        yield Action((force_at(self.point, vector(values, self.title)),))
 
 
 @dataclass(frozen=True, eq=False)
 class Torque(ForceElement):
-    """A torque tz or (tx, ty, tz) [N m] in world axes on a body."""
+    """A torque tz or (tx, ty, tz) [N m] in world axes on a body: a number, or a list, NumPy array or CasADi vector."""
 
     name: str
     body: AbstractBody
@@ -319,5 +338,5 @@ class Torque(ForceElement):
             yield from pose_faults(self.title, self.bodies(), ((Planar, Spatial),))
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
-        values = self.torque if isinstance(self.torque, tuple | list) else (0, 0, self.torque)
+        values = components(self.torque) or (0, 0, self.torque)
         yield Action((moment_on(self.body, vector([bind(v, f"{self.title}: torque") for v in values], self.title)),))

@@ -156,7 +156,12 @@ class Spherical(Joint):
 
 @dataclass(frozen=True, eq=False)
 class Distance(Joint):
-    """Massless rod of the given length [m], not zero, between the points; its multiplier is the pull in the rod [N]."""
+    """Massless rod of the given length [m], not zero, between the points; its multiplier is the pull in the rod [N].
+
+    The rod pulls and pushes. It stands for a rope only while its multiplier stays positive: make
+    `system.lam("name")[0]` an output and look at its sign. A `NonlinearSpring` pulls only, with a law such as
+    `lambda d, v: ca.fmax(k * (d - length), 0)`.
+    """
 
     poses: ClassVar = (_ANY, _ANY)
 

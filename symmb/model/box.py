@@ -131,6 +131,11 @@ class Box:
         radius = self.radius
         return (np.asarray(values, dtype=float) - self.center) / np.where(radius > 0, radius, np.inf)
 
+    def without(self, name: str) -> "Box | None":
+        """The box of the other parameters; None if there are none."""
+        left = {other: ends for other, ends in zip(self.names, self.bounds, strict=True) if other != name}
+        return Box(**left) if left else None
+
     def __len__(self) -> int:
         return len(self.names)
 

@@ -51,6 +51,7 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
+    box : Box                      that of the scene; None if it has none
     reason : str                   why symmb chose this solver and these coordinates; empty if they were given
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
@@ -66,6 +67,7 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
+        self.box = scene.box
         self._bodies, self._joints, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)

@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Executor
+from symmb.model import Box
 from symmb.simulation.black_box import BlackBox, samples_of_block
 from symmb.simulation.executors import Lost, finished
 from symmb.simulation.identity import UndigestedError, digest
@@ -128,6 +129,11 @@ class StoredSimulator:
     def noise(self) -> Array | None:
         """(n_y,) how far values may be off; None if it is not known."""
         return self.simulator.noise if isinstance(self.simulator, Noisy) else None
+
+    @property
+    def box(self) -> Box | None:
+        """The box of the scene, if it has one."""
+        return getattr(self.simulator, "box", None)
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ def simulator_of(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> tuple[Simulator, Box]:
-    """The simulator and the box of a study.
+    """The simulator and the box of a study, which is that of the scene if none is given.
 
     Raises
     ------
@@ -27,8 +27,7 @@ def simulator_of(
                            options that only a scene takes
     """
     require_solver(solver)
-    if box is None and isinstance(subject, Scene):
-        box = subject.box
+    box = getattr(subject, "box", None) if box is None else box
     if box is None:
         raise DeclarationError("No box: which parameters are uncertain? Give box=Box(l1=(0.95, 1.05)).")
     if not isinstance(box, Box):

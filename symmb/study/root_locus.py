@@ -270,8 +270,7 @@ def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
         if name not in scene.system.parameters:
             known = did_you_mean(name, scene.system.parameters)
             raise DeclarationError(f"root_locus: no parameter {name!r}, which the box names.{known}")
-    left = {name: ends for name, ends in zip(box.names, box.bounds, strict=True) if name != parameter}
-    return Box(**left) if left else None
+    return box.without(parameter)
 
 
 def _corners(d: int) -> Array:

@@ -10,21 +10,30 @@ from symmb._errors import DeclarationError
 X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in range(3))
 
 
-def vector(values: object, what: str = "vector") -> ca.SX:
+def components(value: Any) -> list[Any] | None:
+    """The components of a list, a tuple, a NumPy array or a CasADi vector; None of anything else, as of a number."""
+    if isinstance(value, list | tuple):
+        return list(value)
+    if isinstance(value, np.ndarray) and value.ndim:
+        return value.ravel().tolist()
+    if isinstance(value, ca.SX | ca.DM) and value.numel() > 1:
+        return ca.vertsplit(ca.vec(ca.densify(value)))
+    return None
+
+
+def vector(values: Any, what: str = "vector") -> ca.SX:
     """A 3-vector from two or three numbers or SX scalars; the third is 0 if left out."""
-    if isinstance(values, ca.SX):
-        entries = ca.vertsplit(values)
-    else:
-        entries = values if isinstance(values, list | tuple) else [*np.atleast_1d(np.asarray(values, dtype=object))]
+    entries: list[Any] | None = components(values)
+    entries = [values] if entries is None else entries
     if len(entries) not in (2, 3):
         raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
     try:
-        components = [ca.SX(e) for e in entries]
+        parts = [ca.SX(e) for e in entries]
     except (NotImplementedError, TypeError, RuntimeError):
         raise DeclarationError(f"{what}: {values!r} has components that are neither numbers nor CasADi SX.") from None
-    if any(component.numel() != 1 for component in components):
+    if any(part.numel() != 1 for part in parts):
         raise DeclarationError(f"{what}: {values!r} has components that are no single numbers.")
-    return ca.densify(ca.vertcat(*components, *[0] * (3 - len(entries))))
+    return ca.densify(ca.vertcat(*parts, *[0] * (3 - len(entries))))
 
 
 def scalar(value: Any, what: str) -> ca.SX:

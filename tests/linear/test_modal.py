@@ -84,3 +84,13 @@ def test_faults():
         mb.ModalSimulator(coupled(0.0), 0)
     with pytest.raises(mb.DeclarationError, match="Expected a Scene, got System"):
         mb.ModalSimulator(coupled(0.0).system)
+
+
+def test_the_box_of_the_scene_is_taken():
+    p = mb.Parameters(k=100.0, c=1.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    force = mb.Force("force", mass.point(0, 0, 0), (-p.k * mass.x - p.c * mass.vx, 0, 0))
+    scene = mb.Scene(mb.System(mass, force, parameters=p), box=mb.Box(k=(81.0, 121.0), c=(-1.0, 1.0)))
+    bounds = mb.propagate(mb.ModalSimulator(scene), mb.Vertex())
+    assert 2 * np.pi * np.ravel(bounds["f1"]) == pytest.approx([9.0, 11.0])
+    assert mb.critical(scene, "c", (-1.0, 1.5)).box == mb.Box(k=(81.0, 121.0))

@@ -218,3 +218,16 @@ def test_gyroscopic_torques_of_a_spatial_body():
     Q = numbers(dae.Q, [0, 0, 0, 1, 0, 0, 0], np.hstack([np.zeros(3), omega]), [], 0.0)
     assert_allclose(Q, np.hstack([np.zeros(3), -np.cross(omega, J @ omega)]))
     assert_allclose(dae.M(np.zeros(7), np.zeros(6), [], 0.0).full()[3:, 3:], J)
+
+
+@pytest.mark.parametrize("write", [list, tuple, np.array, ca.DM, lambda values: ca.vertcat(*values)])
+def test_vectors_are_written_in_any_way(write):
+    body = mb.Body("b", 1.0, (1.0, 2.0, 3.0), mb.Spatial())
+    load = mb.Force("f", body.point(0, 0, 0), write([1.0, -2.0, 3.0]))
+    turn = mb.Torque("t", body, write([4.0, 5.0, -6.0]))
+    _, dae = bundle(body, load, turn)
+    q = np.array([0, 0, 0, 1.0, 0, 0, 0])
+    assert_allclose(numbers(dae.Q, q, np.zeros(6), [], 0.0), [1, -2, 3, 4, 5, -6])
+    moving = mb.Torque("t", body, body.x * ca.DM([4.0, 5.0, -6.0]))
+    _, dae = bundle(body, moving)
+    assert_allclose(numbers(dae.Q, np.array([2.0, 0, 0, 1.0, 0, 0, 0]), np.zeros(6), [], 0.0)[3:], [8, 10, -12])
