@@ -18,7 +18,7 @@ from symmb.codegen import REASONS, FailureCode
 from symmb.events import Event
 from symmb.integrate.marching import Marching
 from symmb.integrate.side_walk import Stops, no_stops
-from symmb.model import DAE
+from symmb.model import DAE, Lazy
 from symmb.symbolic import batch, so_far
 
 _COUNTED = {
@@ -64,7 +64,7 @@ class Integration:
     stops : x0, p -> Stops               switches of N samples, where steps end; optional
     units : (n_x + n_quad,), optional    the Functions take and give states and integrals over these units
     whole_times : (m,), (n_t,), optional times of `whole` [s], and where `times` stand among them; else they are `times`
-    onward : Function, optional          `between` for intervals of the times of `whole`
+    onward : Lazy of a Function, optional    `between` for intervals of the times of `whole`
     limit : (float, float)               steps per time of a usual run [1/s]; most steps beyond it of one sample, in
                                          such intervals
     samples : bool                       `project` computes sampled values as well, where steps begin anew
@@ -83,7 +83,7 @@ class Integration:
         stops: Callable[[Array, Array], Stops] | None = None,
         units: Array | None = None,
         whole_times: tuple[Array, Indices] | None = None,
-        onward: ca.Function | None = None,
+        onward: Lazy[ca.Function] | None = None,
         limit: tuple[float, float] = (np.inf, np.inf),
         samples: bool = False,
     ) -> None:
@@ -92,7 +92,7 @@ class Integration:
         self._whole_times, self._outputs = whole_times or (times, np.arange(len(times)))
         self.n_x, self.n_quad = n_x, n_quad
         self._whole, self._between, self._guess, self._project = whole, between, guess, project
-        self._onward = onward or between
+        self._onward = onward
         self._marching, self._stops, self._units = marching, stops, units
         self._statistics: Counter[str] = Counter()
 
@@ -157,7 +157,7 @@ class Integration:
         if not known.all():
             last = int(known.argmin()) - 1
             X[last + 1 :], quad[last + 1 :] = np.nan, 0.0
-            onward = partial(self.advance, self._onward, p)
+            onward = partial(self.advance, self._onward() if self._onward else self._between, p)
             run = self._go_on(onward, run, times, last, p, no_stops(1).of(0), interrupts)
         return run.at(self._outputs)
 

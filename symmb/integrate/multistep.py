@@ -15,7 +15,7 @@ from symmb.integrate.one_sided import OneSided, one_sided
 from symmb.integrate.problem import Problem
 from symmb.integrate.side_walk import SideWalk, Stops
 from symmb.integrate.switch_passes import SwitchPasses
-from symmb.model import DAE
+from symmb.model import DAE, Lazy
 from symmb.symbolic import batch
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
@@ -27,6 +27,7 @@ the next, and is lost, as at a singular position, when it has taken this share o
 CLOSE_TIMES = 1e-6
 """Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
 _SCALED = {"ode", "alg", "quad"}
+_WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_reverse": False, "enable_jacobian": False, "enable_fd": True}
 _SMOOTH_STEPS = 20_000
 """Most steps of a piece on one side of each switch: one that needs more is left to equations that follow the state."""
 _NOISE = 1e-15
@@ -70,14 +71,14 @@ def multistep_integration(
         """One integrator for every interval, by the time since its begin over its length."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
-        return ca.integrator(name, plugin, part, 0, 1, limited(problem, 1.0, float(np.diff(ends).max()), most))
+        return _integrator(name, plugin, part, 0, 1, limited(problem, 1.0, float(np.diff(ends).max()), most))
 
     if project is None:
         unit = _time_unit(fine)
         part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
         limits = limited(problem, horizon / unit, unit, USUAL * most / CELLS)
-        whole = ca.integrator("whole", plugin, part, times[0] / unit, fine / unit, limits)
-        onward = from_0_to_1("onward", problem, fine, LOST * most)
+        whole = _integrator("whole", plugin, part, times[0] / unit, fine / unit, limits)
+        onward = Lazy(lambda: from_0_to_1("onward", problem, fine, LOST * most))
     if project is not None or passes.are_possible:
         between = from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
     equations = one_sided(dae) if passes.are_possible and not order else None
@@ -118,7 +119,7 @@ class _MultistepIntegration(Integration):
         between: ca.Function | None = None,
         smooth: "_SmoothPieces | None" = None,
         whole_times: tuple[Array, Indices] | None = None,
-        onward: ca.Function | None = None,
+        onward: Lazy[ca.Function] | None = None,
         limit: tuple[float, float] = (math.inf, math.inf),
         samples: bool = False,
     ) -> None:
@@ -183,6 +184,21 @@ class _SmoothPieces:
             parameters = np.concatenate([p, y[:n], units, offset, [begin, end - begin]])
             yf = batch(self.integrator, offset, z0, parameters)[0][0]
         return y + units * (yf - offset)
+
+
+def _integrator(
+    name: str, plugin: str, parts: dict[str, ca.SX], begin: float, ends: float | Array, options: dict[str, Any]
+) -> ca.Function:
+    """CasADi's integrator of a problem. Without Newton iterations it needs no Jacobian, which takes most of its making.
+
+    CasADi derives one in any case, so that the rates become a Function without derivatives: nothing is left to derive.
+    """
+    if options.get("nonlinear_solver_iteration") == "functional":
+        inputs, rates = [key for key in parts if key not in _SCALED], [key for key in parts if key in _SCALED]
+        f = ca.Function("rates", parts, inputs, rates, _WITHOUT_DERIVATIVES)
+        at = {key: ca.MX.sym(key, parts[key].sparsity()) for key in inputs}
+        parts = at | {key: value for key, value in f.call(at).items() if key in rates}
+    return ca.integrator(name, plugin, parts, begin, ends, options)
 
 
 def _parts(problem: Problem) -> dict[str, ca.SX]:
