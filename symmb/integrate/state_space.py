@@ -222,7 +222,7 @@ class _Equations:
     def dependent(self, x: Array, p: Array, t: float) -> Indices:
         """Velocities that depend on the others: as many as rows."""
         *_, G = self.at(x, p, t)
-        return independent_rows_and_columns(G * self.dae.displacement_scales)[1] if len(G) else np.arange(0)
+        return independent_rows_and_columns(G * self.dae.displacement_scales, rank=self.dae.rank)[1]
 
 
 class _Motion:

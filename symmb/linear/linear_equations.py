@@ -13,8 +13,6 @@ from symmb.model import DAE
 from symmb.simulation import Formulation
 from symmb.symbolic import batch
 
-_RANK = 1e-9
-"""Pivot over the largest one below which rows of the constraints depend on others: rounding leaves 1e-12."""
 _MOST_INSTRUCTIONS = 2_000_000
 """Instructions for all columns one by one, up to which the matrices are derived as a whole: this takes some seconds."""
 _BLOCKS = ("qdot", "vdot", "sdot", "rows", "outputs", "bodies")
@@ -154,20 +152,20 @@ class LinearEquations:
         return bodies.states(state, p)[bodies.dae.n_q : bodies.dae.n_q + bodies.dae.n_v]
 
 
-def independent(blocks: Blocks, scales: Array) -> Indices:
-    """Numbers of independent displacements, velocities and states of the first sample; `scales` (n_z,) are theirs."""
+def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
+    """Numbers of independent displacements, velocities and states of the first sample.
+
+    The rank of the rows was decided at the start: it is that of the equations of motion.
+    """
     from scipy.linalg import qr
 
-    rows = blocks.rows[0] * scales
+    dae, rows = equations.dae, blocks.rows[0] * equations.sizes
+    if not len(rows):
+        return np.arange(equations.n_z)
+    rank = dae.rank + dae.position_rank + len(rows) - dae.n_r - dae.n_c
     rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
-    _, R, order = (
-        cast(tuple[Any, ...], qr(rows, mode="economic", pivoting=True))
-        if len(rows)
-        else (None, np.zeros((0, 0)), np.arange(0))
-    )
-    pivots = np.abs(np.diag(R))
-    rank = int(np.count_nonzero(pivots > _RANK * pivots.max(initial=0.0)))
-    return np.setdiff1d(np.arange(len(scales)), order[:rank])
+    order = cast(tuple[Any, ...], qr(rows, mode="r", pivoting=True))[-1]
+    return np.setdiff1d(np.arange(equations.n_z), order[:rank])
 
 
 def lifts(blocks: Blocks, free: Indices) -> Array:

@@ -126,7 +126,7 @@ def free_states(equations: LinearEquations, blocks: Blocks) -> Indices:
     """
     dae = equations.dae
     flags = 2 * dae.n_v + dae.impacts.closed if dae.impacts is not None else np.zeros(0, dtype=np.intp)
-    free = np.setdiff1d(independent(blocks, equations.sizes), flags)
+    free = np.setdiff1d(independent(equations, blocks), flags)
     if not len(free):
         raise DeclarationError("linearize: the scene has no state that can deviate: nothing in it moves freely.")
     return free

@@ -78,8 +78,8 @@ class Collected:
         first = {name: owners.index(name) for name in dict.fromkeys(owners)}
         return replace(
             self,
-            Phi=self.Phi[[i for i in numbers if i < n_c]],
-            Psi=self.Psi[[i - n_c for i in numbers if i >= n_c]],
+            Phi=self.Phi[[i for i in numbers if i < n_c], :],
+            Psi=self.Psi[[i - n_c for i in numbers if i >= n_c], :],
             rows={name: slice(at, at + owners.count(name)) for name, at in first.items()},
             row_names=tuple(self.row_names[i] for i in numbers),
         )

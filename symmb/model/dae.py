@@ -233,6 +233,11 @@ class DAE:
         """Rank of G wherever the constraints hold and no position is singular."""
         return self.n_r - (0 if self.vanishing is None else self.vanishing.size2_out(0))
 
+    @property
+    def position_rank(self) -> int:
+        """Rank of the position rows wherever the constraints hold and no position is singular."""
+        return self.n_c - (0 if self.vanishing is None else self.vanishing.size2_out(1))
+
     def arguments(self, x: ca.SX, p: ca.SX, time: ca.SX) -> tuple[ca.SX, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
         n = self.n_q + self.n_v

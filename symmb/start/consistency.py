@@ -34,14 +34,14 @@ def check_velocities(start: Start, p0: Array) -> None:
     raise AssemblyError(f"Start velocities contradict the constraints: {what}. {remedy}")
 
 
-def check_accelerations(start: Start, G: Array) -> None:
+def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
     """Raise AssemblyError if redundant rows agree on positions and velocities, but not on accelerations."""
     dae, at = start.dae, start.nominal()
     if dae.gamma is None:
         return
     x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], start.t0)
-    gamma = dae.gamma(*x).full().ravel() / dae.row_scales
-    contradiction = np.abs(vanishing_combinations(G / dae.row_scales[:, None]).T @ gamma)
+    gamma = dae.gamma(*x).full().ravel() / sizes
+    contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)
     if contradiction.max(initial=0.0) > VIOLATION * max(np.abs(gamma).max(initial=0.0), 1.0):
         names = ", ".join(map(repr, start.redundant))
         raise AssemblyError(f"The accelerations that {names} ask for at the start contradict each other.")

@@ -9,7 +9,6 @@ from symmb._types import Array, Indices
 from symmb.mechanics import Constraint, Weld
 from symmb.model import DAE, Scene
 from symmb.start.equilibrium import is_stable
-from symmb.start.rank import independent_rows_and_columns
 from symmb.start.sparse_rows import normal_solver
 from symmb.symbolic import evaluated
 
@@ -17,8 +16,11 @@ _BALANCED = 1e-9
 """Unbalanced forces over the largest force, for displacements of the scene's size, that are rounding."""
 
 
-def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float) -> Iterator[str]:
-    """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters."""
+def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
+    """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
+
+    `rows` are the numbers of independent rows of the constraints.
+    """
     s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
     if dae.sampling is not None:
         s = (np.asarray(ca.evalf(dae.sampling.held(*map(ca.SX, (q, v, *s, dae.p_nominal, t0))))).ravel(),)
@@ -26,7 +28,6 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float) -> Itera
     G = np.zeros((0, dae.n_v))
     if dae.G is not None:
         G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
-    rows, _ = independent_rows_and_columns(G)
     driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven:
         return

@@ -5,13 +5,19 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 import numpy as np
 
-from symmb._errors import AssemblyError
 from symmb._types import Array
 from symmb.mechanics import Spatial
 from symmb.model import DAE, Scene, System, compile_dae
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.rank import independent_rows, independent_rows_and_columns, lasting_rows
-from symmb.start.scales import resting, with_coarse_scales
+from symmb.start.rank import (
+    RANK_TOLERANCE,
+    general_entries,
+    independent_rows_and_columns,
+    lasting_rows,
+    own_scales,
+    row_sizes,
+)
+from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start, function_jets, parameter_jets
 from symmb.symbolic import batch, conjugate, product
 
@@ -26,9 +32,8 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
     measured = ca.Function("measured", [x, p], [ca.densify(ca.vertcat(*joints.joints.of_joints))], {"cse": True})
     states, (fault,) = start.states(start.dae.p_nominal[None])
     q0 = measured(states[0], start.dae.p_nominal).full().ravel()[: joints.q.numel()]
-    try:
-        dae = _with_independent_rows(joints, q0, start.t0)
-    except AssemblyError:
+    dae = _with_independent_rows(start, joints, q0)
+    if dae is None:
         return None
     if dae.sampling is not None and start.dae.sampling is not None:
         dae = replace(dae, sampling=replace(dae.sampling, begin=start.dae.sampling.begin))
@@ -59,13 +64,28 @@ class _StartOfBodies(Start):
         return function_jets(self.measured, [self.bodies.jets(p, directions, order), P])
 
 
-def _with_independent_rows(joints: System, q: Array, t0: float) -> DAE:
-    """The equations with coarse scales, and without the rows of loops that depend on others."""
+def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:
+    """The equations with coarse scales, and without the rows of loops that depend on others.
+
+    The rank is that of all rows, which the start of the bodies has decided on, less that of the rows of the joints that
+    carry bodies: those are independent. None if it is not reached at q (n_q,).
+    """
+    t0, space, bodies = start.t0, joints.joints, start.dae
     dae = with_coarse_scales(compile_dae(joints), q, t0)
-    rows = independent_rows(dae, q, t0)
-    if rows is None:
+    rank = start.ranks[0] - (bodies.n_v - dae.n_v)
+    if dae.G is None or bodies.G is None or rank == dae.n_r:
         return dae
-    sufficient, nullities = lasting_rows(dae, q, t0, rows)
+    carried = ca.jacobian(space.of_bodies[1], joints.v)
+    along = ca.Function("along", [joints.q, joints.p], [carried])(q, dae.p_nominal).full()
+    loops = general_entries(bodies, start.q_nominal, t0)[space.rows]
+    general = loops @ np.abs(along)  # in which nothing cancels
+    scales = dae.displacement_scales
+    G = evaluate_at_rest(dae.G, dae, q, t0) * scales
+    sizes = row_sizes(G, general * scales)
+    if np.linalg.matrix_rank(G / sizes[:, None], tol=RANK_TOLERANCE * max(G.shape)) < rank:
+        return None
+    rows, _ = independent_rows_and_columns(G, sizes, rank)
+    sufficient, nullities = lasting_rows(dae, q, t0, rows, general)
     return with_coarse_scales(compile_dae(joints, sufficient.tolist(), nullities), q, t0)
 
 
@@ -83,7 +103,8 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     place = ca.Function("place", [u, p], [q], {"cse": True})
     q_b = of_bodies(q, p)
     moved = _displacement(bodies, start.reference(p, ca.DM(start.q_nominal)), q_b)
-    listed = (moved / start.dae.displacement_scales)[list(start.held)]
+    held = list(start.held)
+    listed = (moved / start.dae.displacement_scales)[held]
     if start.joint_residuals is not None:
         listed = ca.vertcat(listed, *_values(scene, joints, q, q_b))
     loops = (
@@ -91,7 +112,8 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     )
     rows = ca.vertcat(listed, loops)
     slopes = ca.Function("slopes", [u, p], [ca.jacobian(rows, u)])(np.zeros(dae.n_v), p_nominal).full()
-    chosen = _sufficient(slopes, listed.numel())
+    lengths = (own_scales(start.dae, start.q_nominal, start.t0) / start.dae.displacement_scales)[held]
+    chosen = _sufficient(slopes, lengths, listed.numel())
     if len(chosen) < dae.n_v:
         return None
     others = [k for k in range(listed.numel()) if k not in chosen]
@@ -135,13 +157,18 @@ def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
     return rows
 
 
-def _sufficient(slopes: Array, first: int) -> list[int]:
-    """Numbers of independent rows: of the first ones, and as many of the others as determine the unknowns."""
-    listed, _ = independent_rows_and_columns(slopes[:first])
+def _sufficient(slopes: Array, sizes: Array, first: int) -> list[int]:
+    """Numbers of independent rows: of the first ones, and as many of the others as determine the unknowns.
+
+    `sizes` are general ones of rows at the beginning, which may vanish but for rounding.
+    """
+    own = np.linalg.norm(slopes, axis=1)
+    own[: len(sizes)] = row_sizes(slopes[: len(sizes)], sizes[:, None])
+    listed, _ = independent_rows_and_columns(slopes[:first], own[:first])
     if len(listed) == slopes.shape[1]:
         return listed.tolist()
     V = np.linalg.svd(slopes[listed])[2][len(listed) :] if len(listed) else np.eye(slopes.shape[1])
-    loops, _ = independent_rows_and_columns(slopes[first:] @ V.T)
+    loops, _ = independent_rows_and_columns(slopes[first:] @ V.T, own[first:])
     return [*listed.tolist(), *(first + loops).tolist()]
 
 

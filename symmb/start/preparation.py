@@ -14,7 +14,14 @@ from symmb.start.implicit_function import ImplicitMap
 from symmb.start.initial_assembly import assemble, listed_coordinates
 from symmb.start.joint_values import of_positions, of_rates, residuals, with_position_rows, with_rate_rows, with_states
 from symmb.start.labels import coordinate_of, coordinate_with_value
-from symmb.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
+from symmb.start.rank import (
+    general_entries,
+    independent_rows,
+    independent_rows_and_columns,
+    lasting_rows,
+    redundant_names,
+    row_sizes,
+)
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start
 from symmb.start.velocities import start_velocities
@@ -41,18 +48,22 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
     q0, s0 = assemble(scene, dae, t0)
     dae = with_coarse_scales(with_states(scene, dae, s0), q0, t0)
-    G = _scaled_jacobian(dae, q0, t0)
+    general = general_entries(dae, q0, t0)
+    G, sizes = _scaled_jacobian(dae, q0, t0, general)
     listed, rates = of_positions(prescribed), of_rates(prescribed)
     placed = with_coarse_scales(with_position_rows(scene.system, dae, listed), q0, t0) if listed else dae
     moved = with_coarse_scales(with_rate_rows(scene.system, dae, rates), q0, t0) if rates else dae
-    rows = independent_rows(dae, q0, t0)
-    sufficient, nullities = (None, (0, 0)) if rows is None else lasting_rows(dae, q0, t0, rows)
-    G_placed = _scaled_jacobian(placed, q0, t0) if listed else G
-    positions = _solve_positions(scene, placed, reference, q0, t0, free, G_placed)
+    rows = independent_rows(dae, q0, t0, sizes)
+    is_redundant, sufficient, nullities = len(rows) < dae.n_r, None, (0, 0)
+    position_rows, _ = independent_rows_and_columns(G[: dae.n_c], sizes[: dae.n_c])
+    if is_redundant:
+        sufficient, nullities = lasting_rows(dae, q0, t0, rows, general)
+    of_placed = _scaled_jacobian(placed, q0, t0) if listed else (G, sizes)
+    positions = _solve_positions(scene, placed, reference, q0, t0, free, *of_placed)
     velocities = start_velocities(scene, moved, prescribed.v, _probes(positions, p0), t0)
     free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
-    G_moved = _scaled_jacobian(moved, q0, t0) if rates else G
-    solved_velocities = free_velocities[independent_rows_and_columns(G_moved[:, free_velocities])[1]]
+    G_moved, of_moved = _scaled_jacobian(moved, q0, t0) if rates else (G, sizes)
+    solved_velocities = free_velocities[independent_rows_and_columns(G_moved[:, free_velocities], of_moved)[1]]
     v0 = velocities(positions.q0, p0).full().ravel()
     start = Start(
         dae,
@@ -74,20 +85,25 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         ),
         rows=None if sufficient is None else tuple(sufficient.tolist()),
         nullities=nullities,
-        redundant=() if rows is None else redundant_names(G, dae.rows),
+        ranks=(len(rows), len(position_rows)),
+        redundant=redundant_names(G / sizes[:, None], len(rows), dae.rows) if is_redundant else (),
         is_equilibrium=scene.equilibrium,
-        doubts=tuple(start_doubts(scene, dae, positions.q0, v0, t0)),
+        doubts=tuple(start_doubts(scene, dae, positions.q0, v0, t0, rows)),
         held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
     )
     check_velocities(start, p0)
-    if rows is not None:
-        check_accelerations(start, G)
+    if is_redundant:
+        check_accelerations(start, G, sizes)
     return start
 
 
-def _scaled_jacobian(dae: DAE, q: Array, t0: float) -> Array:
-    """The velocity Jacobian at coordinates q, in the scales of displacements (n_r, n_v)."""
-    return np.zeros((0, dae.n_v)) if dae.G is None else evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
+def _scaled_jacobian(dae: DAE, q: Array, t0: float, general: Array | None = None) -> tuple[Array, Array]:
+    """The velocity Jacobian at coordinates q, in the scales of displacements (n_r, n_v), and the sizes of its rows."""
+    if dae.G is None:
+        return np.zeros((0, dae.n_v)), np.zeros(0)
+    G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
+    general = general_entries(dae, q, t0) if general is None else general
+    return G, row_sizes(G, general * dae.displacement_scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +128,11 @@ def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
 
 
 def _solve_positions(
-    scene: Scene, dae: DAE, reference: ca.Function, q0: Array, t0: float, free: Indices, G: Array
+    scene: Scene, dae: DAE, reference: ca.Function, q0: Array, t0: float, free: Indices, G: Array, sizes: Array
 ) -> _Positions:
     """Which displacements every sample solves for: as many as independent rows, or all free ones in equilibrium."""
     p = scene.system.p
-    rows, columns = independent_rows_and_columns(G[: dae.n_c, free])
+    rows, columns = independent_rows_and_columns(G[: dae.n_c, free], sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:
         solved = free

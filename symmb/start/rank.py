@@ -15,7 +15,7 @@ from symmb.start.sparse_rows import LARGE, determining_columns
 from symmb.symbolic import batch
 
 RANK_TOLERANCE = 1e-9
-"""Singular values over the largest one, and over the number of rows or columns, that count as zero."""
+"""Singular values of rows in their sizes, over the number of rows or columns, that count as zero."""
 _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
 onto the constraints there. tests/start/test_start.py"""
@@ -25,21 +25,58 @@ step follows the one before than chance: two turns to and fro of a mechanism wit
 _AS_INDEPENDENT = 0.3
 """Least singular value of the rows that are kept, over that of all rows at the same rank, that is enough for them: it
 stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's mechanism. test_redundancy.py"""
+_SMALL = 1e-3
+"""Norm of a row over its size in general from which on it is measured by its own norm. What is below keeps its share:
+a row that has vanished but for rounding (1e-16) is none. test_redundancy.py"""
 _INVOLVED, _BLAMED = 1e-6, 0.1
 """Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
 
 
-def independent_rows_and_columns(A: Array) -> tuple[Indices, Indices]:
-    """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix."""
+def independent_rows_and_columns(
+    A: Array, sizes: Array | None = None, rank: int | None = None
+) -> tuple[Indices, Indices]:
+    """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix.
+
+    `sizes` (m,) are those of the rows, by default their norms. The `rank` is counted unless it is known.
+    """
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
-    scale = np.linalg.norm(A, axis=1)
-    scaled = A / np.where(scale > 0, scale, 1.0)[:, None]
+    scaled = A / _above_zero(np.linalg.norm(A, axis=1) if sizes is None else sizes)[:, None]
     if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
         return np.arange(len(A), dtype=np.intp), columns
-    rank = int(np.linalg.matrix_rank(scaled, tol=RANK_TOLERANCE * max(A.shape)))
+    if rank is None:
+        rank = int(np.linalg.matrix_rank(scaled, tol=RANK_TOLERANCE * max(A.shape)))
     rows = _pivots(scaled.T, rank)
     return rows, _pivots(scaled[rows], rank)
+
+
+def row_sizes(A: Array, general: Array) -> Array:
+    """Sizes (m,) by which the rows of A (m, n) are judged: their norms, unless they are small.
+
+    A row far below the norm of its entries in `general` (m, n) is one that vanishes, or rounding of it.
+    """
+    own, usual = np.linalg.norm(A, axis=1), np.linalg.norm(general, axis=1)
+    return _above_zero(np.where(own > _SMALL * usual, own, usual))
+
+
+def general_entries(dae: DAE, q: Array, t0: float) -> Array:
+    """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v): the largest ones around q (n_q,).
+
+    The positions need not be on the constraints.
+    """
+    if dae.G is None:
+        return np.zeros((0, dae.n_v))
+    random, scales = np.random.default_rng(0), own_scales(dae, q, t0)
+    general = np.abs(evaluate_at_rest(dae.G, dae, q, t0))
+    for _ in range(_NEIGHBOURS):
+        step = _STRIDE * scales * random.uniform(-1, 1, dae.n_v)
+        there = evaluate_at_rest(dae.G, dae, np.asarray(dae.retract(q, step)).ravel(), t0)
+        general = np.fmax(general, np.where(np.isfinite(there), np.abs(there), 0.0))
+    return general
+
+
+def _above_zero(sizes: Array) -> Array:
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def strong_rows(A: Array, weakest: float) -> Indices:
@@ -65,43 +102,38 @@ def _pivots(B: Array, rank: int) -> Indices:
     return np.sort(np.array(pivots, dtype=np.intp))
 
 
-def vanishing_combinations(G: Array) -> Array:
-    """Orthonormal combinations (n_r, k) of the rows of G that vanish."""
-    U, sigma, _ = np.linalg.svd(G)
-    return U[:, int((sigma > RANK_TOLERANCE * max(G.shape)).sum()) :]
+def vanishing_combinations(G: Array, rank: int) -> Array:
+    """Orthonormal combinations (n_r, n_r - rank) of the rows of G that vanish."""
+    return np.linalg.svd(G)[0][:, rank:]
 
 
-def redundant_names(G: Array, rows: Mapping[str, slice]) -> tuple[str, ...]:
-    """The constraints whose rows of G depend on each other."""
-    scale = np.linalg.norm(G, axis=1)
-    involved = (
-        np.abs(vanishing_combinations(G / np.where(scale > 0, scale, 1.0)[:, None])).max(axis=1, initial=0.0)
-        > _INVOLVED
-    )
+def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str, ...]:
+    """The constraints whose rows of G, in their sizes, depend on each other."""
+    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > _INVOLVED
     return tuple(name for name, where in rows.items() if involved[where].any())
 
 
-def independent_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
-    """The decision on rank at the start: numbers of independent rows of the velocity Jacobian; None if all are.
+def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
+    """The decision on rank at the start: numbers of independent rows of the velocity Jacobian.
 
-    The Jacobian is measured in the DAE's scales. A rank that is larger close to the start means a singular position.
+    The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). A rank that is larger close to the
+    start means a singular position.
 
     Raises
     ------
     AssemblyError        if rows depend on each other at q (n_q,) but not close to it: a singular position
     """
     if dae.G is None:
-        return None
+        return np.arange(0, dtype=np.intp)
     G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
-    rows, _ = independent_rows_and_columns(G)
+    rows, _ = independent_rows_and_columns(G, sizes)
     if len(rows) == dae.n_r:
-        return None
-    for position in _positions(dae, q, t0, _NEIGHBOURS, 1, _DISTANCE):
-        rank = len(
-            independent_rows_and_columns(evaluate_at_rest(dae.G, dae, position, t0) * dae.displacement_scales)[0]
-        )
+        return rows
+    for position in _positions(dae, q, t0, sizes, len(rows), _NEIGHBOURS, 1, _DISTANCE):
+        there = evaluate_at_rest(dae.G, dae, position, t0) * dae.displacement_scales
+        rank = len(independent_rows_and_columns(there, sizes)[0])
         if rank > len(rows):
-            names = ", ".join(map(repr, redundant_names(G, dae.rows)))
+            names = ", ".join(map(repr, redundant_names(G / sizes[:, None], len(rows), dae.rows)))
             raise AssemblyError(
                 f"The start is a singular position: rank {len(rows)} of {dae.n_r} constraint rows there and {rank} "
                 f"close to it; the rows of {names} depend on each other, and the motion could go on in more than one "
@@ -110,23 +142,27 @@ def independent_rows(dae: DAE, q: Array, t0: float) -> Indices | None:
     return rows
 
 
-def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices) -> tuple[Indices, tuple[int, int]]:
+def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -> tuple[Indices, tuple[int, int]]:
     """Rows to keep, and how many combinations of them, and of the position rows among them, vanish.
 
     They are the given independent rows where these stay as independent as all rows together wherever the system can
-    move from q (n_q,). Else they are all but those that can be left out there: each combination costs much.
+    move from q (n_q,). Else they are all but those that can be left out there: each combination costs much. `general`
+    (n_r, n_v) are sizes of the entries of the Jacobian.
     """
-    scales, rank = _own_scales(dae, q, t0), len(rows)
+    scales, rank = own_scales(dae, q, t0), len(rows)
     if not rank:
         return rows, (0, 0)
-    walked = [_measured(dae, at, t0, scales) for at in _positions(dae, q, t0, _WALKS, _STRIDES, _STRIDE)]
+    usual = np.linalg.norm(general * scales, axis=1)
+    at = _positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)
+    walked = [_measured(dae, position, t0, scales, general) for position in at]
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
-    vanishing = np.array([np.linalg.svd(G)[0][:, rank:] for G in walked])
+    vanishing = np.array([vanishing_combinations(G, rank) for G in walked])
     sufficient = np.setdiff1d(np.arange(dae.n_r), _superfluous(vanishing))
     of_positions = sufficient[sufficient < dae.n_c]
-    G0 = _measured(dae, q, t0, scales)[of_positions]
-    return sufficient, (len(sufficient) - rank, len(of_positions) - len(independent_rows_and_columns(G0)[0]))
+    G0 = _measured(dae, q, t0, scales, general)[of_positions]
+    of_rank, _ = independent_rows_and_columns(G0, np.ones(len(G0)))
+    return sufficient, (len(sufficient) - rank, len(of_positions) - len(of_rank))
 
 
 def _superfluous(N: Array) -> list[int]:
@@ -147,16 +183,16 @@ def _superfluous(N: Array) -> list[int]:
     return rows
 
 
-def _own_scales(dae: DAE, q: Array, t0: float) -> Array:
+def own_scales(dae: DAE, q: Array, t0: float) -> Array:
     """Scales of displacements (n_v,) by the size of the scene at q (n_q,), which the coarse ones of the DAE round."""
     length = length_of(dae, q, evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0)) or 1.0
     return np.where([is_linear(name) for name in dae.v_names], length, 1.0)
 
 
-def _measured(dae: DAE, q: Array, t0: float, scales: Array) -> Array:
-    """The Jacobian of all rows at q (n_q,) in scales of displacements (n_v,), rows of length 1."""
+def _measured(dae: DAE, q: Array, t0: float, scales: Array, general: Array) -> Array:
+    """The Jacobian of all rows at q (n_q,) in scales of displacements (n_v,), rows over their sizes."""
     G = evaluate_at_rest(cast(ca.Function, dae.G), dae, q, t0) * scales
-    return G / np.maximum(np.linalg.norm(G, axis=1, keepdims=True), np.finfo(float).tiny)
+    return G / row_sizes(G, general * scales)[:, None]
 
 
 def _least(G: Array, rank: int) -> float:
@@ -164,16 +200,19 @@ def _least(G: Array, rank: int) -> float:
     return float(np.linalg.svd(G, compute_uv=False)[rank - 1])
 
 
-def _positions(dae: DAE, q: Array, t0: float, walks: int, steps: int, distance: float) -> Iterator[Array]:
-    """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size]."""
-    G = cast(ca.Function, dae.G)
-    scale = _own_scales(dae, q, t0)
+def _positions(
+    dae: DAE, q: Array, t0: float, sizes: Array, rank: int, walks: int, steps: int, distance: float
+) -> Iterator[Array]:
+    """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size].
+
+    `rank` is that of all rows in their sizes (n_r,).
+    """
+    G, scale, own = cast(ca.Function, dae.G), own_scales(dae, q, t0), _above_zero(sizes)[:, None]
     random = np.random.default_rng(0)
     for _ in range(walks):
         position, step = q, np.zeros(dae.n_v)
         for _ in range(steps):
-            _, sigma, V = np.linalg.svd(evaluate_at_rest(G, dae, position, t0) * scale)
-            free = V[int((sigma > 1e-9 * sigma.max(initial=0.0)).sum()) :]
+            free = np.linalg.svd(evaluate_at_rest(G, dae, position, t0) * scale / own)[2][rank:]
             if not len(free):
                 return
             step = (_PERSISTENCE * (free @ step) + random.normal(size=len(free))) @ free
@@ -181,9 +220,17 @@ def _positions(dae: DAE, q: Array, t0: float, walks: int, steps: int, distance: 
             position = np.asarray(dae.retract(position, distance * scale * step)).ravel()
             for _ in range(_NEWTON_STEPS if dae.Phi is not None else 0):
                 r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()
-                back = np.linalg.lstsq(evaluate_at_rest(G, dae, position, t0)[: dae.n_c] * scale, -r, rcond=1e-10)[0]
+                of_positions = (evaluate_at_rest(G, dae, position, t0) * scale / own)[: dae.n_c]
+                back = _least_step(of_positions, -r / own[: dae.n_c, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()
             yield position
+
+
+def _least_step(A: Array, r: Array) -> Array:
+    """The step (n,) of least norm with A step = r, for rows A (m, n) in their sizes."""
+    U, sigma, V = np.linalg.svd(A, full_matrices=False)
+    rank = int((sigma > RANK_TOLERANCE * max(A.shape)).sum())
+    return np.asarray(V[:rank].T @ ((U.T @ r)[:rank] / sigma[:rank]), dtype=np.float64)
 
 
 @dataclass(frozen=True)

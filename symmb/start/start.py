@@ -34,7 +34,7 @@ class Start:
     lists, that the constraints determine, and that nothing determines. Where the rows of the constraints `redundant`
     depend on each other, `rows` are the numbers of those that determine the motion; it is None elsewhere. `nullities`
     count the combinations of these rows, and of the position rows among them, that vanish: where no choice of rows
-    stays independent.
+    stays independent. `ranks` are those of all rows of the scene, and of its position rows.
     `joint_residuals`, a Function (q, v, p), is 0 where the listed `joint_values` hold.
     `is_equilibrium` means a start in static equilibrium, which is not compiled. `doubts` are sentences on what is
     doubtful at the nominal parameters. `held` are the numbers of the displacements that are not solved for.
@@ -57,6 +57,7 @@ class Start:
     joint_values: tuple[str, ...]
     rows: tuple[int, ...] | None
     nullities: tuple[int, int]
+    ranks: tuple[int, int]
     redundant: tuple[str, ...]
     is_equilibrium: bool
     doubts: tuple[str, ...]

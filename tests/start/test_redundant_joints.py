@@ -1,0 +1,139 @@
+"""Joints that repeat what others do, about any axis: the motion is that without them, in every coordinates."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import symmb as mb
+
+GROUND = mb.Ground()
+TIMES = np.linspace(0, 1, 5)
+MASS, INERTIA, PIN, GRAVITY = 20.0, (4.0, 1.0, 3.0), np.array([0.11, 0.23, 0.37]), np.array([0, 0, -9.81])
+SECOND = ("Revolute", "Spherical", "Cylindrical", "PointOnLine", "Distance")
+AXES = [(0.1, 0.07, 1.0), (1.0, 2.0, 3.0), (-0.3, 0.9, 0.2)]
+
+
+def door(direction, second, centre=(0.4, 0.1, 0.9), **more):
+    """A door on a hinge that leans, and on a second joint that the hinge makes redundant; p = (m,)."""
+    p = mb.Parameters(m=MASS)
+    axis = np.array(direction) / np.linalg.norm(direction)
+    leaf = mb.Body("leaf", p.m, INERTIA, mb.Spatial(), com=tuple(centre))
+    hinge = mb.Revolute("lower", GROUND.point(*PIN), leaf.point(0, 0, 0), axis=tuple(axis))
+    above, aside = PIN + 1.7 * axis, leaf.point(*(1.7 * axis))
+    joints = {
+        "": lambda: (),
+        "Revolute": lambda: (mb.Revolute("upper", GROUND.point(*above), aside, axis=tuple(axis)),),
+        "Spherical": lambda: (mb.Spherical("upper", GROUND.point(*above), aside),),
+        "Cylindrical": lambda: (mb.Cylindrical("upper", GROUND.point(*above), aside, axis=tuple(axis)),),
+        "PointOnLine": lambda: (mb.PointOnLine("upper", GROUND.point(*PIN), aside, axis=tuple(axis)),),
+        "Distance": lambda: (mb.Distance("upper", GROUND.point(0, 0, 0), aside, float(np.linalg.norm(above))),),
+    }
+    system = mb.System(leaf, hinge, *joints[second](), mb.Gravity(*GRAVITY), parameters=p)
+    scene = mb.Scene(system, times=TIMES, outputs={"angle": hinge.angle}, box=mb.Box.around(p, 0.1), **more)
+    return scene
+
+
+def door_by_hand(direction, m=MASS, centre=(0.4, 0.1, 0.9)):
+    """Angles (n_t,) of a pendulum about the hinge."""
+    axis, c = np.array(direction) / np.linalg.norm(direction), np.array(centre)
+    inertia = axis @ (INERTIA * axis) + m * np.sum(np.cross(axis, c) ** 2)
+
+    def rate(_, z):
+        arm = Rotation.from_rotvec(z[0] * axis).apply(c)
+        return [z[1], axis @ np.cross(arm, m * GRAVITY) / inertia]
+
+    return solve_ivp(rate, TIMES[[0, -1]], (0, 0), "DOP853", TIMES, rtol=1e-12, atol=1e-12).y[0]
+
+
+@pytest.mark.parametrize("coordinates", ["body", "joint"])
+@pytest.mark.parametrize(("direction", "second"), list(zip([*AXES, *AXES[:2]], SECOND, strict=True)))
+def test_a_door_on_two_hinges_swings_as_on_one(direction, second, coordinates):
+    run = mb.simulate(door(direction, second, coordinates=coordinates), mb.DormandPrince(rtol=1e-9))
+    assert_allclose(run["angle"], door_by_hand(direction), rtol=0, atol=1e-7)
+    assert not run.doubts
+
+
+@pytest.mark.parametrize(("direction", "second"), list(zip(AXES, ("Revolute", "Spherical", "Distance"), strict=True)))
+def test_a_study_of_a_door_on_two_hinges_has_its_corners(direction, second):
+    bounds = mb.propagate(door(direction, second), mb.Vertex())
+    corners = [door_by_hand(direction, m) for m in (0.9 * MASS, 1.1 * MASS)]
+    assert_allclose(bounds["angle"][0], np.min(corners, axis=0), rtol=0, atol=1e-6)
+    assert_allclose(bounds["angle"][1], np.max(corners, axis=0), rtol=0, atol=1e-6)
+    assert not bounds.doubts
+
+
+@pytest.mark.parametrize("second", SECOND)
+@pytest.mark.parametrize("coordinates", ["body", "joint"])
+def test_a_hanging_door_on_two_hinges_has_one_frequency(second, coordinates):
+    direction = AXES[2]
+    axis, down = np.array(direction) / np.linalg.norm(direction), np.array([0, 0, -1.0])
+    lowest = down - (down @ axis) * axis
+    centre = 0.4 * lowest / np.linalg.norm(lowest) + 0.9 * axis
+    linear = mb.linearize(door(direction, second, centre, coordinates=coordinates))
+    inertia = axis @ (INERTIA * axis) + MASS * 0.4**2
+    square = MASS * 9.81 * 0.4 * np.linalg.norm(lowest) / inertia
+    assert_allclose(linear.frequencies, [np.sqrt(square) / (2 * np.pi)], rtol=1e-9)
+
+
+def test_two_arms_of_which_one_has_two_hinges_have_two_frequencies():
+    axis = np.array([0.3, -0.2, 0.5]) / np.linalg.norm([0.3, -0.2, 0.5])
+    found = []
+    for count in (1, 2):
+        a = mb.Body("a", 2.0, (0.1, 0.2, 0.15), mb.Spatial(), com=(0.3, 0.1, 0))
+        b = mb.Body("b", 1.0, (0.03, 0.02, 0.04), mb.Spatial(), com=(0.2, 0, -0.1))
+        at = [s * axis for s in (0.0, 0.5)[:count]]
+        hinges = [mb.Revolute(f"h{k}", GROUND.point(*r), a.point(*r), axis=tuple(axis)) for k, r in enumerate(at)]
+        elbow = mb.Revolute("elbow", a.point(0.6, 0.1, 0.05), b.point(0, 0, 0), axis=(1, 0.4, -0.2))
+        system = mb.System(a, b, *hinges, elbow, mb.Gravity(0, 0, -9.81))
+        found.append(mb.linearize(mb.Scene(system, times=[0, 1.0], equilibrium=True)).frequencies)
+    assert_allclose(found[1], found[0], rtol=1e-8)
+    assert len(found[1]) == 2
+
+
+PLANAR = {
+    "fork": lambda a: [mb.Revolute("second", GROUND.point(0.1, 0.2), a.point(-0.5, 0))],
+    "line": lambda a: [mb.PointOnLine("second", GROUND.point(0.1, 0.2), a.point(-0.5, 0), axis=(1, 0.3, 0))],
+    "strut": lambda a: [mb.Distance("second", GROUND.point(0.4, 0.6), a.point(-0.5, 0), 0.5)],
+}
+
+
+@pytest.mark.parametrize("coordinates", ["body", "joint", None])
+@pytest.mark.parametrize("kind", PLANAR)
+def test_a_planar_rod_with_a_redundant_row_is_a_pendulum(kind, coordinates):
+    a = mb.Body("a", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", GROUND.point(0.1, 0.2), a.point(-0.5, 0))
+    scene = mb.Scene(
+        mb.System(a, hinge, *PLANAR[kind](a), mb.Gravity(0, -9.81)),
+        times=TIMES,
+        outputs={"angle": a.theta},
+        coordinates=coordinates,
+    )
+    known = solve_ivp(
+        lambda _, z: (z[1], -9.81 * 0.5 * np.cos(z[0]) / (0.1 + 0.25)), (0, 1), (0, 0), "DOP853", TIMES, rtol=1e-11
+    )
+    assert_allclose(mb.simulate(scene)["angle"], known.y[0], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("coordinates", ["body", "joint"])
+@pytest.mark.parametrize("pose", [mb.Planar, mb.Spatial])
+def test_a_strut_between_welded_bodies_changes_nothing(pose, coordinates):
+    """Both bodies are one, of mass 2, whose inertia is that of the parts about the hinge."""
+    inertia = 0.1 if pose is mb.Planar else (0.1, 0.1, 0.1)
+    a, b = mb.Body("a", 1.0, inertia, pose()), mb.Body("b", 1.0, inertia, pose())
+    system = mb.System(
+        a,
+        b,
+        mb.Revolute("hinge", GROUND.point(0, 0), a.point(-0.5, 0)),
+        mb.Weld("weld", a.point(0.5, 0), b.point(-0.2, 0)),
+        mb.Distance("strut", a.point(0.2, 0.1), b.point(0.1, 0.3), float(np.hypot(0.6, 0.2))),
+        mb.Gravity(0, -9.81),
+    )
+    run = mb.simulate(mb.Scene(system, times=TIMES, outputs={"y": a.y}, coordinates=coordinates))
+    inertia = 2 * 0.1 + 0.5**2 + 1.2**2
+    known = solve_ivp(
+        lambda _, z: (z[1], -9.81 * (0.5 + 1.2) * np.cos(z[0]) / inertia), (0, 1), (0, 0), "DOP853", TIMES, rtol=1e-11
+    )
+    assert_allclose(run["y"], 0.5 * np.sin(known.y[0]), rtol=0, atol=1e-6)
+    assert not run.doubts
