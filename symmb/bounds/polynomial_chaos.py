@@ -36,9 +36,10 @@ class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
     ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
-    parameters, in pieces of the box where the response has kinks or jumps; for more parameters sparse grids that grow
-    where the response varies; and check runs at the extremes of the expansion. A few outputs and times, up to eight
-    numbers, of more than three parameters are left to a Gaussian process that looks for directions in which they vary.
+    parameters, in pieces of the box where the response has kinks or jumps, and check runs at the extremes of the
+    expansion. For more parameters it first tries corners: they are the extremes of responses that rise or fall with
+    each parameter. Sparse grids that grow where the response varies, and check runs, serve the other responses. A few
+    outputs and times, up to eight numbers, are left to a Gaussian process that looks for directions in which they vary.
     ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the exact range of the
     interpolant.
     ``PolynomialChaos.paper(order=2)`` is the method of the paper.

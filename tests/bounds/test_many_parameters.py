@@ -1,11 +1,16 @@
 """Formulas of four and more parameters over time: their studies end, and their bounds are those of corners."""
 
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import symmb as mb
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from _engineering import cases, monotone_series
 
 T = np.linspace(0.0, 5.0, 11)
 
@@ -76,3 +81,44 @@ def test_studies_make_no_more_runs_than_their_budget(f, budget):
         lambda **p: f(np.array(list(p.values())) @ shapes), box, method=mb.PolynomialChaos(budget=budget)
     )
     assert calls == bounds.evaluations <= budget
+
+
+@pytest.mark.parametrize("case", [*cases(101, 12), *monotone_series(101, 4)], ids=lambda case: case.name)
+def test_bounds_of_formulas_are_their_ranges(case):
+    """True ranges are those of corners and of searches; tests/benchmarks/engineering_formulas.py has more cases."""
+    bounds, _ = study(lambda **p: np.broadcast_to(case.f(case.t, **p), case.t.shape), case.box, case.t)
+    error = np.maximum(np.abs(bounds.lower[:, 0] - case.lower), np.abs(bounds.upper[:, 0] - case.upper))
+    assert (error <= 0.02 * (case.upper - case.lower).max()).all() and not bounds.doubts
+
+
+def swinging(d):
+    """Shapes (d, 101) of time, whose signs change at different times."""
+    return np.stack([np.cos((i % 5 + 1) * LONG + i) for i in range(d)]) * np.linspace(0.3, 1, d)[:, None]
+
+
+LONG = np.linspace(0.0, 5.0, 101)
+
+
+@pytest.mark.parametrize("d", [4, 6, 9])
+@pytest.mark.parametrize(
+    "law", [lambda s: np.exp(1.2 * s), lambda s: np.arctan(2 * s), lambda s: s + 0.2 * s**3, lambda s: np.tanh(3 * s)]
+)
+def test_monotone_motions_are_bounded_by_their_corners(d, law):
+    """The range of law(s) is that of s = w x. A gradient and all its sign patterns would take half as many runs."""
+    w = swinging(d) / d**0.5
+    reach = np.abs(w).sum(axis=0)
+    patterns = np.unique(np.concatenate([np.sign(w.T), -np.sign(w.T)]), axis=0)
+    bounds, calls = study(
+        lambda **p: law(np.array(list(p.values())) @ w), dict.fromkeys("abcdefghi"[:d], (-1.0, 1.0)), LONG
+    )
+    width = (law(reach) - law(-reach)).max()
+    np.testing.assert_allclose(bounds.lower[:, 0], law(-reach), atol=3e-3 * width)
+    np.testing.assert_allclose(bounds.upper[:, 0], law(reach), atol=3e-3 * width)
+    assert not bounds.doubts and calls <= 2 * (d + 1 + len(patterns))
+
+
+def test_expansions_of_monotone_motions_have_moments():
+    w = swinging(5) / 5
+    bounds, _ = study(lambda **p: np.exp(np.array(list(p.values())) @ w), dict.fromkeys("abcde", (-1.0, 1.0)), LONG)
+    mean = np.prod(np.sinh(w) / w, axis=0)
+    np.testing.assert_allclose(bounds.moments().mean[:, 0], mean, rtol=1e-2)

@@ -130,6 +130,19 @@ RANGE_WORK, FEWEST_BOXES = 200_000, 20
 """Coefficients in all boxes that the search of a range may take, since many parameters leave it unproved anyway, and
 fewest boxes."""
 
+# --- Corners -----------------------------------------------------------------------------------------------------
+
+EDGES = 2
+"""Pairs of corners that differ in one parameter only from which on its effect is not looked for along other edges."""
+CLOSE = 0.1
+"""Error at two runs over the width up to which an expansion through the others, and then through all, has moments:
+those of exp and 1 / (1.5 + tanh) of many parameters are then within 3 % of the width."""
+LOST_SHARE = 0.1
+"""Share of the tolerance that a response may lose at a corner which is not quite its own."""
+MONOTONE_SHARE = 0.2
+"""Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
+their signs where no run was."""
+
 # --- Response surfaces -------------------------------------------------------------------------------------------
 
 SURFACE_RESPONSES = 8

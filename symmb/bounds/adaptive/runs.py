@@ -171,6 +171,13 @@ class Runs:
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
 
+    def checked(self, points: Array) -> Array | None:
+        """Responses (C, n_t, n_y) at check points, which are run unless they have been; None if any of them fails."""
+        self.check(points)
+        row = {key: k for k, key in enumerate(_keys(self.points))}
+        keys = _keys(points)
+        return self.checks[[row[key] for key in keys]] if row.keys() >= set(keys) else None
+
     def _progress(self, before: int) -> Progress | None:
         """Progress that counts the runs before."""
         progress = self.progress

@@ -2,24 +2,18 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import (
-    count_shapes,
-    inflated_error,
-    quasi_random_points,
-    screening_corners,
-    select_dispersed,
-)
+from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
     CHECKED_SHARE,
+    CLOSE,
     CONTINUED_SHARE,
     EARLY,
-    FEW_SHAPES,
     FEWEST_BOXES,
     GROWTH,
     LEAST_GAIN,
@@ -28,7 +22,6 @@ from symmb.bounds.adaptive.constants import (
     NOISE_RUNS,
     PATIENCE,
     RANGE_WORK,
-    SCREENING_PROBES,
     SLOW,
     SPARSE_PROBES,
     SPARSE_RANGE,
@@ -39,9 +32,10 @@ from symmb.bounds.adaptive.constants import (
 )
 from symmb.bounds.adaptive.continuation import Continuation, extrapolated_sizes, largest
 from symmb.bounds.adaptive.error_estimate import TruncationError
+from symmb.bounds.adaptive.monotone import monotone_bounds
 from symmb.bounds.adaptive.response_surface import surface_bounds
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, rms
-from symmb.bounds.time_windows import rests_for_a_time
+from symmb.bounds.adaptive.screening import may_hide, screen
 from symmb.nodes import Grid, Index
 from symmb.nodes import grid as corners
 from symmb.polynomials import Expansion, MultiIndices, basis_values
@@ -64,13 +58,16 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
         expansion = _interpolant(runs, grid, step, expansion)
         sizes, estimate = _expected(runs, grid, expansion, n_probes)
         error = relative_rms(estimate, runs.rms_widths())
+        if not errors and error > (tolerance / TRUST if few else EARLY * tolerance):
+            attained = monotone_bounds(runs, tolerance, partial(_continued, runs, grid, expansion, sizes))
+            if attained is not None:
+                return attained
         if error > tolerance / TRUST and not (few or runs.noise_is_known) and NOISE_RUNS < runs.left - n_checks:
             runs.measure_noise()
             sizes, estimate = _expected(runs, grid, expansion, n_probes)
             error = relative_rms(estimate, runs.rms_widths())
-        if error <= EARLY * tolerance and n_probes == SPARSE_PROBES and _may_hide(runs):
-            points = quasi_random_points(SPARSE_PROBES + SCREENING_PROBES, d)[SPARSE_PROBES:]
-            runs.check(np.concatenate([screening_corners(d), points])[: max(runs.left - n_checks, 0)])
+        if error <= EARLY * tolerance and n_probes == SPARSE_PROBES and may_hide(runs):
+            screen(runs, runs.left - n_checks)
             n_probes = len(runs.points)
             sizes, estimate = _expected(runs, grid, expansion, n_probes)
         widths = runs.rms_widths()
@@ -108,9 +105,15 @@ def _interpolant(runs: Runs, grid: Grid, step: set[Index], before: Expansion | N
     return Expansion(grid.alpha, coefficients, runs.box.names)
 
 
-def _may_hide(runs: Runs) -> bool:
-    """Whether runs tell as little as those of a few numbers: their responses have few shapes, or none for some time."""
-    return count_shapes(runs.nodes, runs.rms_widths()) <= FEW_SHAPES or rests_for_a_time(*runs.extremes, runs.noise)
+def _continued(runs: Runs, grid: Grid, base: Expansion, sizes: dict[Index, float]) -> Expansion | None:
+    """The expansion continued through all check runs; None if it would not be close to the first ones without them."""
+    continuation = Continuation.of(grid, sizes)
+    probes, others = slice(SPARSE_PROBES), slice(SPARSE_PROBES, None)
+    without = _Corrected(base, continuation, runs.points[others], runs.checks[others])
+    errors = np.abs(without.values(runs.points[probes]) - runs.checks[probes]).max(axis=0)
+    if relative_rms(errors, runs.rms_widths()) > CLOSE:
+        return None
+    return _Corrected(base, continuation, runs.points, runs.checks).expansion()
 
 
 def _expected(runs: Runs, grid: Grid, expansion: Expansion, n_probes: int) -> tuple[dict[Index, float], Array]:

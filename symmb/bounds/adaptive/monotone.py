@@ -1,0 +1,120 @@
+"""Bounds of responses that rise or fall with each parameter throughout the box: runs at corners attain them."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bounds.adaptive.constants import EDGES, LOST_SHARE, MONOTONE_SHARE, PATIENCE, SAFETY
+from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms
+from symmb.bounds.adaptive.screening import may_hide, screen
+from symmb.bounds.time_windows import LEAST_WIDTH
+from symmb.polynomials import Expansion
+
+
+def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expansion | None]) -> EstimatedRange | None:
+    """What runs attain at the corners to which all parameters pull the responses; None if effects change their signs.
+
+    The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
+    of the box, and along edges. Where these effects have one sign the response is taken as monotone: its extremes are
+    at two opposite corners. A corner also serves the times and outputs whose own corners differ from it in parameters
+    that hardly matter there.
+
+    The estimated error is that of corners that are not run, of effects with the other sign, and of how far any run
+    exceeds the corner that should be the best one.
+
+    Parameters
+    ----------
+    expansion : makes one of all runs
+    """
+    d = len(runs.box)
+    unit = np.eye(d)
+    star = runs.nodes[runs.at(np.concatenate([np.zeros((1, d)), -unit, unit]))]
+    lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
+    slope = lower_half + upper_half
+    width = np.abs(slope).sum(axis=0)
+    allowed = LOST_SHARE * tolerance * np.maximum(width, LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0)))
+    against = np.maximum(_against(slope, lower_half), _against(slope, upper_half))
+
+    def error_of(against: Array) -> Array:
+        return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
+
+    def is_too_large(error: Array) -> bool:
+        return relative_rms(error, runs.rms_widths()) > tolerance
+
+    if is_too_large(error_of(against)) or not runs.ok.all():
+        return None
+    if may_hide(runs):
+        screen(runs, runs.left // 2)
+    signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
+    values = runs.checked(np.concatenate([signs, -signs]))
+    if not len(signs) or values is None:
+        return None
+    highest, lowest = (_chosen(each, own) for each in np.split(values, 2))
+    corners = runs.points[(np.abs(runs.points) == 1).all(axis=1)]
+    for i, (ends, others) in enumerate(_edges(corners, signs[0])):
+        at_ends, at_others = runs.checked(ends), runs.checked(others)
+        if at_ends is None or at_others is None:
+            return None
+        for x, y, at_x, at_y in zip(ends[:, i], others[:, i], at_ends, at_others, strict=True):
+            effect = (at_x - at_y) / (x - y)
+            against[i] = np.maximum(against[i], _against(slope[i], effect))
+    lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
+    error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
+    if is_too_large(error):
+        return None
+    low, high = runs.extremes
+    return EstimatedRange(low, high, error + MONOTONE_SHARE * tolerance * (high - low), expansion, is_enough=True)
+
+
+def _against(slope: Array, effect: Array) -> Array:
+    """How far effects have the other sign than slopes."""
+    return np.where(slope < 0, effect, -effect)
+
+
+def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
+    """For each parameter, points (n, d) and others that differ from them in this parameter only.
+
+    They are pairs of corners (K, d), or, if these are fewer than EDGES, halves of the edges at a corner and at that
+    opposite to it.
+    """
+    row = {tuple(each): k for k, each in enumerate(corners.tolist())}
+    for i in range(len(corner)):
+        other = corners.copy()
+        other[:, i] *= -1
+        pairs = [k for k, each in enumerate(other.tolist()) if each[i] < 0 and tuple(each) in row]
+        if len(pairs) >= EDGES:
+            yield corners[pairs], other[pairs]
+        else:
+            ends = np.stack([corner, -corner])
+            yield ends, np.where(np.arange(len(corner)) == i, 0.0, ends)
+
+
+def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
+    """Corners (K, d) for slopes (m, d), and which of them (m,) each response takes; it loses no more than is allowed.
+
+    Responses with the same signs of all slopes are a group. The most frequent signs are a corner first, and serve the
+    other groups that lose little there. There are no corners if more than `most` are needed.
+    """
+    packed = np.packbits(slope >= 0, axis=1)
+    _, first, group, count = np.unique(packed, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    signs, group = np.where(slope[first] < 0, -1.0, 1.0), group.ravel()
+    share = np.zeros((len(signs), slope.shape[1]))
+    with np.errstate(invalid="ignore"):
+        np.maximum.at(share, group, np.where(slope != 0, np.abs(slope) / allowed[:, None], 0.0))
+    taken = np.full(len(signs), -1)
+    corners: list[Array] = []
+    while (open_groups := taken < 0).any():
+        if len(corners) >= most:
+            return signs[:0], group
+        corner = signs[np.argmax(np.where(open_groups, count, 0))]
+        is_served = open_groups & ((share * (signs != corner)).sum(axis=1) <= 1.0)
+        taken[is_served] = len(corners)
+        corners.append(corner)
+    return np.array(corners), taken[group]
+
+
+def _chosen(values: Array, which: Indices) -> Array:
+    """From values (K, n_t, n_y) the one of each time and output."""
+    flat = values.reshape(len(values), -1)
+    return np.take_along_axis(flat, which[None], axis=0).reshape(values.shape[1:])
