@@ -19,6 +19,7 @@ from symmb.schemes import (
     first_step,
     interpolant,
     interpolated,
+    interpolation_error,
     stages,
 )
 
@@ -224,7 +225,16 @@ class _BlockRuns:
         searched = switches.may_pass(end, c, t_new[accepted], h[accepted], lanes)
         due = engine.times[np.minimum(self._next[blocks], len(engine.times) - 1)] <= t_end
         if searched or due.any():
-            F = np.array(interpolant(rates, x, end, [*[slope[:, lanes] for slope in k], last], t, wide))
+            coefficients, missed = interpolant(rates, x, end, [*[slope[:, lanes] for slope in k], last], t, wide)
+            error = interpolation_error(x, end, missed, engine.control.rtol, self._atol[:, lanes])
+            error = error.reshape(-1, WIDTH).max(axis=1)
+            far_off = ~(error <= 1.0) & (h[accepted] > 1.0000001 * steps.shortest)
+            if far_off.any():
+                steps.reject(blocks[far_off], error[far_off], h[accepted][far_off])
+                if searched:
+                    switches.forget(lanes)
+                return self._accept(_without(accepted, far_off), k, x_new, t_new, h)
+            F = np.array(coefficients)
         if searched:
             theta, passed, which = switches.first_pass(x, F, c, t, wide, lanes)
             early = (theta < LATE) & (theta * h[accepted] > 10 * steps.shortest)

@@ -31,6 +31,7 @@ def pair() -> str:
             f"#define END {_place(12)}",
             *(f"#define {name} {value!r}" for name, value in vars(STEP_CONTROL).items()),
             f"#define ROUNDED_STEP {ROUNDED_STEP!r}",
+            f"#define LAST_STAGE {C[15]!r}",
             *_stages(range(1, 12), A, C, dop853.B),
             "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
             "  const V *k = a->k;",

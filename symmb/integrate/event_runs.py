@@ -25,7 +25,7 @@ from symmb.integrate.problem import Problem, build_problem
 from symmb.integrate.stabilization import Projection
 from symmb.integrate.step_ends import switched
 from symmb.model import DAE, Impacts
-from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, stages
+from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolation_error, stages
 
 CROWD_SPAN, CROWD = 1e-12, 1000
 """More events than this within this share of the run's time are an endless sequence. tests/events/test_impacts.py"""
@@ -181,8 +181,11 @@ class EventRuns:
         integration, control, live = self._integration, self._steps, self._steps.live
         y, p, t = self._y[live], self._p(live), control.t[live]
         t_new, h = control.propose()
-        new, e3, e5, F = evaluate_padded(integration.step, y, p, t[:, None], h[:, None])
-        error = error_norm(y.T, new.T, [e3.T, e5.T], integration.rtol, integration.atol)
+        new, e3, e5, F, missed = evaluate_padded(integration.step, y, p, t[:, None], h[:, None])
+        tolerances = integration.rtol, integration.atol
+        error = np.maximum(
+            error_norm(y.T, new.T, [e3.T, e5.T], *tolerances), interpolation_error(y.T, new.T, missed.T, *tolerances)
+        )
         accepted, stuck, exhausted = control.judge(error, h)
         rows = np.flatnonzero(accepted)
         if rows.size:
@@ -300,8 +303,8 @@ def _step_function(rates: ca.Function) -> ca.Function:
         return rates(x, p, t)
 
     k, x_new = stages(of_model, x, of_model(x, t), t, h)
-    F = interpolant(of_model, x, x_new, [*k, of_model(x_new, t + h)], t, h)
-    return ca.Function("step", [x, p, t, h], [x_new, *error_estimates(k, h), ca.horzcat(*F)])
+    F, missed = interpolant(of_model, x, x_new, [*k, of_model(x_new, t + h)], t, h)
+    return ca.Function("step", [x, p, t, h], [x_new, *error_estimates(k, h), ca.horzcat(*F), missed])
 
 
 def _projection(dae: DAE, impacts: Impacts, problem: Problem) -> ca.Function:

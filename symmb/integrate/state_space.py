@@ -19,7 +19,16 @@ from symmb.integrate.side_walk import Advance, SideWalk, Stops
 from symmb.integrate.solver import Solver
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
-from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolated, stages
+from symmb.schemes import (
+    StepControl,
+    error_estimates,
+    error_norm,
+    first_step,
+    interpolant,
+    interpolated,
+    interpolation_error,
+    stages,
+)
 from symmb.start import independent_rows_and_columns
 from symmb.symbolic import batch
 
@@ -169,7 +178,12 @@ class _Partitioned(Integration):
                 continue
             slope, due = rates(x_new, t_new), times[stored:][times[stored:] <= t_new]
             if due.size:
-                F = interpolant(rates, x, x_new, [*k, slope], control.t, h)
+                F, missed = interpolant(rates, x, x_new, [*k, slope], control.t, h)
+                error = interpolation_error(x, x_new, missed, *tolerances)
+                if not error[0] <= 1.0 and h[0] > control.shortest * 1.0000001:
+                    slope = k[0]
+                    control.reject(control.live, error, h)
+                    continue
                 states = interpolated(x, F, (due - control.t) / h)
                 for y_output, t_output in zip(states.T, due, strict=True):
                     Y[stored] = motion.completed(y_output, float(t_output))

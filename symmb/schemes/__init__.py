@@ -14,6 +14,7 @@ from symmb.schemes.embedded_pair import (
     first_step,
     interpolant,
     interpolated,
+    interpolation_error,
     stages,
 )
 from symmb.schemes.generalized_alpha import generalized_alpha

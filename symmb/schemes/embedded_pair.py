@@ -31,6 +31,7 @@ STEP_CONTROL = SimpleNamespace(
     CHANGE_MOST=6.0,  # bounds of the factor of a step that is accepted
     ERROR_LEAST=1e-4,  # smaller errors count as this in the memory
     SHORTEST=1e-14,  # of the horizon: shorter steps are lost in rounding
+    MOST_MISSED=300.0,  # tolerances: smooth motions miss 5 to 30, up to 250 at rtol 1e-13. tests/benchmarks/lanes.py
 )
 """The constants of the step control, those of the code DOP853. tests/codegen/test_fallback.py compares C and NumPy."""
 ROUNDED_STEP = 1e-6
@@ -52,16 +53,24 @@ def error_estimates(k: Sequence[Value], h: Value) -> list[Value]:
     return [h * _sum(weights, k) for weights in E]
 
 
-def interpolant(rates: Rates, x: Value, x_new: Value, k: Sequence[Value], t: Value, h: Value) -> list[Value]:
-    """Seven coefficients for `interpolated`. k are 13 slopes, the last at the end of the step."""
-    k = list(k)
+def interpolant(
+    rates: Rates, x: Value, x_new: Value, k: Sequence[Value], t: Value, h: Value
+) -> tuple[list[Value], Value]:
+    """Seven coefficients for `interpolated`, and by how much the interpolant misses the state of its last stage.
+
+    k are 13 slopes, the last at the end of the step. The errors of a step do not show those of its interpolant. Where
+    equations are stiff, its stages may be far off in a step that is accepted.
+    """
+    k, stage = list(k), x
     for weights, share in zip(A[13:], C[13:], strict=True):
-        k.append(rates(x + h * _sum(weights, k), t + share * h))
+        stage = x + h * _sum(weights, k)
+        k.append(rates(stage, t + share * h))
     d = x_new - x
-    return [d, h * k[0] - d, 2 * d - h * (k[12] + k[0]), *(h * _sum(weights, k) for weights in D)]
+    F = [d, h * k[0] - d, 2 * d - h * (k[12] + k[0]), *(h * _sum(weights, k) for weights in D)]
+    return F, stage - interpolated(x, F, C[15])
 
 
-def interpolated(x: Array, F: Sequence[Array] | Array, theta: Array) -> Array:
+def interpolated(x: Value, F: Value, theta: Value) -> Value:
     """States at shares theta of a step that begins at x."""
     r = 1 - theta
     return x + theta * (F[0] + r * (F[1] + theta * (F[2] + r * (F[3] + theta * (F[4] + r * (F[5] + theta * F[6]))))))
@@ -73,6 +82,12 @@ def error_norm(x: Array, x_new: Array, errors: Sequence[Array], rtol: float, ato
     sum3, sum5 = (np.square(error * scale).sum(axis=0) for error in errors)
     denominator = sum5 + 0.01 * sum3
     return np.where(denominator > 0.0, sum5 / np.sqrt(denominator * len(x)), denominator)
+
+
+def interpolation_error(x: Array, x_new: Array, missed: Array, rtol: float, atol: Array | float) -> Array:
+    """What an interpolant misses (n_x, L) over what it may miss, in each lane (L,): it is good enough up to 1."""
+    scale = 1.0 / (atol + rtol * np.maximum(np.abs(x), np.abs(x_new)))
+    return np.sqrt(np.square(missed * scale).mean(axis=0)) / STEP_CONTROL.MOST_MISSED
 
 
 def first_step(
@@ -149,11 +164,19 @@ class StepControl:
         accepted = (error <= 1.0) & ~exhausted
         stuck = ~accepted & (h <= self.shortest * 1.0000001)
         grown = s.SAFETY * error ** (-s.EXPONENT + 0.2 * s.MEMORY) * self._before[live] ** s.MEMORY
-        shrunk = np.where(error < 1e300, s.SAFETY * error**-s.EXPONENT, 0.1)
-        factor = np.where(accepted, grown.clip(s.CHANGE_LEAST, s.CHANGE_MOST), np.fmax(shrunk, s.SHRINK_LEAST))
+        factor = np.where(accepted, grown.clip(s.CHANGE_LEAST, s.CHANGE_MOST), self._shrinking(error))
         self.h[live] = h * factor
         self._before[live] = np.where(accepted, np.fmax(error, s.ERROR_LEAST), s.ERROR_LEAST)
         return accepted, stuck, exhausted
+
+    def reject(self, which: Indices, error: Array, h: Array) -> None:
+        """Repeat accepted steps of the integrations `which` by shorter ones, for errors and lengths (k,)."""
+        self.h[which], self._before[which] = h * self._shrinking(error), STEP_CONTROL.ERROR_LEAST
+
+    @staticmethod
+    def _shrinking(error: Array) -> Array:
+        s = STEP_CONTROL
+        return np.fmax(np.where(error < 1e300, s.SAFETY * error**-s.EXPONENT, 0.1), s.SHRINK_LEAST)
 
 
 def _sum(weights: Mapping[int, float], k: Sequence[Value]) -> Value:

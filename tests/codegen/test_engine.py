@@ -9,6 +9,7 @@ import pytest
 from conftest import SMOOTH_MODELS
 from mechanisms import explosion
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy import special
 from scipy.integrate import solve_ivp
 
 import symmb as mb
@@ -45,6 +46,25 @@ def test_the_error_follows_the_tolerance():
     exact = duffing(1e-13).values(x0, p)[0]
     errors = [np.abs(duffing(rtol).values(x0, p)[0] - exact).max() for rtol in (1e-5, 1e-7, 1e-9)]
     assert errors[0] > 10 * errors[1] > 100 * errors[2]
+
+
+@pytest.mark.parametrize(("seed", "rtol"), [(1, 1e-5), (2, 1e-5), (3, 1e-8), (4, 1e-8), (5, 1e-10)])
+def test_outputs_within_a_step_of_stiff_lanes_are_those_of_the_closed_form(seed, rtol):
+    # A state at rest lets steps grow beyond its stability, until it or a neighbour follows a pulse.
+    rng, x, p, t = np.random.default_rng(seed), ca.SX.sym("x"), ca.SX.sym("p", 3), ca.SX.sym("t")
+    rate = p[0] * (ca.exp(-(((t - p[2]) / p[1]) ** 2)) - x)
+    times, ranges = np.linspace(0, 1, 201), ((3, 4.5), (5e-3, 2e-2), (0.3, 0.7))
+    exponent, w, c = (rng.uniform(*limits, 1600) for limits in ranges)
+    P = np.column_stack([10**exponent, w, c])
+    Y, failed_samples = Engine(model_function(x, p, t, rate, x, None), times, Tolerances(rtol, rtol / 100)).values(
+        np.zeros((len(P), 1)), P
+    )
+    assert np.isnan(failed_samples.t_failed).all()
+    k, w, z = P[:, :1], P[:, 1:2], (times - P[:, 2:]) / P[:, 1:2]
+    u = k * w / 2 - z
+    early = np.exp(-(z**2)) * special.erfcx(np.maximum(u, 0))
+    late = np.exp(np.minimum(u**2 - z**2, 0)) * special.erfc(np.minimum(u, 0))
+    assert_allclose(Y[..., 0], np.where(u > 0, early, late) * k * w * np.sqrt(np.pi) / 2, atol=100 * rtol)
 
 
 def test_extremes_are_those_of_the_values_whatever_the_threads():

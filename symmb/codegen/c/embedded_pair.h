@@ -1,8 +1,9 @@
 /* Steps of an embedded explicit pair, as long as the tolerances allow, with dense output in between.
 
    The generated tableau gives stages(b), for k before the end of the step and x_new; errors(a, h, e5, e3), the estimates
-   of orders 5 and 3; interpolant(b), for F of the states that outputs need; and END, the place in k of the slope at the
-   end of the step; and the constants of the step control. */
+   of orders 5 and 3; interpolant(b), for F of the states that outputs need, and the state x_at of its last stage, at the
+   share LAST_STAGE of the step; and END, the place in k of the slope at the end of the step; and the constants of the step
+   control. */
 #ifndef EMBEDDED_PAIR_H
 #define EMBEDDED_PAIR_H
 
@@ -73,6 +74,30 @@ PRIVATE double first_step(Block *b, const Study *s) {
   return h < span ? h : span;
 }
 
+/* State used[u] at the share z of the step, by the interpolant. */
+PRIVATE V interpolated(const Part *a, int u, double z) {
+  const V *f = a->F + 7 * u;
+  const double r = 1.0 - z;
+  return a->x[used[u]] + z * (f[0] + r * (f[1] + z * (f[2] + r * (f[3] + z * (f[4] + r * (f[5] + z * f[6]))))));
+}
+
+/* What the interpolant misses over what it may miss, in the worst lane. The errors of a step do not show those of its
+   interpolant: where equations are stiff, its stages may be far off in a step that is accepted. */
+PRIVATE double interpolation_error(Block *b, const Study *s) {
+  double most = 0.0;
+  EACH_PART(b) {
+    V sum = zero();
+    for (int u = 0; u < N_USED; ++u) {
+      const int i = used[u];
+      const V missed = a->x_at[i] - interpolated(a, u, LAST_STAGE);
+      const V share = missed / (a->atol[i] + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->x_new[i])));
+      sum += share * share;
+    }
+    most = larger(largest_lane(sum), most);
+  }
+  return sqrt(most / SIZE(N_USED)) / MOST_MISSED;
+}
+
 /* Outputs at the times that the step has passed; 0 if one is not finite. */
 PRIVATE int sample_outputs(Block *b, Study *s) {
   while (b->next < s->n_t && s->times[b->next] <= b->t_new) {
@@ -98,6 +123,13 @@ PRIVATE int sample_outputs(Block *b, Study *s) {
   return 1;
 }
 
+/* A shorter step for an error. */
+PRIVATE void shorten(Block *b, double error) {
+  const double factor = error < 1e300 ? SAFETY * exp(-EXPONENT * log(error)) : 0.1;
+  b->h *= factor > SHRINK_LEAST ? factor : SHRINK_LEAST;
+  b->before = log(ERROR_LEAST);
+}
+
 /* Accepts the step or shortens it. At the shortest step, samples whose error is too large fail. */
 PRIVATE int accept_step(Block *b, Study *s, double shortest) {
   V norm[PARTS];
@@ -114,9 +146,7 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
     return FAILED;
   }
   if (!(e <= 1.0)) {
-    const double factor = e < 1e300 ? SAFETY * exp(-EXPONENT * size) : 0.1;
-    b->h *= factor > SHRINK_LEAST ? factor : SHRINK_LEAST;
-    b->before = least;
+    shorten(b, e);
     return REJECTED;
   }
   const double factor = SAFETY * exp((-EXPONENT + 0.2 * MEMORY) * size + MEMORY * b->before);
@@ -161,18 +191,20 @@ PRIVATE int run(Block *b, Study *s) {
     if (verdict == FAILED) return 0;
     if (verdict == REJECTED) continue;
     EACH_PART(b) rates(a->x_new, a->c, each(between_stops(b, b->t_new)), a->k + END * N_OWN);
-    const int searched = may_pass(b);
-    if (searched) interpolant(b);
+    const int searched = may_pass(b), interpolates = searched || s->times[b->next] <= b->t_new;
+    if (interpolates) interpolant(b);
+    const double missed = interpolates ? interpolation_error(b, s) : 0.0;
+    if (!(missed <= 1.0) && b->h > shortest * 1.0000001) {
+      shorten(b, missed);
+      continue;
+    }
     const double z = searched ? first_pass(b) : 2.0;
     if (z < LATE && z * b->h > 10.0 * shortest) { /* interpolants are as exact as steps near their ends only */
       b->h *= z * BEYOND;
       continue;
     }
     if (z <= 1.0) b->t_new = b->t + z * b->h;
-    if (s->times[b->next] <= b->t_new) {
-      if (!searched) interpolant(b);
-      if (!sample_outputs(b, s)) return 0;
-    }
+    if (!sample_outputs(b, s)) return 0;
     if (z <= 1.0 && !change_sides(b, s, z)) return 0;
     EACH_PART(b) {
       /* The slope before the projection serves the next step: it is as far off as the error of this one. */

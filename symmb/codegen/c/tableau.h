@@ -13,6 +13,8 @@
 #define CHANGE_MOST 5.0  /* bounds of the factor of a step that is accepted */
 #define ERROR_LEAST 1e-4 /* smaller errors count as this in the memory */
 #define SHORTEST 1e-14   /* share of the horizon */
+#define MOST_MISSED 300.0 /* tolerances by which an interpolant may miss the state of its last stage */
+#define LAST_STAGE 1.0   /* its share of the step */
 #define ROUNDED_STEP 1e-6 /* share of the time below which the rounding of its end changes the length of a step */
 
 /* Slopes before the end of the step, and x_new. */
@@ -30,7 +32,7 @@ PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {
   for (int i = 0; i < N_X; ++i) e5[i] = e3[i] = 0.5 * (a->k[N_OWN + i] - a->k[i]);
 }
 
-/* Coefficients F of the interpolant of the states that outputs need. */
+/* Coefficients F of the interpolant of the states that outputs need. x_at is the state of its last stage. */
 PRIVATE void interpolant(Block *b) {
   EACH_PART(b)
     for (int u = 0; u < N_USED; ++u) {
@@ -40,6 +42,7 @@ PRIVATE void interpolant(Block *b) {
       f[1] = b->h * first - d;
       f[2] = 2.0 * d - b->h * (first + last);
       for (int j = 3; j < 7; ++j) f[j] = zero();
+      a->x_at[used[u]] = a->x_new[used[u]];
     }
 }
 
