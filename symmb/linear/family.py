@@ -3,11 +3,12 @@
 import numpy as np
 
 from symmb._errors import SimulationError, warn_of
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
-from symmb.linear.linear_equations import Blocks, LinearEquations, lifts
+from symmb.linear.linear_equations import Blocks, LinearEquations
 from symmb.linear.linearization import formulation_of, free_states
-from symmb.linear.point import require_smooth, started, steadiness
+from symmb.linear.point import LinearizationPoint, require_smooth, started
+from symmb.linear.steady import SteadyMotion
 from symmb.model import Scene
 from symmb.simulation import require_scene
 
@@ -28,8 +29,8 @@ class LinearFamily:
         point = started(scene, formulation, self.nominal, self.t, None)
         require_smooth(formulation, point, self._equations)
         blocks = self._equations.blocks(point.x[None], self.nominal[None], self.t)
-        A, _, free = _reduced(self._equations, blocks)
-        self.doubts = steadiness(self._equations, point, A, free)
+        self.doubts = SteadyMotion(self._equations, point, blocks, free_states(self._equations, blocks)).doubts
+        self._turns: bool | None = None
         warn_of(self.doubts, f"Linearisation of {scene.name}")
 
     def eigen(self, p: Array) -> tuple[Eigenvalues, Array]:
@@ -48,18 +49,19 @@ class LinearFamily:
             raise SimulationError(reasons[faults[0]] + (f" at {where}" if where else ""))
         blocks, n_v, found = self._equations.blocks(X, P, self.t), self._formulation.dae.n_v, []
         for k in range(len(P)):
-            A, lift, _ = _reduced(self._equations, blocks[k])
+            A, lift = self._reduced(blocks[k], LinearizationPoint(X[k], P[k], self.t))
             eigen = eigenvalues(A)
             found.append((eigen, (lift @ eigen.vectors)[:n_v] / self._equations.sizes[:n_v, None]))
         return found
 
+    def _reduced(self, blocks: Blocks, point: LinearizationPoint) -> tuple[Array, Array]:
+        """A (n, n) of one sample, and all displacements for its states (n_z, n).
 
-def _reduced(equations: LinearEquations, blocks: Blocks) -> tuple[Array, Array, Indices]:
-    """A (n, n) of one sample, all displacements for its states (n_z, n), and the numbers of these.
-
-    Each sample has its own states. Those of another one may depend on each other here, as the heading of a bicycle,
-    which follows from its sideways motion only while it runs.
-    """
-    free = free_states(equations, blocks)
-    lift = lifts(blocks, free)[0]
-    return (blocks.A[0] @ lift)[free], lift, free
+        Each sample has its own states. Those of another one may depend on each other here, as the heading of a bicycle,
+        which follows from its sideways motion only while it runs.
+        """
+        free = free_states(self._equations, blocks)
+        motion = SteadyMotion(self._equations, point, blocks, free)
+        if self._turns is None and motion.moves:  # the first sample that moves tells whether coordinates have to turn
+            self._turns = motion.turning is not None and bool(motion.turning.any())
+        return motion.turned(motion.best_turning() if self._turns and motion.moves else None), motion.lift

@@ -1,7 +1,9 @@
-"""Inputs of a linearisation: additional forces of actuators, and parameters."""
+"""Inputs of a linearisation: forces of actuators, parameters, and starts of coordinates that nothing touches."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+
+import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
@@ -39,3 +41,29 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
     numbers = {actuator.name: list(more).index(name) for name, actuator in forces.items()}
     extended = replace(scene, system=scene.system.with_elements(pushed, more))
     return extended, tuple(numbers[name] if name in numbers else list(more).index(name) for name in inputs)
+
+
+def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]:
+    """The scene with parameters for the starts of the coordinates that nothing touches but outputs contain.
+
+    Such coordinates move uniformly. They are no states of the equations of motion, but outputs deviate with them.
+
+    Returns
+    -------
+    Scene
+    tuple of int           numbers of the parameters, of the place and of the velocity of each coordinate in turn
+    tuple of str           names of these places and velocities
+    """
+    system = scene.system
+    bound = [system.bind(y, "output", also=system.solved_hashes) for y in (scene.outputs or {}).values()]
+    y = ca.vertcat(*bound) if bound else ca.SX(0, 1)
+    touched = [(x, v) for x, sx, v, sv in system.collected.decoupled if ca.depends_on(y, ca.vertcat(sx, sv))]
+    names = tuple(name for pair in touched for name in pair)
+    if not names:
+        return scene, (), ()
+    more = system.parameters.with_more(**{f"uniform_{k}": 0.0 for k in range(len(names))})
+    start = {
+        name: scene.prescribed.drift.get(name, ca.SX(0)) + getattr(more, f"uniform_{k}") for k, name in enumerate(names)
+    }
+    extended = replace(scene, system=system.with_elements((), more), start={**scene.start, **start})
+    return extended, tuple(list(more).index(f"uniform_{k}") for k in range(len(names))), names

@@ -10,11 +10,12 @@ import numpy as np
 from symmb._errors import DeclarationError, warn_of
 from symmb._names import did_you_mean
 from symmb._types import Indices
-from symmb.linear.inputs import with_inputs
-from symmb.linear.linear_equations import Blocks, LinearEquations, independent, lifts
+from symmb.linear.inputs import with_inputs, with_uniform
+from symmb.linear.linear_equations import Blocks, LinearEquations, independent
 from symmb.linear.motion import Origin
-from symmb.linear.point import point_of, require_smooth, started, steadiness
+from symmb.linear.point import point_of, require_smooth, started
 from symmb.linear.result import Linearization
+from symmb.linear.steady import SteadyMotion
 from symmb.model import DAE, Scene
 from symmb.simulation import Formulation, Trajectory, formulations
 
@@ -57,28 +58,36 @@ def linearize(
     scene, values, t, of_bodies = point_of(subject, time, parameters)
     chosen = _numbers(scene.output_names if outputs is None else outputs, scene.output_names)
     extended, input_numbers = with_inputs(scene, inputs)
+    extended, starts, uniform = with_uniform(extended)
     formulation = formulation_of(extended)
     p = np.array([*values.values(), *[0.0] * (len(extended.system.parameters) - len(values))])
     point = started(extended, formulation, p, t, of_bodies)
-    equations = LinearEquations(formulation, input_numbers)
+    equations = LinearEquations(formulation, (*input_numbers, *starts))
     require_smooth(formulation, point, equations)
     blocks = equations.blocks(point.x[None], p[None], t)
     _require_free_inputs(inputs, blocks)
     free = free_states(equations, blocks)
-    lift = lifts(blocks, free)[0]
-    A = (blocks.A[0] @ lift)[free]
+    motion = SteadyMotion(equations, point, blocks, free)
+    n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
+    lift = np.hstack([motion.lift, more])
+    # Outputs deviate with uniform motions as they do with the starts of these.
+    of_starts = blocks.D[0][:, n_u:].copy()
+    of_starts[:, 1::2] -= (t - scene.times[0]) * of_starts[:, ::2]
+    whole = np.zeros((n + len(uniform),) * 2)
+    whole[:n, :n] = motion.A
+    whole[np.arange(n, len(whole), 2), np.arange(n + 1, len(whole), 2)] = 1.0
     result = Linearization(
         name=scene.name,
-        A=A,
-        B=blocks.B[0][free],
-        C=(blocks.C[0] @ lift)[chosen],
-        D=blocks.D[0][chosen],
-        states=tuple(state_names(formulation.dae)[k] for k in free),
+        A=whole,
+        B=np.vstack([blocks.B[0][free, :n_u], np.zeros((len(uniform), n_u))]),
+        C=np.hstack([blocks.C[0] @ motion.lift, of_starts])[chosen],
+        D=blocks.D[0][chosen, :n_u],
+        states=(*(state_names(formulation.dae)[k] for k in free), *uniform),
         inputs=tuple(inputs),
         outputs=tuple(scene.output_names[k] for k in chosen),
         time=t,
         parameters=values,
-        doubts=steadiness(equations, point, A, free),
+        doubts=motion.doubts,
         shapes=blocks.bodies[0] @ lift,
         displacements=displacement_names((formulation.bodies or formulation).dae),
         origin=Origin(extended, formulation, point, lift),
@@ -109,7 +118,7 @@ def _numbers(names: Sequence[str], known: Sequence[str]) -> list[int]:
 def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
     """DeclarationError if an input moves constraints: states would depend on its rate."""
     moved = np.abs(blocks.row_inputs[0]).max(axis=0, initial=0.0)
-    for name, size in zip(inputs, moved, strict=True):
+    for name, size in zip(inputs, moved, strict=False):
         if size > _MOVED * np.abs(blocks.rows[0]).max(initial=0.0):
             raise DeclarationError(
                 f"linearize: input {name!r} moves constraints, such as a length or a place. Inputs are forces, or "

@@ -8,17 +8,12 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
 from symmb._options import is_finite_number
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb.events import kinks
-from symmb.linear.linear_equations import LinearEquations, lifts
+from symmb.linear.linear_equations import LinearEquations
 from symmb.model import Scene
 from symmb.simulation import Formulation, Trajectory, parameter_values, require_scene
 
-_AHEAD = 1e-4
-"""Share of the shortest time of the equations by which a motion goes ahead and back to see whether they change."""
-_STEADY = 1e-6
-"""Relative change of A in the shortest time up to which it is constant: the difference above has 1e-8 and 1e-9 of its
-truncation and of rounding."""
 _ON = 1e-9
 """Distance from a switch, in sizes of the states, below which a state is on it."""
 _ASIDE = 1e-7
@@ -105,31 +100,3 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
                 f"linearize: a switch of the equations ({', '.join(switches.names)}) lies at this very state, and the "
                 "forces have different slopes on both sides. Linearise a state beside it."
             )
-
-
-def steadiness(equations: LinearEquations, point: LinearizationPoint, A: Array, free: Indices) -> tuple[str, ...]:
-    """The doubt that a motion through the point is not steady: A changes along its rates, or its acceleration."""
-    dae, x = equations.dae, point.x
-    q, v, *s = np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)]
-    rates = [rate.full().ravel() for rate in dae.rhs(q, v, *s, point.p, point.t)]
-    along = np.concatenate(rates)
-    if not along.any() or not A.size:
-        return ()
-    fastest = max(float(np.linalg.norm(A, 2)), float(np.abs(along / dae.state_sizes).max()))
-    h = _AHEAD / fastest
-    ahead = np.zeros_like(x)  # a state at rest moves in the direction of its acceleration
-    ahead[: dae.n_q] = dae.rhs(q, rates[1], *s, point.p, point.t)[0].full().ravel() / fastest
-
-    def matrix(x: Array, t: float) -> Array:
-        blocks = equations.blocks(x[None], point.p[None], t)
-        return (blocks.A @ lifts(blocks, free))[0][free]
-
-    changes = [matrix(x + h * along, point.t + h) - matrix(x - h * along, point.t - h)]
-    changes.append(matrix(x + h * ahead, point.t) - matrix(x - h * ahead, point.t))
-    change = np.abs(changes).max() / (2 * _AHEAD * np.abs(A).max(initial=1e-300))
-    if change <= _STEADY:
-        return ()
-    return (
-        "The state is neither an equilibrium nor a steady motion: A changes along the motion. Its eigenvalues tell "
-        "nothing about what comes later.",
-    )
