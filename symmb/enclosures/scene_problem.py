@@ -119,9 +119,7 @@ def _start(form: Formulation) -> StartEquations:
     p, t, places = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t"), start.place.numel_in(0)
     u = ca.SX.sym("u", 0 if position is None else places)
     residual = ca.SX(0, 1) if position is None else position.residual(u, p)
-    q = start.place(ca.SX.zeros(places, 1) if position is None else u, p)
-    s = [start.dae.s_start(q, p)] if start.dae.s_start is not None else []
-    states = ca.vertcat(q, start.velocities(q, p), *s)
+    states = start.state(ca.SX.zeros(places, 1) if position is None else u, p)
 
     def solve(P: Array) -> Array:
         if position is None:

@@ -59,6 +59,9 @@ class _StartOfBodies(Start):
         x, reasons = self.bodies.states(P)
         return batch(self.measured, x, P)[0], reasons
 
+    def state(self, u: ca.SX, p: ca.SX) -> ca.SX:
+        return ca.densify(self.measured(self.bodies.state(u, p), p))
+
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
         P = parameter_jets(p, directions, order)
         return function_jets(self.measured, [self.bodies.jets(p, directions, order), P])

@@ -15,8 +15,9 @@ Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
 _ROUNDING = 1e-9
 """Coordinates below this share of the lever arms are zero but for the rounding of Newton's method."""
-_PART_ROUNDING = 1e-12
-"""Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance."""
+PART_ROUNDING = 1e-12
+"""Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance; and
+coordinates, over how far speeds and accelerations lead, below which they are rounding of an assembly."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
 _USUAL_RATE = 2.0**_STEP_BITS
@@ -79,16 +80,18 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
     of_body = np.arange(len(names)) < own_v.stop
     angular = ~lengths & (of_body | np.array([name.endswith(".angle") for name in names], dtype=bool))
     accelerations = np.abs(dae.rhs(*at)[1].full().ravel())
+    far, linear = distances(dae, at, span), _is_linear(dae.v_names)
     for label in np.unique(labels):
         part = labels == label
-        own, linear = part[own_v], _is_linear(dae.v_names)
+        own = part[own_v]
         length = length_of(dae, at[0], G, part)
-        if not length:
+        has_length = length > PART_ROUNDING * far[own & linear].max(initial=0.0)
+        if not has_length:
             angles = np.abs(at[0][part[: dae.n_q] & ~_is_linear(dae.q_names)]).max(initial=0.0)
-            length = float(max(angles, distances(dae, at, span)[own].max(initial=0.0)))
-        if labels.any() and length > _PART_ROUNDING * size:
+            length = float(max(angles, far[own].max(initial=0.0)))
+        if labels.any() and length > PART_ROUNDING * size:
             sizes[part] = min(1.0, power_of_two(length))
-        if length_of(dae, at[0], G, part):  # angles do not shrink with their arms
+        if has_length:  # angles do not shrink with their arms
             sizes[part & angular] = 1.0
         sizes[: dae.n_q][(part & lengths)[: dae.n_q]] *= coarse(max(1.0, length))
         arms = np.where(linear, length or 1.0, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, is_linear
 from symmb.start.implicit_function import ROUNDING, ImplicitMap
-from symmb.start.scales import distances, length_of, power_of_two, sizes_of_parts
+from symmb.start.scales import PART_ROUNDING, distances, length_of, power_of_two, sizes_of_parts
 from symmb.symbolic import batch, evaluated, jet_function, saddle_solver
 
 MOST_COMPILED_STATES = 100
@@ -117,9 +117,10 @@ class Start:
         x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
         G = evaluated(dae.G, *map(np.atleast_1d, x)) if dae.G is not None else np.zeros((0, dae.n_v))
         length = length_of(dae, at["q"], G)
-        if not length:
-            linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
-            length = float(distances(dae, x, span)[linear].max(initial=0.0))
+        linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
+        far = float(distances(dae, x, span)[linear].max(initial=0.0))
+        if length <= PART_ROUNDING * far:
+            length = far
         length = power_of_two(length)
         scaled = dae.scaled(lambda: Scales(length)).displacement_scales
         inertia = np.diag(batch(dae.inertia, *map(np.atleast_1d, x), np.eye(dae.n_v))[0]) if dae.n_v else np.zeros(0)
@@ -159,6 +160,13 @@ class Start:
         at = self.dae.arguments(x, p, ca.SX(self.t0))
         return ca.Function("sampled", [x, p], [ca.vertcat(*at[:2], self.dae.sampling.held(*at))], {"cse": True})
 
+    def state(self, u: ca.SX, p: ca.SX) -> ca.SX:
+        """The state (n_x,) of unknowns u (n_u,) that solve the equations of positions."""
+        q = self.place(u, p)
+        s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
+        x = ca.densify(ca.vertcat(q, self.velocities(q, p), *s))
+        return x if self._sampled is None else self._sampled(x, p)
+
     def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The equations of `states` for generated code.
 
@@ -181,10 +189,7 @@ class Start:
             step, _ = saddle_solver(ca.SX.eye(n), J, [1] * n)(ca.SX(n, 1), r)
             rounded = ca.fabs(r) <= ROUNDING * ca.sum2(ca.fabs(J))
             newton = ca.if_else(reduce(ca.logic_and, ca.vertsplit(rounded)), 0, step)
-        q = self.place(u, p)
-        s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
-        state = ca.densify(ca.vertcat(q, self.velocities(q, p), *s))
-        state = state if self._sampled is None else self._sampled(state, p)
+        state = self.state(u, p)
         arguments = self.dae.arguments(state, p, ca.SX(self.t0))
         rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
         rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
@@ -192,7 +197,7 @@ class Start:
         limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.state_scales)), ca.SX(1))
         tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
         if self.dae.assembly_cosines is not None:
-            tests = ca.vertcat(tests, self.dae.assembly_cosines(q, p) > 0)
+            tests = ca.vertcat(tests, self.dae.assembly_cosines(state[: self.dae.n_q], p) > 0)
         if self.implied is not None:
             tests = ca.vertcat(tests, ca.fabs(self.implied(u, p)) <= VIOLATION)
         good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
