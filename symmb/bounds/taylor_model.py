@@ -12,7 +12,7 @@ from symmb._types import Array, Executor, Mask
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
-from symmb.enclosures import EXTRA_NODES, Enclosure, enclose, problem_of
+from symmb.enclosures import EXTRA_NODES, NO_START, Enclosure, Problem, enclose, problem_of
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator
 
@@ -42,8 +42,9 @@ class TaylorModel(Method):
     outputs follow by Bernstein coefficients and halving.
 
     It takes open chains and trees, first-order states, and scenes without bodies whose outputs are expressions. Rows
-    of closed loops, impacts, kinks and sampled values are refused. Where nothing can be proved any more, bounds are
-    infinite, and ``caution`` tells until when they are proved. Outputs that are not smooth have infinite bounds.
+    of closed loops, impacts, sampled values, and kinks or jumps that depend on the state are refused. Where nothing can
+    be proved any more, as from the first jump of a law of time on, bounds are infinite, and ``caution`` tells until
+    when they are proved. Outputs that are not smooth, or have operations without a remainder, have infinite bounds.
     The executor is not used, and each box counts as a run.
 
     Parameters
@@ -91,8 +92,8 @@ class TaylorModel(Method):
 
         found = enclose(problem, self.order, self.boxes, tell)
         tell(1.0)
-        remedy = "a higher order, more boxes or smaller intervals" if problem.n else "smaller intervals"
-        caution = _caution(found, remedy, np.asarray(simulator.times, dtype=float), tuple(simulator.outputs))
+        times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
+        caution = _caution(found, _remedy(problem, found), times, outputs, problem.refused)
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
     def _require_room(self, d: int, terms: int, more: int) -> None:
@@ -109,23 +110,38 @@ class TaylorModel(Method):
         return constructor_text(self, f"order={self.order}")
 
 
-def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]) -> str:
+def _remedy(problem: Problem, found: Enclosure) -> str:
+    """What may lead further, for the end of a sentence; empty if nothing does."""
+    if found.why and found.why == problem.until_switch:
+        return ""
+    few = not problem.n or NO_START in found.why
+    return "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
+
+
+def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str], refused: Sequence[str]) -> str:
     """The caution about times or outputs of which nothing or little is proved."""
     begin = float(times[0])
-    if found.why and not np.isfinite(found.upper).any():
-        return f"not proved at any time: {found.why}; try {remedy}"
-    if found.why:
-        return f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}; try {remedy}"
-    if not np.isfinite(found.upper).all():
-        names = _names(outputs, ~np.isfinite(found.upper))
-        return f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals"
-    if found.is_loose.any():
-        begin = times[found.is_loose.any(axis=1).argmax()]
-        return (
-            f"proved, but wide from t = {begin:g} s on for {_names(outputs, found.is_loose)}: more than half of a "
-            f"width is remainder; try {remedy}"
+    parts = [
+        f"infinite for {name}, since {unknown} has no remainder"
+        for name, unknown in zip(outputs, refused, strict=True)
+        if unknown
+    ]
+    known = np.array([not unknown for unknown in refused], dtype=bool)
+    upper, loose = found.upper[:, known], found.is_loose & known
+    if found.why and not np.isfinite(upper).any():
+        parts.append(f"not proved at any time: {found.why}{remedy}")
+    elif found.why:
+        parts.append(f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}{remedy}")
+    elif not np.isfinite(upper).all():
+        names = _names(outputs, ~np.isfinite(found.upper) & known)
+        parts.append(f"infinite for {names}, which cannot be shown to be smooth over the box; try smaller intervals")
+    elif loose.any():
+        begin = times[loose.any(axis=1).argmax()]
+        parts.append(
+            f"proved, but wide from t = {begin:g} s on for {_names(outputs, loose)}: more than half of a width is "
+            f"remainder{remedy}"
         )
-    return ""
+    return "; ".join(parts)
 
 
 def _names(outputs: Sequence[str], which: Mask) -> str:

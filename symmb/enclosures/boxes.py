@@ -7,10 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.enclosures.errors import ProofError
 from symmb.enclosures.expressions import expression_bounds
-from symmb.enclosures.front import half
+from symmb.enclosures.front import half, slowest
 from symmb.enclosures.march import Course, Place, march
 from symmb.enclosures.problem import Problem
+from symmb.enclosures.start import nominal_front
 
 _EARLY = 1e-7
 """Remainder over the width of the states in the whole box at which parts are halved, as long as half of them are left.
@@ -27,6 +29,8 @@ The other half of the parts are for those that are lost first. They are halved w
 """
 _VISIBLE, _SMALL = 1e-6, 0.1
 """Widths over the size of an output, and over how far it moves with the parameters, that are worth a caution."""
+_CANCELLED = 1e-9
+"""The same over the terms that make an output: where they cancel, their small remainders are left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +50,24 @@ class _Part:
     @property
     def can_be_halved(self) -> bool:
         """Whether its motion is not proved to the end, and halves may be."""
-        return not self.course.is_done and self.course.checkpoint is not None and self.problem.d > 0
+        switched = bool(self.course.why) and self.course.why == self.problem.until_switch
+        return not self.course.is_done and not switched and self.problem.d > 0
 
-    def halves(self) -> "list[_Part]":
-        """Both halves, from the checkpoint on, in the variable whose coefficients decay the least at the end."""
+    def halves(self, order: int) -> "list[_Part]":
+        """Both halves, in the variable whose coefficients decay the least at the end.
+
+        They go on from the checkpoint. If that is the start, or if there is none, they begin again: the start of a half
+        has a smaller remainder.
+
+        Raises
+        ------
+        ProofError         if there are parameters without a start
+        """
         end, at = self.course.end, self.course.checkpoint
-        assert end is not None and at is not None
-        variable = end.front.slowest()
+        variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
+        if at is None or not at.front.t:
+            parts = [self.problem.over(variable, side) for side in (-1, 1)]
+            return [_Part(part, Course.empty(part), 0.5 * self.share) for part in parts]
         return [
             _Part(
                 self.problem.over(variable, side),
@@ -70,6 +85,7 @@ class Enclosure:
     Attributes
     ----------
     remainder : (n_t, n_y) largest part of the bounds that is not the range of a polynomial
+    terms : (n_y,) largest sizes of the terms that make the outputs
     until : time up to which the motion is proved, from the first one [s]
     why : what ended the proof; empty if it reached the end
     boxes : parts in which the box ended
@@ -78,6 +94,7 @@ class Enclosure:
     lower: Array
     upper: Array
     remainder: Array
+    terms: Array
     until: float
     why: str
     boxes: int
@@ -87,13 +104,16 @@ class Enclosure:
         """Which bounds (n_t, n_y) are mostly remainder.
 
         Remainders that are small beside the output, or beside how far the parameters ever move it, are left out: at
-        first the parameters have had no effect, and any width is remainder.
+        first the parameters have had no effect, and any width is remainder. So are those of terms that
+        cancel.
         """
-        width, finite = self.upper - self.lower, np.isfinite(self.upper)
-        moved = np.where(finite, width - 2.0 * self.remainder, 0.0).max(axis=0)
+        finite = np.isfinite(self.upper)
+        width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
+        moved = np.where(finite, width - 2.0 * remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
         visible = np.maximum(_VISIBLE * np.maximum.accumulate(size, axis=0), _SMALL * moved)
-        return np.asarray(finite & (self.remainder > 0.25 * width) & (2.0 * self.remainder > visible))
+        visible = np.maximum(visible, _CANCELLED * self.terms)
+        return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
 
 @np.errstate(all="ignore")  # what is not finite proves nothing
@@ -110,7 +130,7 @@ def enclose(
     """
     if not problem.n:
         course = expression_bounds(problem, order)
-        return Enclosure(course.lower, course.upper, course.remainder, course.until, course.why, 1)
+        return Enclosure(course.lower, course.upper, course.remainder, course.terms, course.until, course.why, 1)
     horizon = float(problem.times[-1]) or 1.0
     parts = [_Part(problem, Course.empty(problem))]
 
@@ -126,8 +146,12 @@ def enclose(
                 follow(part, largest)
         while len(parts) < most and (lost := [part for part in parts if part.can_be_halved]):
             first = min(lost, key=lambda part: part.course.until)  # those that lose first are halved first
+            try:
+                halves = first.halves(order)
+            except ProofError:  # more parts do not prove what does not exist
+                break
             parts.remove(first)
-            for part in first.halves():
+            for part in halves:
                 parts.append(part)
                 follow(part, largest)
     courses = [part.course for part in parts]
@@ -136,6 +160,7 @@ def enclose(
         np.min([course.lower for course in courses], axis=0),
         np.max([course.upper for course in courses], axis=0),
         np.max([course.remainder for course in courses], axis=0),
+        np.max([course.terms for course in courses], axis=0),
         min(course.until for course in courses),
         last.why,
         len(courses),

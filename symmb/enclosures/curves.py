@@ -79,9 +79,13 @@ class Step:
         return np.maximum(problem.scales, np.where(np.isfinite(room), room, 0.0))
 
     def on_patches(self, patches: Patches, radius: Array | None = None) -> list[list[discs.Disc]]:
-        """States, parameters and time over patches, the states in discs that are larger by `radius` (n,)."""
-        problem = self.problem
-        more = self.x.error if radius is None else self.x.error + radius
+        """States, parameters and time over patches, the states in discs that are larger by `radius` (n,).
+
+        The discs hold the exact motion, which differs from its computed coefficients by a polynomial that is small on
+        [-1, 1] and grows with the ellipses. Errors of parameters are constants, the same everywhere.
+        """
+        problem, rounded = self.problem, self.x.error_on(patches.rho)
+        more = rounded if radius is None else rounded + radius
         x = [(centre, above(r + m)) for (centre, r), m in zip(patches.discs(self.x.c), more, strict=True)]
         errors = np.broadcast_to(problem.errors, problem.middle.shape)
         p = [

@@ -133,7 +133,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     """
     n, k = step.problem.n, len(rho)
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
-    most = above(C_on @ (most_slope @ (B_on + step.B.error.reshape(n, n)) + rate_on))
+    most = above(C_on @ (most_slope @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on))
     w = np.maximum(w, _SMALLEST * w.max())
     ratio = _GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio, (_FINEST,) * k)

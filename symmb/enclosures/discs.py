@@ -87,6 +87,11 @@ def _right(a: Disc) -> Mask:
     return _less_above(a[1], a[0].real)
 
 
+def is_positive(a: Disc) -> bool:
+    """Whether all discs of a real number are above 0."""
+    return bool(np.all(_right(a)))
+
+
 def _left(a: Disc) -> Mask:
     return _less_above(a[1], -a[0].real)
 

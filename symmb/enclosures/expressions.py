@@ -23,7 +23,7 @@ def expression_bounds(problem: Problem, order: int) -> Course:
     none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
     whole = Step(problem, 0.0, end or 1.0, none, none, none.c[None])
     for spread in _SPREADS:
-        lower, upper, rest = output_bounds(whole, np.zeros(0), problem.times, Choice((spread, spread)), _SHARP)
+        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, Choice((spread, spread)), _SHARP)
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
         course.remainder = np.minimum(course.remainder, rest)
     course.until = end

@@ -11,6 +11,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures.chebyshev import along, coefficients_from_nodes, integral, nodes, sums, values_at_nodes
 from symmb.enclosures.errors import ProofError
+from symmb.enclosures.patches import largest_on
 from symmb.enclosures.points import PLAIN, plain
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.rounding import U, above, of_sum
@@ -54,12 +55,22 @@ class Curve:
     """Polynomials (m, K + 1, N + 1, ...) of time and parameters.
 
     They are begin + h / 2 times the integral of `rate` from s = -1 in exact arithmetic; `c` has the coefficients, with
-    which the polynomials err by at most `error` (m,).
+    which the polynomials err by at most `error` (m,) where all variables are in [-1, 1]. Each coefficient errs by at
+    most that of `rounded`, which has the shape of c; None where the coefficients are exact.
     """
 
     c: Array
     error: Array
     rate: Array
+    rounded: Array | None = None
+
+    def error_on(self, rho: Sequence[float]) -> Array:
+        """Bounds (m,) of the errors of the polynomials on a polyellipse.
+
+        The error is the polynomial whose coefficients are the errors of the coefficients. It is bounded on the ellipses
+        as all polynomials are: |T_k| <= cosh(k log rho) there, and 1 on [-1, 1], where this is `error`.
+        """
+        return np.zeros(len(self.c)) if self.rounded is None else largest_on(rho, self.rounded)
 
 
 def integrated(begin: Array, rate: Array, h: float) -> Curve:
@@ -70,7 +81,9 @@ def integrated(begin: Array, rate: Array, h: float) -> Curve:
     c[:, 0] += begin
     d = rate.ndim - 1
     terms = 0.5 * h * along([np.abs(matrix), *others], np.abs(rate))
-    return Curve(c, above(of_sum(len(matrix) + 4) * sums(terms, d) + 2 * U * sums(c, d)), rate)
+    # Entries of the first row are differences, 1 / (k^2 - 1), whose relative errors are up to (k / 2 + 2) U.
+    rounded = above(of_sum(2 * len(matrix) + 4) * terms + 2 * U * np.abs(c))
+    return Curve(c, sums(rounded, d), rate, rounded)
 
 
 def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:

@@ -51,13 +51,11 @@ class Front:
         moved = ch.sums(self.x, d) - np.abs(self.x[(slice(None), *(0,) * d)])
         return float((e / np.maximum(moved, _UNMOVED * moved.max(initial=1e-300))).max(initial=0.0))
 
-    def slowest(self) -> int:
-        """Number of the parameter whose coefficients decay the least."""
-        tails = [
-            np.abs(self.x.take(np.arange(max(1, m - _LAST), m), axis=axis)).sum()
-            for axis, m in enumerate(self.x.shape[1:], 1)
-        ]
-        return int(np.argmax(tails))
+
+def slowest(x: Array) -> int:
+    """Number of the parameter in which the coefficients (n, N + 1, ...) decay the least."""
+    tails = [np.abs(x.take(np.arange(max(1, m - _LAST), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
+    return int(np.argmax(tails))
 
 
 def entering(front: Front, step: Step) -> Array:

@@ -7,8 +7,9 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
+from symmb.enclosures import discs
 from symmb.enclosures.curves import Step
-from symmb.enclosures.ellipses import Choice, Control, usual_patches
+from symmb.enclosures.ellipses import Choice, Control, patches_on, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
 from symmb.enclosures.front import Front, entering, leaving, well_conditioned
@@ -29,6 +30,9 @@ _FIRST = 50
 """Horizon over the first step that is tried."""
 _LOST, _CRAWL = 1e-2, 2.0**-6
 """Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
+_BEFORE, _LAST_PART = 0.9, 1e-6
+"""Step over the time that is left before a law of time switches, since patches of time reach beyond the step by a tenth
+of it; and what is left, over the horizon, when the proof ends."""
 _GRAINS = 2.0**30
 """Steps are multiples of a power of 2, that of the horizon over this: times of steps are then sums without rounding."""
 
@@ -48,6 +52,7 @@ class Course:
     Attributes
     ----------
     remainder : (n_t, n_y) part of the bounds that is not the range of a polynomial
+    terms : (n_y,) largest sizes of the terms that make the outputs
     until : time up to which the motion is proved, from the first one [s]
     why : what ended the proof; empty if it can go on
     end : the last place; None before the start
@@ -58,6 +63,7 @@ class Course:
     lower: Array
     upper: Array
     remainder: Array
+    terms: Array
     until: float = 0.0
     why: str = ""
     end: Place | None = None
@@ -68,7 +74,7 @@ class Course:
     def empty(cls, problem: Problem) -> "Course":
         """Nothing is proved."""
         shape = len(problem.times), problem.outputs.numel_out(0)
-        return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf))
+        return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape[1]))
 
     @property
     def is_done(self) -> bool:
@@ -83,7 +89,7 @@ class Course:
             np.where(later, none, known)
             for none, known in ((-np.inf, self.lower), (np.inf, self.upper), (np.inf, self.remainder))
         )
-        return Course(lower, upper, remainder, place.front.t, "", place, place, stored)
+        return Course(lower, upper, remainder, self.terms, place.front.t, "", place, place, stored)
 
 
 def march(
@@ -111,6 +117,10 @@ def march(
     front, control = course.end.front, replace(course.end.control)
     longest = 0.0
     while not course.is_done:
+        if problem.switch - front.t < _LAST_PART * end:
+            course.why = problem.until_switch
+            return
+        control.h = min(control.h, _BEFORE * (problem.switch - front.t))
         try:
             step, proof = _step(problem, front, grain, control)
         except ProofError as error:
@@ -120,9 +130,9 @@ def march(
         behind = int(np.searchsorted(times, front.t, side="right"))
         if behind > course.stored:
             part = slice(course.stored, behind)
-            course.lower[part], course.upper[part], course.remainder[part] = output_bounds(
-                step, proof.W, times[part], control.choice
-            )
+            found = output_bounds(step, proof.W, times[part], control.choice)
+            course.lower[part], course.upper[part], course.remainder[part], terms = found
+            course.terms = np.maximum(course.terms, terms)
         course.stored, course.until, course.end = behind, front.t, Place(front, replace(control))
         progress(front.t)
         share, longest = front.share(), max(longest, step.h)
@@ -178,12 +188,24 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         try:
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
             step = Step(problem, front.t, h, x, B, C)
+            _require_valid(step)
             proof = prove(step, entering(front, step), control)
             control.h = h_resolved
             return step, proof
         except ProofError as error:
             reason, h = str(error), 0.5 * h
     raise ProofError(reason or "the motion changes too fast for the shortest step")
+
+
+def _require_valid(step: Step) -> None:
+    """ProofError unless no law of time switches in a step, for all parameters."""
+    tape = step.problem.valid_tape
+    if tape is None:
+        return
+    real = patches_on(step, [1.0] * len(step.degrees), _first_choice(step.problem).patches)
+    for switch in tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real))[0]:
+        if not discs.is_positive(switch):
+            raise ProofError(step.problem.until_switch)
 
 
 def _tail(problem: Problem, x: Array) -> float:

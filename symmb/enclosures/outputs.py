@@ -29,12 +29,13 @@ SHARP = 1e-6
 
 def output_bounds(
     step: Step, w: Array, times: Array, choice: Choice, sharp: float = SHARP
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
 
-    All have the shape (n_t, n_y). The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are bounded, and
-    widened by the aliasing, the rounding and the largest sensitivity dy/dx times the largest B w. Outputs that cannot
-    be shown to be smooth have infinite bounds.
+    All have the shape (n_t, n_y). The last array (n_y,) has the sizes of the terms that make the outputs: those of the
+    states times the sensitivities, 0 where they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi.
+    Their ranges are bounded, and widened by the aliasing, the rounding and the largest sensitivity dy/dx times the
+    largest B w. Outputs that cannot be shown to be smooth have infinite bounds.
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
@@ -45,9 +46,10 @@ def output_bounds(
             rho, most, nodes = _ellipses(step, choice, patches)
             real = patches_on(step, [1.0] * len(rho), (patches, patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
-            of_states = above(reaches(slopes).reshape(problem.n, n_y).T @ e) if problem.n else np.zeros(n_y)
+            slopes = reaches(slopes).reshape(problem.n, n_y).T
+            of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
-            if smooth.all() and nodes <= _MANY_NODES**problem.d:
+            if (smooth | problem.is_refused).all() and nodes <= _MANY_NODES**problem.d:
                 break
         good = np.flatnonzero(smooth)
         lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
@@ -62,7 +64,7 @@ def output_bounds(
                 pending += np.split(part, len(part)) if len(part) > 1 else []
             else:
                 lower[:, part], upper[:, part], remainder[:, part] = -low, high, rest
-        return -lower, upper, remainder
+        return -lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
 
 
 def _ellipses(step: Step, choice: Choice, patches: int) -> tuple[list[float], Array, float]:

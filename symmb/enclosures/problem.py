@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.enclosures.rounding import U, above
 from symmb.enclosures.tape import Tape
 
@@ -26,6 +26,10 @@ class Problem:
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
     errors : (n_p,) of the middles of a part of the box, which are rounded
+    valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene: until a law of time switches
+    switch : about the first time at which one does, from the first time on [s]; infinite if there is none
+    until_switch : the sentence that tells this
+    refused : for each output the operations that have no remainder; its expression is then not a number
     """
 
     rates: ca.Function
@@ -37,6 +41,10 @@ class Problem:
     scales: Array
     start: "StartEquations"
     errors: Array | float = 0.0
+    valid: ca.Function | None = None
+    switch: float = np.inf
+    until_switch: str = ""
+    refused: tuple[str, ...] = ()
 
     def over(self, variable: int, side: int) -> "Problem":
         """The problem over the half of the box where a variable is negative (side -1) or positive (1)."""
@@ -58,6 +66,11 @@ class Problem:
         """Number of uncertain parameters."""
         return max(self.variables, default=-1) + 1
 
+    @property
+    def is_refused(self) -> Mask:
+        """Which outputs (n_y,) have operations without a remainder."""
+        return np.array([*map(bool, self.refused or [""] * self.outputs.numel_out(0))], dtype=bool)
+
     @cached_property
     def rate_tape(self) -> Tape:
         """(x, p, t) -> x'."""
@@ -72,6 +85,11 @@ class Problem:
     def output_tape(self) -> Tape:
         """(x, p, t) -> y."""
         return Tape(self.outputs)
+
+    @cached_property
+    def valid_tape(self) -> Tape | None:
+        """(x, p, t) -> what must be above 0."""
+        return None if self.valid is None else Tape(self.valid)
 
     def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
         """(x, p, t) -> some outputs."""
@@ -91,7 +109,7 @@ class Problem:
         return with_jacobian(self.outputs)
 
 
-_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "_tapes")
+_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "_tapes")
 """What does not depend on the box."""
 
 

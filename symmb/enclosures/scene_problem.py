@@ -11,9 +11,10 @@ from symmb._types import Array
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.problem import Problem, StartEquations
 from symmb.enclosures.tape import Tape
-from symmb.events import kinks
-from symmb.model import Box
+from symmb.events import TimeSwitches, kinks
+from symmb.model import DAE, Box
 from symmb.simulation import DAESimulator, Formulation, Simulator
+from symmb.symbolic import On, branches
 
 
 def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
@@ -21,8 +22,9 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has loops, impacts, sampled values, kinks or jumps, or operations that are
-                             not analytic, or starts in equilibrium
+    PropagationError         if the scene has loops, impacts, sampled values, kinks or jumps that depend on the state,
+                             or operations without a remainder in its equations or in all outputs, or starts in
+                             equilibrium
     """
     # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
     expression: ca.Function | None = getattr(simulator, "expression", None)
@@ -31,25 +33,50 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
             f"{method!r}: it needs the equations of a scene, or outputs that are plain expressions of parameters and "
             f"time, but {simulator!r} gives values only. Use PolynomialChaos()."
         )
+    valid, switch, names = None, np.inf, ""
+    times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator)
         rates, outputs, scales = _equations(form)
         start = _start(form)
+        rates, valid, switch, names = _until_the_first_switch(
+            method, form.dae, rates, times, _intervals(simulator, box)
+        )
     else:
         p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
         none = ca.SX.sym("x", 0)
         rates = ca.Function("rates", [none, p, t], [ca.SX(0, 1)])
         outputs = ca.Function("outputs", [none, p, t], [ca.densify(cast(ca.Function, expression)(p, t))])
         scales, start = np.zeros(0), StartEquations(rates, rates, lambda P: np.zeros((len(P), 0)))
-    times = np.asarray(simulator.times, dtype=float)
-    problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0], scales, start)
+    outputs, refused = _with_remainders(method, outputs)
+    problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0], scales, start,
+                      valid=valid, switch=switch, until_switch=names, refused=refused)  # fmt: skip
     if times[0]:
-        problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]))
+        later = valid and _later(valid, times[0])
+        problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]), valid=later)
     starts = [Tape(problem.start.residual), Tape(problem.start.states)]
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *starts):
-        if unknown := tape.unknown(OPERATIONS):
-            raise PropagationError(f"{method!r}: it has no remainder of {', '.join(unknown)}. Use PolynomialChaos().")
+        _require_remainders(method, ", ".join(tape.unknown(OPERATIONS)))
     return problem
+
+
+def _require_remainders(method: object, unknown: str) -> None:
+    if unknown:
+        raise PropagationError(f"{method!r}: it has no remainder of {unknown}. Use PolynomialChaos().")
+
+
+def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function, tuple[str, ...]]:
+    """The outputs, not a number where they have operations without a remainder, and these operations of each."""
+    if not Tape(outputs).unknown(OPERATIONS):
+        return outputs, ("",) * outputs.numel_out(0)
+    x, p, t = (ca.SX.sym(name, outputs.numel_in(i)) for i, name in enumerate("xpt"))
+    values = ca.vertsplit(outputs(x, p, t))
+    alone = (ca.Function("output", [x, p, t], [value], {"cse": True}) for value in values)
+    refused = tuple(", ".join(Tape(f).unknown(OPERATIONS)) for f in alone)
+    if all(refused):
+        _require_remainders(method, ", ".join(dict.fromkeys(refused)))
+    known = [ca.SX(np.nan) if unknown else value for value, unknown in zip(values, refused, strict=True)]
+    return ca.Function(outputs.name(), [x, p, t], [ca.densify(ca.vertcat(*known))], {"cse": True}), refused
 
 
 def _later(f: ca.Function, begin: float) -> ca.Function:
@@ -82,7 +109,7 @@ def _formulation(method: object, simulator: DAESimulator) -> Formulation:
             f"{method!r}: joints close loops or have no coordinates of their own ({rows}). Its proofs are of open "
             "chains and trees alone. Use PolynomialChaos()."
         )
-    _require_smooth(method, form, simulator.times)
+    _require_smooth(method, form)
     if form.start.is_equilibrium:
         raise PropagationError(
             f"{method!r}: the scene starts in equilibrium, which it does not prove. Give the start by values."
@@ -90,7 +117,7 @@ def _formulation(method: object, simulator: DAESimulator) -> Formulation:
     return form
 
 
-def _require_smooth(method: object, form: Formulation, times: Array) -> None:
+def _require_smooth(method: object, form: Formulation) -> None:
     dae = form.dae
     if dae.impacts is not None:
         raise PropagationError(
@@ -98,10 +125,50 @@ def _require_smooth(method: object, form: Formulation, times: Array) -> None:
         )
     if dae.sampling is not None:
         raise PropagationError(f"{method!r}: the scene holds sampled values. Use PolynomialChaos().")
-    if (found := kinks(dae, times)) is not None:
+
+
+def _until_the_first_switch(
+    method: object, dae: DAE, rates: ca.Function, times: Array, intervals: tuple[Array, Array, tuple[int, ...]]
+) -> tuple[ca.Function, ca.Function | None, float, str]:
+    """The rates with laws of time on their sides after the first time, and how long they are valid.
+
+    They are smooth, beyond the first switch as well. The last values are those of `Problem`: `valid`, `switch`,
+    `until_switch`.
+    """
+    found = kinks(dae, times)
+    if found is None:
+        return rates, None, np.inf, ""
+    if found.on_state.any():
         raise PropagationError(
-            f"{method!r}: the equations have {found}. Its proofs are of smooth motions alone. Use PolynomialChaos()."
+            f"{method!r}: the equations have {found} that depend on the state. Its proofs are of motions that are "
+            "smooth for some time at least. Use PolynomialChaos()."
         )
+    x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
+    f = ca.Function("rates", [x, p, t, none], [rates(x, p, t)])
+    branch = branches(f, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
+    middle, radius, variables = intervals
+    corners = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, len(middle))) * (np.array(variables) >= 0)
+    switches = ca.Function("switches", [x, p, t, branch.sides], [branch.switches])
+    begin, sides = times[0] + _AFTER * (times[-1] - times[0]), np.ones(branch.sides.numel())
+    for _ in range(len(sides)):  # a switch may depend on the sides of those before it
+        sides = np.where(switches(0, middle, begin, sides).full().ravel() >= 0, 1.0, -1.0)
+    valid = ca.Function("valid", [x, p, t], [ca.densify(sides * switches(x, p, t, sides))], {"cse": True})
+    at = TimeSwitches(valid(0, p, t), p, t, times)(np.vstack([middle, middle + radius * corners]))
+    first = float(at.min(initial=np.inf)) + 0.0  # not -0
+    smooth = ca.substitute(ca.vertcat(*branch.outputs), branch.sides, ca.DM(sides))
+    rates = ca.Function("rates", [x, p, t], [ca.densify(smooth)], {"cse": True})
+    return (
+        rates,
+        valid if len(sides) else None,
+        first - float(times[0]),
+        f"the equations have {found} at t = {first:.6g} s",
+    )
+
+
+_CORNERS = 256
+"""Random corners of the box at which the first switch is sought. Proofs do not rely on it."""
+_AFTER = 1e-9
+"""Share of the horizon after the first time at which sides are chosen: at the first time itself a law may switch."""
 
 
 def _equations(form: Formulation) -> tuple[ca.Function, ca.Function, Array]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
-from symmb.enclosures import discs
+from symmb.enclosures import discs, points
 from symmb.enclosures.curves import Step
 from symmb.enclosures.ellipses import ellipses, reaches, usual_patches
 from symmb.enclosures.errors import ProofError
@@ -18,6 +18,7 @@ from symmb.enclosures.patches import Patches
 from symmb.enclosures.problem import Problem
 from symmb.enclosures.ranges import cut
 from symmb.enclosures.rounding import above, of_sum
+from symmb.enclosures.tape import Tape
 
 _SHARE = 1e-17
 """Share of a state below which coefficients of its start are cut."""
@@ -27,6 +28,8 @@ _FINER, _FINEST = (1, 4, 16), 300
 those of all variables at most: it is made once.
 """
 
+NO_START = "there are parameters for which the scene cannot be started"
+"""Why no part of a box can be proved."""
 _NONE = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """No frame."""
 
@@ -68,6 +71,25 @@ def _first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
+def nominal_front(problem: Problem, order: int) -> Array:
+    """Coefficients (n, order + 1, ...) of about the states at the first time, without a proof.
+
+    Raises
+    ------
+    ProofError         if there are parameters without a start
+    """
+    counts = [order + 3] * problem.d
+    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
+    u = _solutions(problem, p, counts)
+    with np.errstate(all="ignore"):
+        tape = Tape(problem.start.states)
+        found = tape.run(points.PLAIN, points.plain, [list(u), p, [0.0]])[0]
+    x = np.stack([np.broadcast_to(value, counts) for value in found])
+    if not np.isfinite(x).all():
+        raise ProofError(NO_START)
+    return fit(x, [order + 1] * problem.d)
+
+
 def _cut_to(c: Array, terms: int) -> tuple[Array, Array]:
     """Coefficients up to a number of terms in each variable, and the sums of the others (m,)."""
     part = (slice(None), *(slice(0, terms),) * (c.ndim - 1))
@@ -83,11 +105,16 @@ def _unknowns(problem: Problem, order: int) -> Array:
     if not n_u:
         return np.zeros((0, *(order + 1,) * d))
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
+    return fit(_solutions(problem, p, counts), [order + 1] * d)
+
+
+def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
+    """Approximate solutions u (n_u, *counts) of the starting equations at nodes of the parameters."""
     P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
-    u = problem.start.solve(P).T.reshape(n_u, *counts)
+    u = problem.start.solve(P)
     if not np.isfinite(u).all():
-        raise ProofError("there are parameters for which the scene cannot be started")
-    return fit(u, [order + 1] * d)
+        raise ProofError(NO_START)
+    return u.T.reshape(u.shape[1], *counts)
 
 
 def _patches(step: Step, rho: list[float], finer: int = 1) -> Patches:

@@ -1,9 +1,16 @@
 """TaylorModel: proved bounds of scenes, what it refuses, and what it says where a proof ends."""
 
+import sys
+import warnings
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
 from enclosure_scenes import pendulum, van_der_pol
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import random_proofs
 
 import symmb as mb
 from models import bouncing_ball, cubic, four_bar, heavy_top
@@ -213,3 +220,112 @@ def test_infinite_bounds_make_a_comparison_doubtful():
     with pytest.warns(mb.SymmbWarning, match="not proved|infinite later"):
         found = mb.compare(scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
     assert found.doubts
+
+
+def _pair(start, mass=1.0, arm=0.5, end=0.3):
+    """Two bodies on a hinge that fly freely; "tilt" in the start is a parameter."""
+    p = mb.Parameters(tilt=0.7, mass=mass)
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", p.mass, 0.1)
+    hinge = mb.Revolute("j", a.point(arm, 0), b.point(-arm, 0))
+    system = mb.System(a, b, hinge, mb.Gravity(0, -9.81), parameters=p)
+    start = {name: p.tilt if value == "tilt" else value for name, value in start.items()}
+    box = mb.Box(mass=(0.9 * mass, 1.1 * mass), tilt=(0.69, 0.71))
+    return mb.Scene(system, start, np.linspace(0.0, end, 3), {"y": b.y, "angle": b.theta}, box=box)
+
+
+@pytest.mark.parametrize(
+    ("start", "mass", "arm"),
+    [
+        ({"a.theta": "tilt"}, 1.0, 0.5),
+        ({"a.theta": 0.3, "j.angle": 0.04}, 2.5, 0.3),
+        ({"a.theta": "tilt", "a.omega": -1.7, "j.angle": 0.04, "j.angle_rate": 0.8}, 0.4, 0.5),
+        ({"a.theta": "tilt", "b.theta": 0.4}, 1.0, 0.8),
+        ({"a.theta": "tilt", "a.x": 0.3, "a.vy": 2.0}, 1.0, 0.2),
+    ],
+)
+def test_a_free_body_that_carries_a_hinge(start, mass, arm):
+    scene = _pair(start, mass, arm)
+    bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    runs = mb.propagate(scene, mb.Scanning(9), solver=mb.DormandPrince(rtol=1e-12))
+    assert not bounds.doubts
+    assert (bounds.lower <= runs.lower + 1e-11).all() and (runs.upper <= bounds.upper + 1e-11).all()
+    assert (bounds.upper - bounds.lower <= runs.upper - runs.lower + 1e-3).all()
+
+
+@pytest.mark.parametrize(("upper", "boxes", "enough"), [(0.499, 1, False), (0.499, 8, True), (0.4995, 16, True)])
+def test_a_start_is_proved_in_parts(upper, boxes, enough):
+    """A rod whose centre is at a height that it reaches upright: the angle is steep there."""
+    p = mb.Parameters(y=0.47)
+    rod = mb.Body("rod", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
+    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
+    box, guess = mb.Box(y=(0.45, upper)), {"rod.theta": 0.5}
+    scene = mb.Scene(system, {"rod.y": p.y}, [0.0, 0.05, 0.1], {"x": rod.x}, guess=guess, box=box)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=boxes))
+    assert np.isfinite(bounds.upper).all() == enough
+    if enough:
+        assert not bounds.doubts and 1 < bounds.evaluations <= boxes
+        np.testing.assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]],
+                                   np.sqrt(0.25 - np.array([upper, 0.45]) ** 2), atol=1e-5)  # fmt: skip
+    else:
+        assert "the start cannot be proved" in bounds.doubts[0] and "more boxes" in bounds.doubts[0]
+
+
+def test_parameters_without_a_start_need_smaller_intervals():
+    p = mb.Parameters(y=0.47)
+    rod = mb.Body("rod", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
+    system = mb.System(rod, hinge, parameters=p)
+    box, guess = mb.Box(y=(0.45, 0.51)), {"rod.theta": 0.5}
+    scene = mb.Scene(system, {"rod.y": p.y}, [0.0, 0.1], {"x": rod.x}, guess=guess, box=box)
+    with pytest.warns(mb.SymmbWarning, match="cannot be started; try smaller intervals"):
+        assert np.isinf(mb.propagate(scene, mb.TaylorModel(order=4, boxes=8)).upper).all()
+
+
+@pytest.mark.parametrize("operation", [ca.floor, ca.ceil, lambda x: ca.fmod(x, 0.3)], ids=["floor", "ceil", "fmod"])
+def test_an_output_without_a_remainder_leaves_others_their_bounds(operation):
+    p = mb.Parameters(k=1.0)
+    z = mb.State("z", rate=lambda z: -p.k * z)
+    outputs = {"steps": operation(3 * z.value), "z": z.value}
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, [0.0, 1.0], outputs, box=mb.Box(k=(0.9, 1.1)))
+    with pytest.warns(mb.SymmbWarning, match=r"are infinite for steps, since OP_\w+ has no remainder\."):
+        bounds = mb.propagate(scene, mb.TaylorModel())
+    assert np.isinf(bounds.upper[:, 0]).all()
+    np.testing.assert_allclose([bounds.lower[1, 1], bounds.upper[1, 1]], 2 * np.exp([-1.1, -0.9]), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("begin", "law", "first"),
+    [
+        (0.0, lambda p, t: ca.if_else(ca.logic_and(t > 0.5, t < 0.52), 5.0, 0.0), 0.5),
+        (-3.0, lambda p, t: ca.fmax(t + 2.3, 0.0), 0.7),
+        (0.0, lambda p, t: ca.if_else(t > p.s, p.k, 0.0), 0.58),
+        (1.0, lambda p, t: ca.fabs(ca.sin(2.0 * (t - 0.4))), 0.9707963),
+        (0.0, lambda p, t: ca.if_else(t > 7.0, 5.0, 0.0), np.inf),
+    ],
+)
+def test_bounds_are_proved_until_a_law_of_time_switches(begin, law, first):
+    """Without the law, z = 2 exp(-k t)."""
+    p = mb.Parameters(k=1.0, s=0.6)
+    z = mb.State("z", rate=lambda z: -p.k * z + law(p, mb.t))
+    times = np.linspace(begin, begin + 1.0, 21)
+    box = mb.Box(k=(0.9, 1.1), s=(0.58, 0.62))
+    scene = mb.Scene(mb.System(z, parameters=p), {"z": 2.0}, times, {"z": z.value}, box=box)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=4))
+    finite = np.isfinite(bounds.upper[:, 0])
+    np.testing.assert_array_equal(finite, times - begin < first - 1e-4)
+    runs = mb.propagate(scene, mb.Scanning(5), solver=mb.DormandPrince(rtol=1e-12))
+    assert (bounds.lower <= runs.lower + 1e-10)[finite].all() and (runs.upper <= bounds.upper + 1e-10)[finite].all()
+    text = " ".join(str(warning.message) for warning in told)
+    assert ("kinks or jumps" in text and f"at t = {begin + first:.6g} s" in text) if np.isfinite(first) else not text
+
+
+@pytest.mark.parametrize("seed", [3, 4, 9])
+def test_random_scenes_against_runs(seed):
+    """Open chains with free bodies, pulses, and an output without a remainder: a draw of tests/benchmarks."""
+    found = random_proofs.check(random_proofs.random_case(seed), order=3, samples=40)
+    assert found.outside <= random_proofs.INSIDE and not found.fault and found.proved > 0.5

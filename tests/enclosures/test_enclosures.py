@@ -218,6 +218,54 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
             assert abs(exact - mpmath.mpf(value)) <= error
 
 
+@pytest.mark.parametrize(("terms", "rho"), [(5, 1.0), (12, 1.3), (20, 2.0), (20, 4.0), (40, 1.5)])
+def test_rounding_of_a_curve_is_bounded_on_ellipses(terms, rho):
+    """Against exact fractions: coefficients, and values on the ellipse in 40 digits."""
+    rng = np.random.default_rng(terms)
+    begin, h, d_rho = rng.uniform(-1, 1, (1, 3)), 0.37, 1.7
+    rate = rng.uniform(-1, 1, (1, terms, 3))
+    curve = integrated(begin, rate, h)
+    exact = _integral_in_fractions(begin[0], rate[0], h)
+    lost = [
+        [float(Fraction(float(a)) - b) for a, b in zip(*rows, strict=True)]
+        for rows in zip(curve.c[0], exact, strict=True)
+    ]
+    assert (np.abs(lost) <= curve.rounded[0]).all()
+    with mpmath.workdps(40):
+        points_on = [
+            mpmath.mpc(0.5) * (r * w + 1 / (r * w)) for r, w in zip((rho, d_rho), mpmath.unitroots(7)[2:4], strict=True)
+        ]
+        T, S = ([mpmath.chebyt(k, z) for k in range(n)] for z, n in zip(points_on, (terms + 1, 3), strict=True))
+        off = abs(sum(T[i] * S[j] * lost[i][j] for i in range(terms + 1) for j in range(3)))
+    assert off <= curve.error_on([rho, d_rho])[0]
+    assert curve.error_on([1.0, 1.0])[0] == pytest.approx(curve.error[0], rel=1e-6)
+
+
+def _integral_in_fractions(begin, rate, h):
+    """Chebyshev coefficients of begin + h / 2 times the integral from -1, from those of the rate."""
+    n, half = len(rate), Fraction(h) / 2
+    rows = [[Fraction(float(a)) for a in row] for row in rate]
+    c = [[Fraction(0)] * len(begin) for _ in range(n + 1)]
+    for k, row in enumerate(rows):  # the integral of T_k is (T_(k + 1) / (k + 1) - T_(k - 1) / (k - 1)) / 2
+        for j, a in enumerate(row):
+            c[k + 1][j] += half * a * (1 if k == 0 else Fraction(1, 2 * (k + 1)))
+            if k > 1:
+                c[k - 1][j] -= half * a * Fraction(1, 2 * (k - 1))
+    for j, b in enumerate(begin):
+        c[0][j] = Fraction(float(b)) - sum((-1) ** k * c[k][j] for k in range(1, n + 1))
+    return c
+
+
+def test_rounding_on_an_ellipse_is_larger_than_on_the_box():
+    """The last of 20 coefficients errs by 1e-17: by 5e11 times as much on the ellipse of parameter 4."""
+    rounded = np.zeros((1, 21))
+    rounded[0, -1] = 1e-17
+    curve = Curve(np.zeros((1, 21)), np.array([1e-17]), np.zeros((1, 20)), rounded)
+    with mpmath.workdps(30):
+        value = 1e-17 * abs(mpmath.chebyt(20, mpmath.mpf(4 + 1 / 4) / 2))
+    assert value > 1e11 * curve.error[0] and value <= curve.error_on([4.0])[0] <= 1.001 * float(value)
+
+
 def test_a_long_fall_from_rest():
     """Speeds reach a hundred kilometres a second, of which the first step, a fiftieth of the time, is a part."""
     problem = ode(lambda x, p, t: [x[1], -p[0]], lambda p: [1.0, 0.0], [(0.9, 1.1)], [0.0, 0.01, 1e5])
