@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr, Mask
-from symmb.symbolic import SOFT, Kind, lookup, symbols_in
+from symmb.symbolic import SOFT, Kind, given, lookup, symbols_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,9 @@ class Table:
 
     def __call__(self, at: Expr) -> ca.SX:
         """The curve at a number or an expression, such as `mb.t`, a position or a velocity."""
-        try:
-            at = ca.SX(at)
-        except (NotImplementedError, TypeError):
-            raise DeclarationError(f"Table: {at!r} is no number and no CasADi SX expression.") from None
+        at, value = given(at), at
+        if at is None:
+            raise DeclarationError(f"Table: {value!r} is no number and no CasADi SX expression.")
         records = (lookup(symbol) for symbol in symbols_in(at))
         over_state = any(record is not None and record.kind is not Kind.PARAMETER for record in records)
 

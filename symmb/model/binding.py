@@ -9,7 +9,7 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._types import Array, Expr
 from symmb.mechanics import Body, OwnState, Parameters
-from symmb.symbolic import Kind, Symbol, from_sympy, is_sympy, is_zero, lookup, symbols_in, t
+from symmb.symbolic import Kind, Symbol, from_sympy, given, is_sympy, is_zero, lookup, symbols_in, t
 
 
 class Binding:
@@ -46,10 +46,9 @@ class Binding:
                 law = from_sympy(law, self.by_name)
             except DeclarationError as error:
                 raise DeclarationError(f"{what}: {error}") from None
-        try:
-            expression = ca.SX(law)
-        except (NotImplementedError, TypeError, RuntimeError):
-            raise DeclarationError(f"{what}: {law!r} is no number and no CasADi SX or SymPy expression.") from None
+        expression = given(law)
+        if expression is None:
+            raise DeclarationError(f"{what}: {law!r} is no number and no CasADi SX or SymPy expression.")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)

@@ -21,6 +21,7 @@ from symmb.symbolic.geometry import (
     vector,
     without_rounding,
 )
+from symmb.symbolic.given import given
 from symmb.symbolic.instructions import interpret, operation_name
 from symmb.symbolic.jets import jet_function, jets
 from symmb.symbolic.latex import latex

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb.symbolic.given import given
 
 X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in range(3))
 
@@ -27,10 +28,9 @@ def vector(values: Any, what: str = "vector") -> ca.SX:
     entries = [values] if entries is None else entries
     if len(entries) not in (2, 3):
         raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
-    try:
-        parts = [ca.SX(e) for e in entries]
-    except (NotImplementedError, TypeError, RuntimeError):
-        raise DeclarationError(f"{what}: {values!r} has components that are neither numbers nor CasADi SX.") from None
+    parts = [part for part in map(given, entries) if part is not None]
+    if len(parts) < len(entries):
+        raise DeclarationError(f"{what}: {values!r} has components that are neither numbers nor CasADi SX.")
     if any(part.numel() != 1 for part in parts):
         raise DeclarationError(f"{what}: {values!r} has components that are no single numbers.")
     return ca.densify(ca.vertcat(*parts, *[0] * (3 - len(entries))))
@@ -38,11 +38,8 @@ def vector(values: Any, what: str = "vector") -> ca.SX:
 
 def scalar(value: Any, what: str) -> ca.SX:
     """A number or an SX scalar as SX."""
-    try:
-        expression = ca.SX(value)
-    except (NotImplementedError, TypeError, RuntimeError):
-        expression = ca.SX(0, 1)
-    if expression.numel() != 1:
+    expression = given(value)
+    if expression is None or expression.numel() != 1:
         raise DeclarationError(f"{what}: expected one number or CasADi SX, got {value!r}.")
     return expression
 

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb.symbolic.given import given
 
 if hasattr(ca.GlobalOptions, "setNumpyMode") and ca.GlobalOptions.getNumpyMode() == 0:
     ca.GlobalOptions.setNumpyMode(-1)  # NumPy's functions take expressions, as before CasADi 3.8, without a notice
@@ -142,7 +143,10 @@ def initial(expression: ca.SX) -> ca.SX:
     >>> block.x - mb.initial(block.x)
     SX((block.x-initial))
     """
-    expression = ca.densify(ca.SX(expression))
+    value = given(expression)
+    if value is None:
+        raise DeclarationError(f"initial: {expression!r} is no CasADi SX expression.")
+    expression = ca.densify(value)
     records = [lookup(symbol) for symbol in symbols_in(expression)]
     moving = [r for r in records if r is not None and r.kind is Kind.COORDINATE]
     if not moving or any(r is None or r.kind not in (Kind.COORDINATE, Kind.PARAMETER) for r in records):
@@ -190,11 +194,10 @@ def ddt(expression: ca.SX) -> ca.SX:
 
 def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
     """What `ddt` gives, also of velocities whose rates are known by their hashes."""
-    try:
-        expression = ca.SX(expression)
-    except (NotImplementedError, TypeError, RuntimeError):
-        raise DeclarationError(f"ddt takes a number or CasADi SX, got {expression!r}.") from None
-    moving, rates = [t], [ca.SX(1)]
+    value = given(expression)
+    if value is None:
+        raise DeclarationError(f"ddt takes a number or CasADi SX, got {expression!r}.")
+    expression, moving, rates = value, [t], [ca.SX(1)]
     for symbol in symbols_in(expression):
         record = lookup(symbol)
         if record is None or record.kind is Kind.PARAMETER:

@@ -1,0 +1,28 @@
+"""The one place where numbers, arrays and expressions that users give become CasADi SX."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+_REAL = "biuf"
+"""Kinds of NumPy's types that are real numbers."""
+
+
+def given(value: Any) -> ca.SX | None:
+    """A number, an array of at most two axes, a list of numbers and expressions, or an expression as SX; else None.
+
+    CasADi gets doubles alone: it crashes at NumPy's long doubles.
+    """
+    if isinstance(value, ca.SX | ca.DM):
+        return ca.SX(value)
+    if isinstance(value, list | tuple) and any(isinstance(entry, ca.SX | ca.DM) for entry in value):
+        parts = [part for part in map(given, value) if part is not None and part.is_scalar()]
+        return ca.vertcat(*parts) if len(parts) == len(value) else None
+    if not isinstance(value, int | float | np.generic | np.ndarray | list | tuple) or np.ma.is_masked(value):
+        return None
+    try:
+        array = np.asarray(float(value) if isinstance(value, int) else value)
+    except (TypeError, ValueError, OverflowError):  # ragged, or beyond doubles
+        return None
+    return ca.SX(array.astype(float)) if array.dtype.kind in _REAL and array.ndim <= 2 else None
