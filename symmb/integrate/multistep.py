@@ -28,6 +28,10 @@ CLOSE_TIMES = 1e-6
 """Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
 _SCALED = {"ode", "alg", "quad"}
 _WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_reverse": False, "enable_jacobian": False, "enable_fd": True}
+_SHORT = 1e-3
+"""Steps over the horizon if switches of the state are not located: longer ones may pass over two of them."""
+_FEW_STATES = 1_000_000
+"""Most steps times states if switches are not located: more take more than a second, and the run is only a check."""
 _SMOOTH_STEPS = 20_000
 """Most steps of a piece on one side of each switch: one that needs more is left to equations that follow the state."""
 _NOISE = 1e-15
@@ -44,23 +48,25 @@ def multistep_integration(
     units: Array | None = None,
     order: int = 0,
     first: float | None = None,
+    located: bool = True,
 ) -> Integration:
     """Problems of DAEs compiled for CasADi's interface to SUNDIALS; options for an integration over a given time.
 
     Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of states and
     integrals (n_x + n_quad,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
+    If switches of the state are not located, the step control follows them, with steps of a thousandth of the horizon.
     """
     problem = problem_of(dae).jets(order)
     problem = problem if units is None else problem.in_units(units)
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
-    project, passes = problem.projection(), SwitchPasses(dae, times, rtol)
+    project, passes = problem.projection(), SwitchPasses(dae, times, rtol, of_state=located)
     n_x = problem.x.numel()
     if not n_x or len(times) < 2:
         return _MultistepIntegration(times, problem, guess, project, passes.stops, units)
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
-    most = min(MOST_STEPS, MOST_STATES // n_x)
-    steps = {"step0": first, "max_step_size": longest_step(dae, times)}
+    most = min(MOST_STEPS, (MOST_STATES if located else _FEW_STATES) // n_x)
+    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), np.inf if located else _SHORT * horizon)}
     steps = {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
     def limited(problem: Problem, length: float, unit: float, most: float) -> dict[str, Any]:
@@ -81,7 +87,7 @@ def multistep_integration(
         onward = Lazy(lambda: from_0_to_1("onward", problem, fine, LOST * most))
     if project is not None or passes.are_possible:
         between = from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
-    equations = one_sided(dae) if passes.are_possible and not order else None
+    equations = one_sided(dae) if located and passes.are_possible and not order else None
     if equations is not None:
         one = problem_of(equations.dae)
         integrator = from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)
@@ -187,7 +193,7 @@ class _SmoothPieces:
 
 
 def _integrator(
-    name: str, plugin: str, parts: dict[str, ca.SX], begin: float, ends: float | Array, options: dict[str, Any]
+    name: str, plugin: str, parts: dict[str, Any], begin: float, ends: Any, options: dict[str, Any]
 ) -> ca.Function:
     """CasADi's integrator of a problem. Without Newton iterations it needs no Jacobian, which takes most of its making.
 

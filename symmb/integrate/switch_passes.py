@@ -37,13 +37,16 @@ class SwitchPasses:
     times : (n_t,) array     output times [s]
     rtol : float             relative tolerance of the solver
     start : Start, optional  the engine of the solver computes the start
+    of_state : bool          whether switches of the state are looked for
     """
 
-    def __init__(self, dae: DAE, times: Array, rtol: float = 1e-8, start: Start | None = None) -> None:
+    def __init__(
+        self, dae: DAE, times: Array, rtol: float = 1e-8, start: Start | None = None, of_state: bool = True
+    ) -> None:
         self._dae, self._times = dae, times
         self._of_time = time_switches(dae, times)
         self._engine: AnyEngine | None = None
-        if len(times) > 1 and has_kinks(dae.rhs):
+        if of_state and len(times) > 1 and has_kinks(dae.rhs):
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])

@@ -15,9 +15,18 @@ from symmb._options import require_instance
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
-from symmb.integrate import AnyEngine, CompiledSolver, DormandPrince, EventDriven, Integration, Solver, impacts_text
+from symmb.integrate import (
+    CVODES,
+    AnyEngine,
+    CompiledSolver,
+    DormandPrince,
+    EventDriven,
+    Integration,
+    Solver,
+    impacts_text,
+)
 from symmb.model import Scene, units_of
-from symmb.simulation.certainty import error_doubts, noise_of_outputs, rounding_of_outputs
+from symmb.simulation.certainty import noise_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.first_kink import first_kink
 from symmb.simulation.formulation import Formulation, formulations
@@ -25,7 +34,8 @@ from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, outputs_along
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
-from symmb.simulation.solver_choice import MANY, Pilot, choose, for_studies, require_able
+from symmb.simulation.solver_choice import MANY, Pilot, another, choose, for_studies, require_able
+from symmb.simulation.two_ways import TwoWays, times_to_compare
 from symmb.symbolic import batch
 
 S = TypeVar("S")
@@ -56,7 +66,7 @@ class DAESimulator:
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     unconstrained : Formulation    equations, start and outputs in coordinates that no row of constraints binds, or None
-    doubts : tuple of str          what cannot be trusted, from a nominal run and one at a tenth of the tolerance
+    doubts : tuple of str          what cannot be trusted, from a nominal run that is made in two ways
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -68,7 +78,7 @@ class DAESimulator:
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
         self.box = scene.box
-        self._bodies, self._joints, self.unconstrained = formulations(scene)
+        self._bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
@@ -86,7 +96,8 @@ class DAESimulator:
 
     def __getstate__(self) -> dict[str, Any]:
         self.prepare()
-        return {**self.__dict__, "threads": 1}  # a pickled copy is one of many that run in parallel
+        state = {name: value for name, value in self.__dict__.items() if name not in ("nominal", "_other")}
+        return {**state, "threads": 1}  # a pickled copy is one of many that run in parallel
 
     @property
     def solver(self) -> Solver:
@@ -96,7 +107,7 @@ class DAESimulator:
             pilots: dict[Solver, DAESimulator] = {}
             chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
             pilot = pilots[chosen]
-            self.__dict__ |= pilot.__dict__ | {"_joints": self._joints}
+            self.__dict__ |= pilot.__dict__ | {"_joints": self._joints, "_spare": self._spare}
             if self.coordinates != pilot.coordinates:
                 self._use(chosen)
             self._reason = "; ".join(filter(None, (reason, str(self._kinks or ""))))
@@ -132,8 +143,8 @@ class DAESimulator:
 
     def around(self, p: Array) -> "DAESimulator":
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
-        bodies, joints = self._bodies.around(p), self._joints and self._joints.around(p)
-        return self._with(_bodies=bodies, dae=bodies.dae, _joints=joints)
+        bodies, joints, spare = (form and form.around(p) for form in (self._bodies, self._joints, self._spare))
+        return self._with(_bodies=bodies, dae=bodies and bodies.dae, _joints=joints, _spare=spare)
 
     def _with(self, **changes: object) -> "DAESimulator":
         copy = object.__new__(DAESimulator)
@@ -147,7 +158,7 @@ class DAESimulator:
         """
         if self._joints is None or not self._joints.why or not self._joints.dae.n_c:
             return self
-        return self._with(_joints=None)
+        return self._with(_joints=None, _spare=self._joints)
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
@@ -188,7 +199,7 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        for of_another_solver in ("doubts", "noise", "_nominal", "_kinks"):
+        for of_another_solver in ("doubts", "noise", "nominal", "_kinks", "_other"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
@@ -208,30 +219,56 @@ class DAESimulator:
             message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
         return Pilot(message, steps, seconds, steps > MANY)
 
+    @property
+    def way(self) -> str:
+        """The solver, and the coordinates in which it runs."""
+        return f"{self.solver!r} in coordinates of {'joints' if self.coordinates == 'joint' else 'bodies'}"
+
+    def another_way(self, times: Array) -> "DAESimulator":
+        """The same simulator by a solver of another family, and in other coordinates if the scene has any.
+
+        With impacts there is one solver only: it takes a tenth of the tolerance.
+        """
+        if self.dae.impacts is not None or self._stateless:
+            return self.tighter()
+        joints = None if self.coordinates == "joint" else self._spare
+        other = self._with(_joints=joints, times=times, _reason="")
+        other._use(solver := another(self.solver))
+        if isinstance(solver, CVODES):
+            other._integrations[0, False] = solver.independent_integration(other.formulation.dae, times)
+        return other
+
+    def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:
+        """A run with parameters p (n_p,) beside one that is made in another way.
+
+        Parameters
+        ----------
+        values : (n_t, n_y)    outputs of the run; default: as studies run it, compared at some of the times
+        """
+        if values is not None:
+            return TwoWays.of(self, self.another_way(self.times), p, values)
+        return TwoWays.of(self, self._other, p, self.run(p[None]).Y[0])
+
+    @cached_property
+    def _other(self) -> "DAESimulator":
+        return self.another_way(self.times[times_to_compare(self.times)])
+
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """What cannot be trusted about runs at the nominal parameters, by a second one at a tenth of the tolerance."""
-        Y, error = self._nominal
-        return (*self.start.doubts, *error_doubts(self.times, self.outputs, Y, error, self._rounding))
+        """What cannot be trusted about runs at the nominal parameters, which are made in two ways."""
+        return (*self.start.doubts, *self.nominal.doubts)
 
     @cached_property
     def noise(self) -> Array:
         """How far outputs may be off (n_y,): by errors of the solver's steps, and as far as the nominal run is."""
         p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
         steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
-        return np.maximum(steps, self._nominal[1].max(axis=0, initial=0.0))
+        return np.maximum(steps, self.nominal.error.max(axis=0, initial=0.0))
 
     @cached_property
-    def _nominal(self) -> tuple[Array, Array]:
-        """Outputs (n_t, n_y) at the nominal parameters, and how far a second run at a tenth of the tolerance is off."""
-        first, second = (simulator.run(self.dae.p_nominal[None]) for simulator in (self, self.tighter()))
-        return first.Y[0], np.where(first.ok[0] & second.ok[0], np.abs(first.Y[0] - second.Y[0]), 0.0)
-
-    def _rounding(self) -> Array:
-        """Changes of outputs (n_y,) that rounding of states can make."""
-        form, P = self.formulation, self.dae.p_nominal[None]
-        X = self.integration().run(form.start.states(P)[0], P, 1)[0].X
-        return rounding_of_outputs(self.y, *form.in_bodies(X, P[0]), P[0], self.times)
+    def nominal(self) -> TwoWays:
+        """The run at the nominal parameters, in two ways."""
+        return self.two_ways(self.dae.p_nominal)
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""

@@ -9,10 +9,11 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 from symmb.integrate import CVODES, Run, refined
 from symmb.model import DAE
-from symmb.simulation.certainty import error_doubts, rounding_of_outputs
+from symmb.simulation.certainty import changes_of_outputs
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.run_quality import unexplained
 from symmb.simulation.trajectory_file import Drift, Energy
+from symmb.simulation.two_ways import TwoWays
 from symmb.start import Singularity, singularity
 from symmb.symbolic import batch
 
@@ -99,8 +100,8 @@ class Examination:
         if _change(energy(simulator, run.X, p, t, work_of(run))) >= _FALLS * _change(self._energy):
             return False
         values, others = (batch(simulator.y, x, p, t[:, None])[0].reshape(len(t), -1) for x in (self.x, run.X))
-        rounding = partial(rounding_of_outputs, simulator.y, simulator.dae, run.X, p, t)
-        return not error_doubts(t, simulator.outputs, values, np.abs(others - values), rounding)
+        rounding = partial(changes_of_outputs, simulator.y, simulator.dae, run.X, p, t)
+        return not TwoWays(t, simulator.outputs, values, others, ("", ""), rounding).lost.any()
 
     @cached_property
     def singularity(self) -> Singularity | None:

@@ -1,6 +1,7 @@
 """The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -81,8 +82,25 @@ class InBodies:
         return self.from_joints()
 
 
-def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formulation | None]:
-    """A scene in coordinates of its bodies, in those of its joints if it runs in these, and in those without rows.
+class Formulations(NamedTuple):
+    """A scene in several coordinates.
+
+    Attributes
+    ----------
+    bodies : Formulation           in those of its bodies
+    joints : Formulation or None   in those of its joints, if it runs in these
+    spare : Formulation or None    in those of its joints, if it does not, which cost more operations
+    free : Formulation or None     in those that no row of constraints binds
+    """
+
+    bodies: Formulation
+    joints: Formulation | None
+    spare: Formulation | None
+    free: Formulation | None
+
+
+def formulations(scene: Scene) -> Formulations:
+    """A scene in coordinates of its bodies and, as far as it has them, in others.
 
     Raises
     ------
@@ -92,7 +110,7 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formula
     bodies = _in_bodies(scene)
     free = bodies if not bodies.dae.n_r else None
     if scene.coordinates == "body":
-        return bodies, None, free
+        return Formulations(bodies, None, None, free)
     system = scene.system.joint_space()
     if turns := system.joints.whole_turns(bodies.start.q_nominal):
         system = scene.system.joint_space(turns)
@@ -102,17 +120,15 @@ def formulations(scene: Scene) -> tuple[Formulation, Formulation | None, Formula
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
     if free is None and joints is not None and not joints.dae.n_r:
         free = joints
-    if joints is None:
-        return bodies, None, free
-    if scene.coordinates:
-        return bodies, joints, free
+    if joints is None or scene.coordinates:
+        return Formulations(bodies, joints, None, free)
     least = bodies.least_operations
     counted = joints.operations > _CHEAPER * least
     if counted and joints.operations > _CHEAPER * bodies.operations:
-        return bodies, None, free
+        return Formulations(bodies, None, joints, free)
     of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
     why = f"coordinates of joints: {joints.operations} operations a stage, {of_bodies} in those of bodies"
-    return bodies, replace(joints, why=why), free
+    return Formulations(bodies, replace(joints, why=why), None, free)
 
 
 def _in_bodies(scene: Scene) -> Formulation:

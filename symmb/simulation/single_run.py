@@ -38,8 +38,9 @@ def simulate(
                                CVODES with AugmentedLagrangian() if these fail; EventDriven() with impacts.
                                `trajectory.reason` gives the reason
     parameters : mapping       values instead of the nominal ones
-    check : bool               run a second time at a tenth of the tolerance; `trajectory.error` (n_t, n_y) is the
-                               difference, and the doubts tell from when on digits are lost
+    check : bool               run a second time in another way: by a solver of another family, and in other
+                               coordinates if the scene has any. `trajectory.error` (n_t, n_y) is the difference, and
+                               the doubts tell from when on digits are lost
     times, outputs             instead of those of the scene
 
     Returns
@@ -157,12 +158,9 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
 
 def _checked(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> Trajectory:
     """The trajectory with errors from a second run."""
-    tighter = solver.tighter(times=runs.simulator.times)
-    message = runs.run(tighter).message
-    run, other = runs.done[tighter]
-    doubt = f"A run at a tenth of the tolerance breaks down at t = {run.t_failed:g} s: {message}."
-    doubts = (*trajectory.run_doubts, *([doubt] if message else []))
-    return replace(trajectory, error=np.abs(other.values - trajectory.values), run_doubts=doubts)
+    ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
+    doubts = (*trajectory.run_doubts, *ways.doubts, *filter(None, [ways.unchecked]))
+    return replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
 
 
 def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:

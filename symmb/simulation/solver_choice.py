@@ -7,9 +7,20 @@ from typing import NamedTuple
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.codegen import REASONS, FailureCode, has_compiler
-from symmb.integrate import CVODES, AugmentedLagrangian, DormandPrince, Rosenbrock, Solver, impacts_text
+from symmb.integrate import (
+    CVODES,
+    IDAS,
+    AugmentedLagrangian,
+    DormandPrince,
+    Rosenbrock,
+    Solver,
+    StabilizedIndex2,
+    impacts_text,
+)
 from symmb.model import DAE
 
+_FINE, _FINEST = 1e-9, 1e-13
+"""Largest and smallest relative tolerance of a run that checks another one: its own error should not matter."""
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
@@ -55,6 +66,18 @@ def for_one_run(stiff: bool, switches: bool) -> Candidates:
         return Candidates(implicit, implicit, (tighter, *compiled, through))
     first = DormandPrince() if switches else CVODES()
     return Candidates(first, implicit, (DormandPrince(), *_SINGULAR, through))
+
+
+def another(solver: Solver) -> Solver:
+    """A solver of another family: those of SUNDIALS take the place of the others, and the others of them."""
+    stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
+    is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
+    rtol = min(max(getattr(solver, "rtol", 1.0) / 10, _FINEST), _FINE)
+    through = getattr(solver, "stabilization", None)
+    through = through if isinstance(through, AugmentedLagrangian) else None
+    if not is_sundials:
+        return CVODES(rtol, stiff=stiff, stabilization=through)
+    return Rosenbrock(rtol, stabilization=through) if stiff else DormandPrince(rtol, stabilization=through)
 
 
 def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:

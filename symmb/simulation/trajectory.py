@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,6 @@ from symmb._table import aligned
 from symmb._types import Array, Expr
 from symmb.events import Event, event_doubts, longest_step
 from symmb.model import Scene
-from symmb.simulation.certainty import error_doubts, rounding_of_outputs
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.examination import Examination, drift, energy
 from symmb.simulation.outputs import output_function
@@ -236,9 +235,6 @@ class Trajectory(Result):
             *drift_doubts(position, energy, is_singular, self._rtol),
             *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
         ]
-        if self.error is not None:
-            at = simulator.y, simulator.dae, self.x, self._p, self.t
-            doubts += error_doubts(self.t, self.names, self.values, self.error, partial(rounding_of_outputs, *at))
         return tuple(doubts)
 
     def __str__(self) -> str:

@@ -1,0 +1,144 @@
+"""One run in two ways, which differ in kind: what both agree on can be trusted."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array, Indices, Mask
+from symmb.integrate import Integration, Solver
+from symmb.simulation.certainty import changes_of_outputs
+from symmb.simulation.formulation import Formulation
+from symmb.simulation.simulator import Samples
+
+_CERTAIN, _EXACT = 1e-3, 1e-9
+"""Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
+that hardly changes."""
+_GLOBAL = 100
+"""Errors of a run over the relative tolerance of its steps, up to which these explain it: 2,000 steps have 20 to 40."""
+_NAMED = 4
+"""Outputs that a sentence names."""
+_TIMES = 101
+"""Times at which a study compares two ways: as many as a picture shows."""
+
+
+class Way(Protocol):
+    """A simulator of a scene, by one solver in certain coordinates."""
+
+    y: ca.Function
+
+    @property
+    def times(self) -> Array: ...
+    @property
+    def parameters(self) -> dict[str, float]: ...
+    @property
+    def outputs(self) -> tuple[str, ...]: ...
+    @property
+    def solver(self) -> Solver: ...
+    @property
+    def formulation(self) -> Formulation: ...
+    @property
+    def way(self) -> str: ...
+    def run(self, P: Array) -> Samples: ...
+    def integration(self) -> Integration: ...
+
+
+@dataclass(frozen=True, eq=False)
+class TwoWays:
+    """Outputs of a run that was made in two ways: by two families of solvers, and in two sets of coordinates.
+
+    Attributes
+    ----------
+    t, names : (m,), (n_y,)        times [s], and names of the outputs
+    values, others : (m, n_y)      outputs in both ways, nan from a failure on
+    ways : (str, str)              solver and coordinates of both
+    floor : () -> (n_y,)           differences that the tolerances of both explain
+    parameters : str               of both runs, such as "l1 = 1.02"
+    message : str                  when and why the other way failed; empty if it did not
+    seconds : float                time that the other way took [s]
+    """
+
+    t: Array
+    names: tuple[str, ...]
+    values: Array
+    others: Array
+    ways: tuple[str, str]
+    floor: Callable[[], Array]
+    parameters: str = ""
+    message: str = ""
+    seconds: float = 0.0
+
+    @classmethod
+    def of(cls, first: Way, second: Way, p: Array, values: Array) -> "TwoWays":
+        """A run with parameters p (n_p,), which has outputs `values` (n_t, n_y) in the first way.
+
+        They are compared at the times of the second way, which are some of those of the first.
+        """
+        begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
+        run = second.run(p[None])
+        others, rtol = run.Y[0], max(getattr(way.solver, "rtol", 0.0) for way in (first, second))
+        return cls(
+            t=second.times,
+            names=first.outputs,
+            values=values[some],
+            others=others,
+            ways=(first.way, second.way),
+            floor=partial(_changes, second, p, _GLOBAL * rtol),
+            parameters=", ".join(f"{name} = {value:g}" for name, value in zip(first.parameters, p, strict=True)),
+            message="".join(f"breaks down at t = {run.t_failed[0]:g} s: {message}" for message in run.messages),
+            seconds=time.perf_counter() - begin,
+        )
+
+    @property
+    def error(self) -> Array:
+        """How far both are apart (m, n_y); 0 where one of them failed."""
+        return np.nan_to_num(np.abs(self.values - self.others), nan=0.0, posinf=0.0)
+
+    @property
+    def _range(self) -> Array:
+        return np.ptp(np.nan_to_num(self.values), axis=0)
+
+    @cached_property
+    def lost(self) -> Mask:
+        """Where fewer than three digits of outputs are certain, (m, n_y)."""
+        size = np.abs(np.nan_to_num(self.values)).max(axis=0, initial=0.0)
+        lost = self.error > np.maximum(_CERTAIN * self._range, _EXACT * size)
+        return lost & (self.error > self.floor()) if lost.any() else lost
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """From when on, and how far the ways are apart."""
+        lost = self.lost
+        if not lost.any():
+            return ()
+        concerned = [name for name, some in zip(self.names, lost.T, strict=True) if some.any()]
+        listed = ", ".join(concerned[:_NAMED] + ["..."] * (len(concerned) > _NAMED))
+        shares = np.where(lost, self.error / np.maximum(self._range, np.finfo(float).tiny), 0.0)
+        k, i = np.unravel_index(int(shares.argmax()), lost.shape)
+        both = zip((self.values, self.others), self.ways, strict=True)
+        value, other = (f"{values[k, i]:.6g} by {way}" for values, way in both)
+        since = f"From t = {self.t[int(lost.any(axis=1).argmax())]:g} s on, errors of {listed} exceed a thousandth of"
+        at = f"at t = {self.t[k]:g} s" + (self.parameters and f" and {self.parameters}")
+        return (f"{since} their range: {at}, {self.names[i]} is {value}, and {other}.",)
+
+    @property
+    def unchecked(self) -> str:
+        """Why the run is not checked to its end, in a sentence; empty if it is."""
+        where = self.parameters and f", with {self.parameters},"
+        return self.message and f"A second run by {self.ways[1]}{where} {self.message}."
+
+
+def times_to_compare(times: Array) -> Indices:
+    """Numbers of the times at which a study compares two ways, the first and the last among them."""
+    return np.unique(np.linspace(0, len(times) - 1, min(len(times), _TIMES)).round().astype(np.intp))
+
+
+def _changes(way: Way, p: Array, level: float) -> Array:
+    """Changes of outputs (n_y,) along the run with parameters p (n_p,) if states change by a level of their sizes."""
+    form = way.formulation
+    X = way.integration().run(form.start.states(p[None])[0], p[None])[0].X
+    return changes_of_outputs(way.y, *form.in_bodies(X, p), p, way.times, level)
