@@ -102,7 +102,7 @@ def formulation_of(scene: Scene) -> Formulation:
         with suppress(DeclarationError):
             scene = replace(scene, coordinates="joint")
             return cast(Formulation, formulations(scene)[1])
-    bodies, joints, _ = formulations(replace(scene, coordinates="body") if scene.coordinates is None else scene)
+    bodies, joints, *_ = formulations(replace(scene, coordinates="body") if scene.coordinates is None else scene)
     return joints or bodies
 
 

@@ -15,33 +15,22 @@ from symmb._options import require_instance
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
-from symmb.integrate import (
-    CVODES,
-    AnyEngine,
-    CompiledSolver,
-    DormandPrince,
-    EventDriven,
-    Integration,
-    Solver,
-    impacts_text,
-)
+from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, Integration, Solver
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import noise_of_outputs
-from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs, jets
 from symmb.simulation.first_kink import first_kink
 from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, outputs_along
 from symmb.simulation.simulator import Progress, Reduction, Samples, stream
-from symmb.simulation.solver_choice import MANY, Pilot, another, choose, for_studies, require_able
+from symmb.simulation.solver_choice import Pilot, another, choose, for_impacts, for_studies, pilot_of, require_able
 from symmb.simulation.two_ways import TwoWays, times_to_compare
 from symmb.symbolic import batch
 
 S = TypeVar("S")
 
-NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
 
@@ -85,7 +74,7 @@ class DAESimulator:
         self._seconds = time.perf_counter() - begin
         self._solver, self._reason = None, ""
         if solver is None and self.dae.impacts is not None:
-            solver, self._reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
+            solver, self._reason = for_impacts(self.dae.impacts)
         if solver is None:
             require_able(DormandPrince(), self.dae, self.times, self._contradiction)
         else:
@@ -203,21 +192,14 @@ class DAESimulator:
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
-        """Runs at the nominal parameters and close to them: a single run may pass a singular position by chance."""
         pilots[solver] = copy = self.cautious().solved_by(solver)
         copy.prepare()
-        P = self.dae.p_nominal[None]
-        begin = time.perf_counter()
-        ensemble = copy.run(P)
-        message = ensemble.messages[0] if ensemble.messages else ""
-        seconds = time.perf_counter() - begin
-        steps = copy.engine().counts.steps if copy.compiled else copy.integration().statistics().get("steps", 0)
-        if copy.compiled and not message:
-            shares = np.random.default_rng(0).uniform(-NEIGHBOUR_DISTANCE, NEIGHBOUR_DISTANCE, (NEIGHBOURS, P.shape[1]))
-            ensemble = copy.run(P * (1 + shares))
-            late = ensemble.t_failed[~ensemble.ok] > self.times[0]  # no solver can start the others
-            message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
-        return Pilot(message, steps, seconds, steps > MANY)
+        counts = (
+            (lambda: copy.engine().counts.steps)
+            if copy.compiled
+            else lambda: copy.integration().statistics().get("steps", 0)
+        )
+        return pilot_of(copy.run, counts, self.dae.p_nominal, float(self.times[0]), neighbours=copy.compiled)
 
     @property
     def way(self) -> str:
@@ -227,9 +209,9 @@ class DAESimulator:
     def another_way(self, times: Array) -> "DAESimulator":
         """The same simulator by a solver of another family, and in other coordinates if the scene has any.
 
-        With impacts there is one solver only: it takes a tenth of the tolerance.
+        With impacts, or drives whose rates jump, there is one family only: it takes a tenth of the tolerance.
         """
-        if self.dae.impacts is not None or self._stateless:
+        if self.dae.impacts is not None or self._contradiction or self._stateless:
             return self.tighter()
         joints = None if self.coordinates == "joint" else self._spare
         other = self._with(_joints=joints, times=times, _reason="")
@@ -239,15 +221,10 @@ class DAESimulator:
         return other
 
     def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:
-        """A run with parameters p (n_p,) beside one that is made in another way.
-
-        Parameters
-        ----------
-        values : (n_t, n_y)    outputs of the run; default: as studies run it, compared at some of the times
-        """
-        if values is not None:
-            return TwoWays.of(self, self.another_way(self.times), p, values)
-        return TwoWays.of(self, self._other, p, self.run(p[None]).Y[0])
+        """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way."""
+        if values is None:
+            return TwoWays.of(self, self._other, p, self.run(p[None]).Y[0])
+        return TwoWays.of(self, self.another_way(self.times), p, values)
 
     @cached_property
     def _other(self) -> "DAESimulator":
@@ -324,30 +301,16 @@ class DAESimulator:
         SimulationError        if a run breaks down
         """
         with LOCK:
+            runs = self._lanes(order) or self.integration(order)
             directions = np.atleast_2d(np.asarray(directions, dtype=float))
-            m = len(directions)
-            x0 = np.hstack(self.formulation.start.jets(np.asarray(p0, dtype=float), directions, order))
-            P = np.hstack([np.tile(p0, (m, 1)), directions])
-            shape = (m, len(self.times), order + 1, len(self.outputs))
-            lanes = self._lanes(order)
-            if lanes is not None:
-                Y, failed_samples = lanes.values(x0, P, self.threads)
-                t_failed = failed_samples.t_failed
-                if not np.isnan(t_failed).all():
-                    k = int(np.nanargmin(t_failed))
-                    raise SimulationError(self._no_derivatives(p0, t_failed[k], failed_samples.reasons[k]))
-                return Y.reshape(shape).transpose(2, 0, 1, 3)
-            runs = self.integration(order).run(x0, P, self.threads)
-            for run in runs:
-                if run.message:
-                    raise SimulationError(self._no_derivatives(p0, run.t_failed, run.message))
-            Y = outputs_along(jet_outputs(self.formulation.y, order), runs, P, self.times, self.threads)
-            return Y.reshape(shape).transpose(2, 0, 1, 3)
-
-    def _no_derivatives(self, p0: Array, time: float, why: str) -> str:
-        kink = self.kink(p0)
-        near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""
-        return f"{self!r}: derivatives break down at t = {time:g} s: {why}{near}."
+            Y, failure = jets(
+                self.formulation, runs, self.times, np.asarray(p0, float), directions, order, self.threads
+            )
+            if failure:
+                kink = self.kink(p0)
+                near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""
+                raise SimulationError(f"{self!r}: derivatives break down at {failure}{near}.")
+            return Y
 
     @cached_property
     def _kinks(self) -> Kinks | None:

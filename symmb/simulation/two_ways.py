@@ -80,7 +80,7 @@ class TwoWays:
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.run(p[None])
-        others, rtol = run.Y[0], max(getattr(way.solver, "rtol", 0.0) for way in (first, second))
+        others, rtol = run.Y[0], max(getattr(way.solver, "rtol", None) or 0.0 for way in (first, second))
         return cls(
             t=second.times,
             names=first.outputs,

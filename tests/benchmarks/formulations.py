@@ -122,7 +122,7 @@ def differences(scene: mb.Scene) -> Differences:
     scene = replace(scene.with_times(times), coordinates="joint")
     scene = scene.with_outputs({f"x{i}": states[i] for i in range(states.numel())})
     rates = scene.with_outputs({f"a{i}": system.vdot[i] for i in range(system.v.numel())})
-    bodies, joints, _ = formulations(rates)
+    bodies, joints, *_ = formulations(rates)
     solver = mb.EventDriven() if bodies.dae.impacts is not None else mb.CVODES(rtol=1e-12)
     run, other = (
         mb.simulate(replace(scene, coordinates=coordinates), solver, check=True) for coordinates in ("joint", "body")
