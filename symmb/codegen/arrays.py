@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Mask
-from symmb.codegen.graph import CONSTANT, INPUT, Graph
+from symmb.codegen.graph import BOX, CONSTANT, INPUT, Graph, Node
 from symmb.symbolic import operation_name
 
 
@@ -140,14 +140,18 @@ def programs(graph: Graph) -> tuple[Program, list[Program]]:
         node = graph.nodes[k]
         if node.operation != CONSTANT and node.depends == frozenset([1]):
             return 1, parameter_rows.setdefault(k, len(parameter_rows))
-        return (node.source, node.index) if node.operation == INPUT else None
+        return _row(node)
 
     def own(k: int) -> tuple[int, int] | None:
-        node = graph.nodes[k]
-        return (node.source, node.index) if node.operation == INPUT else None
+        return _row(graph.nodes[k])
 
     programs_of_outputs = [_program(graph, nodes, input_of) for nodes in graph.outputs]
     return _program(graph, list(parameter_rows), own), programs_of_outputs
+
+
+def _row(node: Node) -> tuple[int, int] | None:
+    """Input and row of an input: a box stands in the place of x."""
+    return (0 if node.source == BOX else node.source, node.index) if node.operation == INPUT else None
 
 
 def _program(graph: Graph, outputs: list[int], input_of: Callable[[int], tuple[int, int] | None]) -> Program:

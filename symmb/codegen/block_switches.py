@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.c_source import c_number
 from symmb.codegen.engine import StepEnds
-from symmb.schemes import first_pass, interpolated
+from symmb.schemes import first_pass
 
 Lanes = Mask | Indices | slice
 """Columns of arrays."""
@@ -16,8 +16,8 @@ Values = Callable[[Array, Array, Array], Array]
 """x (n_x, L), c (n_c, L), t (L,) -> (n, L)."""
 WIDTH = int(c_number("lanes", "WIDTH"))
 """Samples that share a step."""
-_STOP_MARGIN, _SCREEN, _REVERSAL, LATE, BEYOND = (
-    c_number("switches", name) for name in ("STOP_MARGIN", "SCREEN", "REVERSAL", "LATE", "BEYOND")
+_STOP_MARGIN, _REVERSAL, LATE, BEYOND = (
+    c_number("switches", name) for name in ("STOP_MARGIN", "REVERSAL", "LATE", "BEYOND")
 )
 _SETTLINGS = int(c_number("switches", "SETTLINGS"))
 
@@ -35,6 +35,7 @@ class BlockSwitches:
         self,
         prepare: Values,
         switches: Values | None,
+        bounds: Values | None,
         ends: StepEnds,
         times: Array,
         x: Array,
@@ -43,7 +44,8 @@ class BlockSwitches:
         width: int = WIDTH,
     ) -> None:
         self._width = width
-        self._prepare, self._switches, self._p = prepare, switches, np.ascontiguousarray(p)
+        self._prepare, self._p = prepare, np.ascontiguousarray(p)
+        self._switches, self._bounds = switches, bounds
         self._hysteresis = np.array(ends.hysteresis, dtype=float)[:, None]
         self._sides = np.ones((len(self._hysteresis), p.shape[1]))
         self._u = np.zeros((2 * len(self._sides), p.shape[1]))
@@ -101,32 +103,39 @@ class BlockSwitches:
         u, m = self._switches(x, c, t) if self._switches else self._u, len(sides)
         return np.concatenate([u[:m] * sides + raised, u[m:] * sides])
 
-    def may_pass(self, x_new: Array, c: Array, t_new: Array, h: Array, lanes: Lanes) -> bool:
-        """Whether a switch may have been passed in steps of blocks (b,), told by the cubics through their ends."""
-        m = len(self._sides)
-        if self._switches is None:
-            return False
-        u, raised = self._u[:, lanes].copy(), self._raised[:, lanes]
+    def first_pass(
+        self, x: Array, x_new: Array, F: Array, c: Array, t: Array, t_new: Array, lanes: Lanes
+    ) -> tuple[Array, Mask, Indices]:
+        """Where steps of lanes from x at t (L,) to x_new at t_new end.
+
+        Returns
+        -------
+        (b,) array       share of the step of each block, infinite without a pass
+        (L,) mask        which lanes pass a switch there, if their number is not -1
+        (L,) indices     its number
+        """
+        m, bounds_of = len(self._sides), self._bounds
+        if bounds_of is None:
+            return np.full(len(t) // self._width, np.inf), np.zeros(len(t), dtype=bool), np.zeros(len(t), dtype=np.intp)
+        u, raised, sides, h = self._u[:, lanes].copy(), self._raised[:, lanes], self._sides[:, lanes], t_new - t
         beyond = u[:m] - raised > raised
         u[:m] -= np.where(beyond, raised, 0.0)
         self._begin, self._raised[:, lanes] = u, np.where(beyond, 0.0, raised)
-        at = x_new, c, np.repeat(t_new, self._width)
-        self._u[:, lanes] = new = self._on_sides(*at, self._sides[:, lanes], self._raised[:, lanes])
-        third = np.repeat(h, self._width) / 3
-        first, last, end = third * u[m:], third * new[m:], new[:m]
-        margin = _SCREEN * (np.abs(first) + np.abs(last) + np.abs(end - u[:m]))
-        return bool(((end < 0) | (u[:m] + first < margin) | (end - last < margin)).any())
+        raised = self._raised[:, lanes]
+        self._u[:, lanes] = self._on_sides(x_new, c, t_new, sides, raised)
 
-    def first_pass(self, x: Array, F: Array, c: Array, t: Array, h: Array, lanes: Lanes) -> tuple[Array, Mask, Indices]:
-        """Where the steps of lanes end: share for each block (b,), which lanes pass a switch there (L,), and which."""
-        m, sides, raised = len(self._sides), self._sides[:, lanes], self._raised[:, lanes]
+        def values(x: Array, theta: Array, some: Indices) -> Array:
+            at = t[some] + theta * h[some]
+            return self._on_sides(x, c[:, some], at, sides[:, some], raised[:, some])[:m]
 
-        def values(theta: Array, some: Indices) -> tuple[Array, Array]:
-            at = interpolated(x[:, some], F[:, :, some], theta)
-            u = self._on_sides(at, c[:, some], t[some] + theta * h[some], sides[:, some], raised[:, some])
-            return u[:m], u[m:]
+        def bounds(box: Array, low: Array, high: Array, some: Indices) -> tuple[Array, Array, Array]:
+            times = [t[some] + low * h[some], t[some] + high * h[some], (high - low) * h[some]]
+            box, up = np.concatenate([box, times]), sides[:, some] > 0
+            least, largest, fall, rise = np.split(bounds_of(box, c[:, some], t[some]), 4)
+            least, fall, rise = np.where(up, [least, fall, rise], [-largest, -rise, -fall])
+            return least + raised[:, some], fall, rise
 
-        when, which = first_pass(values, self._begin[:m], self._begin[m:])
+        when, which = first_pass(x, F, values, bounds, u[:m], self._hysteresis)
         first = when.reshape(-1, self._width).min(axis=1)
         return first, (when == np.repeat(first, self._width)) & np.isfinite(when), which
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb.codegen.graph import CONSTANT, INPUT, Graph
+from symmb.codegen.graph import BOX, CONSTANT, INPUT, Graph
 from symmb.symbolic import operation_name
 
 LARGE_MODEL = 5000
@@ -79,7 +79,9 @@ class _Schedule:
 
 
 class Emitter:
-    """Generates the functions of a graph with inputs x (0), p (1) and t (2). `place` gives the places of x in C.
+    """Generates the functions of a graph with inputs x (0), p (1), t (2) and box (3). `place` gives places of x in C.
+
+    Functions of a box get it in the place of x.
 
     `prepare` computes values that depend on parameters alone once in a run, and stores them in c. All other functions
     start from x, c and t.
@@ -98,9 +100,13 @@ class Emitter:
 
     def used(self, outputs: Iterable[int]) -> list[int]:
         """Places of the states x on which the given nodes depend."""
+        return sorted(self._place[i] for i in self.inputs(outputs, 0))
+
+    def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
+        """Numbers of the nonzeros of an input on which the given nodes depend."""
         nodes = self._graph.nodes
         inputs = [nodes[k] for k in self._needed(outputs) if nodes[k].operation == INPUT]
-        return sorted(self._place[node.index] for node in inputs if node.source == 0)
+        return sorted(node.index for node in inputs if node.source == source)
 
     def source(self) -> tuple[list[str], str, int]:
         """The pieces of all functions, in parts, the functions, `prepare(p, c)` among them, and the size of c."""
@@ -232,6 +238,8 @@ class Emitter:
         if self._hoisted(a) and not parameters_only:
             return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
         if node.operation == INPUT:
+            if node.source == BOX:
+                return f"x[{node.index}]"
             return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
         return f"v{a}" if schedule.piece.get(a) == piece else f"w[{schedule.carried[a]}]"
 

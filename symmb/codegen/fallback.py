@@ -44,7 +44,7 @@ class ArrayEngine:
         self.prepare, functions = programs(graph_of(f))
         by_name = dict(zip(f.name_out(), functions, strict=True))
         self.rates, self.outputs = by_name["rates"], by_name["outputs"]
-        self.project, self.switches = by_name.get("project"), by_name.get("switches")
+        self.project, self.switches, self.bounds = (by_name.get(name) for name in ("project", "switches", "bounds"))
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
         """Outputs of N samples, x0 (N, n_x), p (N, n_p).
@@ -149,7 +149,7 @@ class _BlockRuns:
         self.code = np.full(B, FailureCode.STEPS, dtype=np.int8)
         self.x_stopped = np.full(x.shape, np.nan)
         t = np.full(B, times[0])
-        self._switches = BlockSwitches(engine.prepare, engine.switches, engine.ends, times, x, p, B)
+        self._switches = BlockSwitches(engine.prepare, engine.switches, engine.bounds, engine.ends, times, x, p, B)
         self._switches.find_stops(t, np.arange(B))
         self._c = engine.prepare(x, self._switches.parameters, _by_lane(t))
         self._x = np.ascontiguousarray(x) if engine.project is None else engine.project(x, self._c, _by_lane(t))
@@ -222,7 +222,7 @@ class _BlockRuns:
         last = rates(end, _by_lane(t_new[accepted]))
         t_end, F = t_new[accepted], np.empty(0)
         passed, which = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1], dtype=np.intp)
-        searched = switches.may_pass(end, c, t_new[accepted], h[accepted], lanes)
+        searched = engine.switches is not None
         due = engine.times[np.minimum(self._next[blocks], len(engine.times) - 1)] <= t_end
         if searched or due.any():
             coefficients, missed = interpolant(rates, x, end, [*[slope[:, lanes] for slope in k], last], t, wide)
@@ -231,12 +231,10 @@ class _BlockRuns:
             far_off = ~(error <= 1.0) & (h[accepted] > 1.0000001 * steps.shortest)
             if far_off.any():
                 steps.reject(blocks[far_off], error[far_off], h[accepted][far_off])
-                if searched:
-                    switches.forget(lanes)
                 return self._accept(_without(accepted, far_off), k, x_new, t_new, h)
             F = np.array(coefficients)
         if searched:
-            theta, passed, which = switches.first_pass(x, F, c, t, wide, lanes)
+            theta, passed, which = switches.first_pass(x, end, F, c, t, _by_lane(t_new[accepted]), lanes)
             early = (theta < LATE) & (theta * h[accepted] > 10 * steps.shortest)
             if early.any():  # interpolants are as exact as steps near their ends only
                 steps.h[blocks[early]] = theta[early] * h[accepted][early] * BEYOND
@@ -268,7 +266,8 @@ class _BlockRuns:
         lanes, blocks = _lanes(accepted), self._steps.live[accepted]
         x, c = self._x[:, lanes], self._c[:, lanes]
         columns = (WIDTH * blocks[:, None] + np.arange(WIDTH)).ravel()
-        for column, time in zip(columns[passed].tolist(), t[passed].tolist(), strict=True):
+        located = passed & (which >= 0)
+        for column, time in zip(columns[located].tolist(), t[located].tolist(), strict=True):
             self.passes[column].append(time)
         self._c[:, lanes], stuck = self._switches.change_sides(end, x, c, t, h, lanes, passed, which)
         sticks: Mask = np.asarray(stuck.any(axis=1), dtype=bool)

@@ -9,6 +9,8 @@ from symmb.symbolic import interpret
 
 CONSTANT, INPUT = -1, -2
 """Operations of a Node beside CasADi's, whose numbers are not negative."""
+BOX = 3
+"""Number of the input that stands in the place of x for functions of a box of states, see `ranges_along`."""
 
 
 @dataclass(frozen=True)

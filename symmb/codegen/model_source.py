@@ -12,8 +12,9 @@ import casadi as ca
 from symmb.codegen import cache, tableau
 from symmb.codegen.c_source import c_source
 from symmb.codegen.emit import LARGE_MODEL, Emitter
-from symmb.codegen.graph import INPUT, Graph, graph_of
+from symmb.codegen.graph import BOX, INPUT, Graph, graph_of
 from symmb.schemes import MOST_STEPS
+from symmb.symbolic import ranges_along
 
 CACHED_STATES = 32
 """States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
@@ -68,7 +69,7 @@ def model_function(
     start: tuple[ca.SX, ca.SX] | None = None,
     switches: ca.SX | None = None,
 ) -> ca.Function:
-    """(x, p, t) -> rates, outputs and, if given, project, newton and start, and switches.
+    """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
 
     Parameters
     ----------
@@ -78,14 +79,16 @@ def model_function(
         without it the caller gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
     """
-    parts = {"rates": rates, "outputs": outputs}
+    parts, box = {"rates": rates, "outputs": outputs}, ca.SX(0, 1)
     if switches is not None:
         parts["switches"] = switches
+        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2], x, p, t)
     if projected is not None:
         parts["project"] = projected
     if start is not None:
         parts["newton"], parts["start"] = start
-    return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
+    inputs = {"x": x, "p": p, "t": t, "box": box}
+    return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
 
 
 def scheme_function(
@@ -207,6 +210,7 @@ def _ensemble_source(
     used = emitter.used(nodes["outputs"]) if explicit else []
     if hysteresis:
         used = list(range(len(place)))  # steps may end anywhere
+    ranged = sorted({i % len(place) for i in emitter.inputs(nodes.get("bounds", ()), BOX) if i < 4 * len(place)})
     sizes = {
         "N_PARTS": len(parts),
         "N_X": len(place),
@@ -217,12 +221,13 @@ def _ensemble_source(
         "N_USED": len(used),
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
+        "N_RANGED": len(ranged),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
         **sizes,
     }
-    lists = {"place": place, "used": used}
+    lists = {"place": place, "used": used, "ranged": ranged}
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),

@@ -3,15 +3,18 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.events.impulses import SMALL, ImpactLaws, evaluate_padded
-from symmb.model import Impacts
-from symmb.schemes import interpolated, roots
+from symmb.model import DAE, Impacts
+from symmb.schemes import interpolated, parts, roots
+from symmb.symbolic import ranges_along
 
 _PARTS = 6
-"""Equal parts of a step, in each of which a gap and its rate may change sign once. tests/events/test_impacts.py"""
+"""Equal parts of a step, in each of which the force in a closed contact may change sign once: its range over a part of
+a step is that of a linear system, too wide to tell more. tests/events/test_impacts.py"""
 
 
 class Steps(NamedTuple):
@@ -40,11 +43,13 @@ class Located(NamedTuple):
     theta : (N,)               its time as a share of the step, 1 without an event
     closing : (N,) indices     the contact that closes, -1 if none does
     released : (N, n)          contacts that open
+    known : (N,)               share of the step behind which gaps are not known
     """
 
     theta: Array
     closing: Indices
     released: Mask
+    known: Array
 
     @property
     def has_event(self) -> Mask:
@@ -55,41 +60,79 @@ class Located(NamedTuple):
 class Location:
     """Finds events by the interpolant of a step."""
 
-    def __init__(self, impacts: Impacts, laws: ImpactLaws) -> None:
+    def __init__(self, dae: DAE, impacts: Impacts, laws: ImpactLaws) -> None:
         self._impacts, self._laws = impacts, laws
+        n_x = dae.n_q + dae.n_v + dae.n_s
+        x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
+        gap, _ = impacts.gaps(*dae.arguments(x, p, t))
+        box, bounds = ranges_along(gap, x, p, t)
+        self._bounds = ca.Function("bounds", [box, p], [bounds], {"cse": True})
 
     def __call__(self, steps: Steps) -> Located:
         """The first events of N steps."""
         N, n = len(steps.x), len(self._impacts.names)
-        every, shares = np.repeat(np.arange(N), _PARTS + 1), np.tile(np.linspace(0, 1, _PARTS + 1), N)
-        gap, rate = (a.reshape(N, _PARTS + 1, n) for a in self._gaps(steps, every, shares))
         closed = self._laws.closed(steps.x)
         times = _EventTimes(N, n)
-        self._closings(steps, gap, rate, ~closed[:, None, :], times)
+        shares, known = self._shares(steps, closed)
+        gap, rate = self._at_shares(self._gaps, steps, shares)
+        self._closings(steps, shares, gap, rate, ~closed[:, None, :], times)
         if closed.any():
-            force = self._contact_force(steps, every, shares).reshape(N, _PARTS + 1, n)
+            shares = np.tile(np.linspace(0, 1, _PARTS + 1), (N, 1))
+            (force,) = self._at_shares(lambda *at: [self._contact_force(*at)], steps, shares)
             at = np.argwhere(closed[:, None, :] & (force[:, :-1] >= 0) & (force[:, 1:] < 0))
-            times.opens(at, self._roots(self._contact_force, steps, at, force))
-        return times.first()
+            times.opens(at, self._roots(self._contact_force, steps, shares, at, force))
+        return times.first(known)
 
-    def _closings(self, steps: Steps, gap: Array, rate: Array, open_: Mask, times: "_EventTimes") -> None:
+    def _shares(self, steps: Steps, closed: Mask) -> tuple[Array, Array]:
+        """Ends of parts (N, k) in which ends tell everything of open contacts, the last repeated, and how far (N,)."""
+        N, F = len(steps.x), np.moveaxis(steps.F, 2, 0).swapaxes(1, 2)
+
+        def values(x: Array, theta: Array, rows: Indices) -> Array:
+            at = self._laws.arguments(x.T, steps.p[rows], steps.t[rows] + theta * steps.h[rows])
+            return evaluate_padded(self._impacts.gaps, *at)[0].T
+
+        def bounds(box: Array, low: Array, high: Array, rows: Indices) -> tuple[Array, Array, Array]:
+            t, h = steps.t[rows], steps.h[rows]
+            box = np.vstack([box, t + low * h, t + high * h, (high - low) * h])
+            least, largest, fall, rise = np.split(evaluate_padded(self._bounds, box.T, steps.p[rows])[0].T, 4)
+            below = largest < 0
+            least, fall, rise = np.where(below, [-largest, -rise, -fall], [least, fall, rise])
+            return np.where(closed[rows].T, np.inf, least), fall, rise
+
+        begin = values(steps.x.T, np.zeros(N), np.arange(N))
+        found = parts(steps.x.T, F, values, bounds, begin, np.zeros((begin.shape[0], 1)))
+        counts = np.bincount(found.lane, minlength=N)
+        shares = np.repeat(found.known[:, None], counts.max(initial=0) + 1, axis=1)
+        number = np.arange(len(found.lane)) - np.repeat(np.cumsum(counts) - counts, counts)
+        shares[found.lane, number] = found.low
+        return shares, found.known
+
+    def _at_shares(self, f: Callable[..., list[Array]], steps: Steps, shares: Array) -> list[Array]:
+        """Values (N, k, n) of f at shares (N, k) of the steps."""
+        rows = np.repeat(np.arange(len(shares)), shares.shape[1])
+        return [a.reshape(*shares.shape, -1) for a in f(steps, rows, shares.ravel())]
+
+    def _closings(
+        self, steps: Steps, shares: Array, gap: Array, rate: Array, open_: Mask, times: "_EventTimes"
+    ) -> None:
         begin, end, falls, rises = gap[:, :-1], gap[:, 1:], rate[:, :-1] < 0, rate[:, 1:] > 0
         sinks = open_ & (begin <= 0) & falls & ~rises & (end < begin)
         at = np.argwhere(sinks)
-        times.closes(at, at[:, 1] / _PARTS)
+        times.closes(at, shares[at[:, 0], at[:, 1]])
         closes = open_ & (begin > 0) & (end <= 0)
         at = np.argwhere(closes)
-        times.closes(at, self._roots(self._gap, steps, at, gap))
+        times.closes(at, self._roots(self._gap, steps, shares, at, gap))
         # A gap may be above 0 or below 0 in between: its value at the turning point decides.
         hops = open_ & (begin <= 0) & (end <= 0) & (rate[:, :-1] > 0) & (rate[:, 1:] < 0)
         dips = open_ & (begin > 0) & (end > 0) & falls & rises
         at = np.argwhere(hops | dips)
         if not at.size:
             return
-        turn = self._roots(self._rate, steps, at, rate)
+        turn = self._roots(self._rate, steps, shares, at, rate)
         there = self._gap(steps, at[:, 0], turn)[np.arange(len(at)), at[:, 2]]
         hop = hops[tuple(at.T)]
-        low, high = np.where(hop, turn, at[:, 1] / _PARTS), np.where(hop, (at[:, 1] + 1) / _PARTS, turn)
+        low = np.where(hop, turn, shares[at[:, 0], at[:, 1]])
+        high = np.where(hop, shares[at[:, 0], at[:, 1] + 1], turn)
         crossed = np.where(hop, there > 0, there <= 0)
         # A hop that does not rise above 0 is rounding: it ends at its turning point.
         times.closes(at[hop & ~crossed], turn[hop & ~crossed])
@@ -114,12 +157,11 @@ class Location:
         some = steps.some(rows)
         return self._laws.arguments(some.at(theta), some.p, some.t + theta * some.h)
 
-    def _roots(self, f: Callable[..., Array], steps: Steps, at: Indices, values: Array) -> Array:
+    def _roots(self, f: Callable[..., Array], steps: Steps, shares: Array, at: Indices, values: Array) -> Array:
         """Roots in parts of steps, at (m, 3) being step, part and contact, values those at the ends of the parts."""
         row, part, k = at.T
-        return self._between(
-            f, steps, at, part / _PARTS, (part + 1) / _PARTS, values[row, part, k], values[row, part + 1, k]
-        )
+        ends = shares[row, part], shares[row, part + 1]
+        return self._between(f, steps, at, *ends, values[row, part, k], values[row, part + 1, k])
 
     def _between(
         self,
@@ -158,8 +200,9 @@ class _EventTimes:
         self.closes(at, theta)
         self._released[at[:, 0], at[:, 2]] = True
 
-    def first(self) -> Located:
+    def first(self, known: Array) -> Located:
+        """The first of all contacts, where gaps are known up to shares (N,)."""
         theta = self._when.min(axis=1)
         is_first = np.asarray(self._when == theta[:, None]) & np.isfinite(theta)[:, None]
         closing = np.where((is_first & ~self._released).any(axis=1), (is_first & ~self._released).argmax(axis=1), -1)
-        return Located(np.minimum(theta, 1.0), closing, is_first & self._released)
+        return Located(np.minimum(theta, 1.0), closing, is_first & self._released, known)

@@ -3,15 +3,21 @@
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Indices
+from symmb._types import Array, Mask
+from symmb.events.impulses import evaluate_padded
 from symmb.schemes import roots
-from symmb.symbolic import batch
+from symmb.symbolic import batch, has_kinks, ranges_along
 
-_LOOKS, _MOST_LOOKS = 400, 1_000_000
-"""A fifth of the parts of the horizon in each of which a switch that is not linear in time, and its slope, may change
-sign once. There are more parts if they change often, but not more than the second number."""
-_UNEVEN, _GOLDEN = 0.5, 0.6180339887498949
-"""Share of a part by which its begin is moved, after the multiples of the golden section."""
+_PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
+"""Parts of the horizon at first, how often those are halved in which a switch may change sign more than its values at
+their ends tell, and how many there may be: jumps are parts that stay open. Two changes within a part of the shortest
+length, some 1e-10 of the horizon, are not found."""
+_SHARE, _UNEVEN = 0.487, 1.01
+"""Where parts are halved, and the power that makes the first ones unequal: ends do not meet jumps of whole periods."""
+_ROUNDING = 1e-6
+"""Share of a range by which values may be off it. A value that is farther off is on the other side of a jump."""
+_SAME = 8
+"""Roundings of a time within which switches are one."""
 
 
 class TimeSwitches:
@@ -29,12 +35,15 @@ class TimeSwitches:
         self._instants = np.empty(0) if instants is None else instants
         self._begin, self._end = float(times[0]), float(times[-1])
         slopes = ca.densify(ca.jacobian(switches, t))
-        is_linear = [not ca.depends_on(slope, t) for slope in ca.vertsplit(slopes)]
-        pairs = ca.horzcat(switches, slopes)
-        linear = ca.substitute(pairs[np.flatnonzero(is_linear).tolist(), :], t, 0)
-        curved = pairs[np.flatnonzero(np.logical_not(is_linear)).tolist(), :]
+        pairs = list(zip(ca.vertsplit(switches), ca.vertsplit(slopes), strict=True))
+        # The slope of a sawtooth is constant as well.
+        is_linear = [not ca.depends_on(slope, t) and not has_kinks(ca.Function("f", [p, t], [u])) for u, slope in pairs]
+        linear = ca.substitute(ca.horzcat(switches, slopes)[np.flatnonzero(is_linear).tolist(), :], t, 0)
+        curved = switches[np.flatnonzero(np.logical_not(is_linear)).tolist()]
+        box, bounds = ranges_along(curved, ca.SX(0, 1), p, t)
         self._linear = ca.Function("linear", [p], [linear[:, 0], linear[:, 1]])
-        self._curved = ca.Function("curved", [p, t], [curved[:, 0], curved[:, 1]])
+        self._curved = ca.Function("curved", [p, t], [ca.densify(curved)])
+        self._bounds = ca.Function("bounds", [p, box], [bounds], {"cse": True})
         self._depends = ca.depends_on(curved, p)
 
     def __call__(self, p: Array) -> Array:
@@ -53,35 +62,51 @@ class TimeSwitches:
         times = np.concatenate([np.full((len(p), 0), np.inf), *switches], axis=1)
         times[~((times >= self._begin) & (times <= self._end))] = np.inf
         times = np.sort(times, axis=1)
+        with np.errstate(invalid="ignore"):
+            same = np.diff(times, axis=1) <= _SAME * np.spacing(np.abs(times[:, 1:]))
+        times[:, 1:][same] = np.inf
+        times = np.sort(times, axis=1)
         return times[:, : int(np.isfinite(times).sum(axis=1).max(initial=0))]
 
     def _curved_roots(self, p: Array) -> Array:
         """Times (k,) at which some switch of one sample p (n_p,) changes its sign."""
-        looks, changes = _LOOKS, _LOOKS
-        while looks <= _MOST_LOOKS and changes > 0.1 * looks:  # switches that oscillate
-            looks *= 5
-            # Equally spaced times might all have the same phase of an oscillation.
-            shares = np.arange(looks) + _UNEVEN * (np.arange(looks) * _GOLDEN % 1)
-            t = np.append(self._begin + (self._end - self._begin) * shares / looks, self._end)
-            values, slopes = batch(self._curved, p, t[:, None])
-            changes = int(np.diff(values > 0, axis=0).sum() + np.diff(slopes > 0, axis=0).sum())
-        turns = (values[:-1] * values[1:] > 0) & (slopes[:-1] * values[:-1] < 0) & (slopes[1:] * values[1:] > 0)
-        part, which = np.nonzero(turns)
-        turn = self._roots(p, 1, which, t[part], t[part + 1])
-        there = batch(self._curved, p, turn[:, None])[0][np.arange(len(turn)), which] if len(turn) else turn
-        twice = there * values[part, which] < 0
-        part, which, turn = part[twice], which[twice], turn[twice]
-        crossed, by = np.nonzero((values[:-1] > 0) != (values[1:] > 0))
-        low = np.concatenate([t[crossed], t[part], turn])
-        high = np.concatenate([t[crossed + 1], turn, t[part + 1]])
-        return self._roots(p, 0, np.concatenate([by, which, which]), low, high)
-
-    def _roots(self, p: Array, number: int, which: Indices, low: Array, high: Array) -> Array:
-        """Roots of switches, or with number 1 of their slopes, between times low and high (m,)."""
+        ends = self._begin + (self._end - self._begin) * (np.arange(_PARTS + 1) / _PARTS) ** _UNEVEN
+        low, high = ends[:-1], ends[1:]
+        at_low, at_high = self._values(p, low), self._values(p, high)
+        found: list[tuple[Array, ...]] = []
+        for halvings in range(_HALVINGS + 1):
+            with np.errstate(all="ignore"):
+                is_open = ~self._told(p, low, high, at_low, at_high).all(axis=1)
+            is_open &= halvings < _HALVINGS and 2 * np.count_nonzero(is_open) <= _MOST_PARTS
+            part, which = np.nonzero(~is_open[:, None] & ((at_low > 0) != (at_high > 0)))
+            found.append((which, low[part], high[part], at_low[part, which], at_high[part, which]))
+            low, high, at_low, at_high = low[is_open], high[is_open], at_low[is_open], at_high[is_open]
+            middle = low + _SHARE * (high - low)
+            at_middle = self._values(p, middle)
+            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+            at_low, at_high = np.concatenate([at_low, at_middle]), np.concatenate([at_middle, at_high])
+        which, low, high, at_low, at_high = (np.concatenate(part) for part in zip(*found, strict=True))
         if not len(which):
             return low
+        every = np.arange(len(which))
+        return roots(lambda t: self._values(p, t)[every, which], low, high, at_low, at_high)
 
-        def value(t: Array) -> Array:
-            return batch(self._curved, p, t[:, None])[number][np.arange(len(which)), which]
+    def _values(self, p: Array, t: Array) -> Array:
+        """The switches (k, m) at times t (k,)."""
+        if not len(t):
+            return np.empty((0, self._curved.numel_out(0)))
+        return evaluate_padded(self._curved, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0]
 
-        return roots(value, low, high, value(low), value(high))
+    def _told(self, p: Array, low: Array, high: Array, at_low: Array, at_high: Array) -> Mask:
+        """Where the values (k, m) at the ends of times low to high (k,) tell every change of sign."""
+        if not len(low):
+            return np.ones(at_low.shape, dtype=bool)
+        box = np.column_stack([low, high, high - low])
+        bounds = evaluate_padded(self._bounds, np.broadcast_to(p, (len(low), len(p))), box)[0]
+        least, largest, fall, rise = np.split(bounds, 4, axis=1)
+        up = at_low > 0
+        toward, away = np.where(up, -fall, rise), np.where(up, rise, -fall)
+        between = (up == (at_high > 0)) & (np.abs(at_low) * away + np.abs(at_high) * toward > toward * away)
+        margin = _ROUNDING * (np.abs(least) + np.abs(largest))
+        exact = (np.minimum(at_low, at_high) >= least - margin) & (np.maximum(at_low, at_high) <= largest + margin)
+        return np.asarray(exact & ((least > 0) | (largest < 0) | (fall >= 0) | (rise <= 0) | between))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,7 @@ from symmb.integrate.stabilization import Projection
 from symmb.integrate.step_ends import switched
 from symmb.model import DAE, Impacts
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolation_error, stages
+from symmb.symbolic import ranges_along
 
 CROWD_SPAN, CROWD = 1e-12, 1000
 """More events than this within this share of the run's time are an endless sequence. tests/events/test_impacts.py"""
@@ -43,6 +45,7 @@ class EventIntegration(Integration):
     step : Function          (y, p, t, h) -> y at the end of a step, errors of orders 3 and 5, coefficients (n_y, 7)
     rates : Function         (y, p, t) -> y', y = (x, work); the last parameters are the sides of switches
     switches : Function      (x, p, t) -> switches of the state and their rates (2 m,); None if there are none
+    bounds : Function        (box, p, t) -> their ranges, see `ranges_along`
     """
 
     def __init__(self, dae: DAE, impacts: Impacts, times: Array, tolerances: Tolerances, work: bool) -> None:
@@ -50,11 +53,15 @@ class EventIntegration(Integration):
         self.rtol, self.atol = tolerances.rtol, tolerances.absolute(self.n_x + self.n_quad)[:, None]
         problem = build_problem(dae, Projection(), algebraic=False, work=work, one_step=True, projections=1)
         self._project, self.n_p = _projection(dae, impacts, problem), problem.p.numel()
-        self.switches, self.ends = None, StepEnds()
+        self.switches = self.bounds = None
+        self.ends = StepEnds()
         on_sides = switched(problem, dae, times)
         if on_sides is not None and on_sides.switches.numel():
             problem, self.ends = on_sides.problem, replace(on_sides.ends, stops=None)  # `time_switches` tells these
-            self.switches = ca.Function("switches", [problem.x, problem.p, problem.t], [on_sides.switches])
+            x, p, t = problem.x, problem.p, problem.t
+            box, bounds = ranges_along(on_sides.switches[: len(self.ends.hysteresis)], x, p, t)
+            self.switches = ca.Function("switches", [x, p, t], [on_sides.switches])
+            self.bounds = ca.Function("bounds", [box, p, t], [bounds], {"cse": True})
         quad = problem.quad if problem.quad.numel() else ca.SX.zeros(self.n_quad)
         y = ca.vertcat(problem.x, ca.SX.sym("work", self.n_quad))
         arguments = [y, problem.p, problem.t]
@@ -62,7 +69,7 @@ class EventIntegration(Integration):
         self.step = _step_function(self.rates)
         self.laws = ImpactLaws(dae, impacts)
         self.time_switches, self.longest = time_switches(dae, times), longest_step(dae, times)
-        self.locate = Location(impacts, self.laws)
+        self.locate = Location(dae, impacts, self.laws)
         self._steps = self._events = 0
 
     def statistics(self) -> dict[str, int]:
@@ -123,9 +130,8 @@ class EventRuns:
         self._steps = StepControl(t, np.full(N, self._span), ends, self._span, longest if np.isfinite(longest) else 0.0)
         self._steps.live = np.flatnonzero(np.isfinite(x0).all(axis=1))
         self._crowd_start, self._crowd = t.copy(), np.zeros(N, dtype=np.intp)
-        f = integration.switches
-        program = None if f is None else lambda x, p, t: evaluate_padded(f, x.T, p.T, t[:, None])[0].T
-        self._switches = BlockSwitches(lambda _, p, __: p, program, integration.ends, times, x0.T, p.T, N, width=1)
+        programs = (None if f is None else partial(_by_columns, f) for f in (integration.switches, integration.bounds))
+        self._switches = BlockSwitches(lambda _, p, __: p, *programs, integration.ends, times, x0.T, p.T, N, width=1)
 
     @property
     def n_steps(self) -> int:
@@ -200,6 +206,8 @@ class EventRuns:
         states = steps._replace(x=steps.x[:, :n_x], p=steps.p[:, : integration.n_p], F=steps.F[:, :n_x])
         located = integration.locate(states)
         share, number = self._switch_passes(lanes, steps, new, t)
+        blind = located.known < np.minimum(share, located.theta)
+        share, number = np.where(blind, located.known, share), np.where(blind, -1, number)
         switches = (share < located.theta) | ((share <= 1) & ~located.has_event)
         has_event, theta = located.has_event & ~switches, np.where(switches, share, located.theta)
         rows = np.flatnonzero(has_event | switches)
@@ -214,10 +222,8 @@ class EventRuns:
     def _switch_passes(self, lanes: Indices, steps: Steps, new: Array, t: Array) -> tuple[Array, Indices]:
         """The first switches of the state that steps to new states at t pass: shares, inf without one, and numbers."""
         n_x, c = self._integration.n_x, steps.p.T
-        if not self._switches.may_pass(new[:, :n_x].T, c, t, steps.h, lanes):
-            return np.full(len(lanes), np.inf), np.zeros(len(lanes), dtype=np.intp)
         F = steps.F[:, :n_x].transpose(2, 1, 0)
-        share, _, number = self._switches.first_pass(steps.x[:, :n_x].T, F, c, steps.t, steps.h, lanes)
+        share, _, number = self._switches.first_pass(steps.x[:, :n_x].T, new[:, :n_x].T, F, c, steps.t, t, lanes)
         return share, number
 
     def _change_sides(self, lanes: Indices, new: Array, h: Array, number: Indices) -> None:
@@ -292,6 +298,11 @@ class EventRuns:
         for lane, reason in failures:
             self.t_failed[lane], self.messages[lane] = self._steps.t[lane], reason
         self._steps.live = self._steps.live[np.isnan(self.t_failed[self._steps.live])]
+
+
+def _by_columns(f: ca.Function, x: Array, p: Array, t: Array) -> Array:
+    """f of samples that are columns."""
+    return evaluate_padded(f, x.T, p.T, t[:, None])[0].T
 
 
 def _step_function(rates: ca.Function) -> ca.Function:

@@ -14,6 +14,7 @@ from symmb.schemes.embedded_pair import (
     first_step,
     interpolant,
     interpolated,
+    interpolated_change,
     interpolation_error,
     stages,
 )
@@ -21,4 +22,4 @@ from symmb.schemes.generalized_alpha import generalized_alpha
 from symmb.schemes.nstiff_si2 import nstiff_si2
 from symmb.schemes.roots import roots
 from symmb.schemes.step import Step
-from symmb.schemes.switch_search import first_pass
+from symmb.schemes.switch_search import Parts, first_pass, parts

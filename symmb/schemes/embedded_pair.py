@@ -76,6 +76,15 @@ def interpolated(x: Value, F: Value, theta: Value) -> Value:
     return x + theta * (F[0] + r * (F[1] + theta * (F[2] + r * (F[3] + theta * (F[4] + r * (F[5] + theta * F[6]))))))
 
 
+def interpolated_change(F: Array, theta: Array) -> Array:
+    """Slopes over the step at shares theta of it."""
+    y, slope = F[6], np.zeros_like(F[6])
+    for j in range(5, -1, -1):
+        factor, rises = (theta, 1) if j % 2 else (1 - theta, -1)
+        y, slope = F[j] + factor * y, factor * slope + rises * y
+    return theta * slope + y
+
+
 def error_norm(x: Array, x_new: Array, errors: Sequence[Array], rtol: float, atol: Array | float) -> Array:
     """The norm of DOP853 (L,): a step is good enough up to 1. NaN where a state or rate is not finite."""
     scale = 1.0 / (atol + rtol * np.maximum(np.abs(x), np.abs(x_new)))

@@ -20,10 +20,22 @@ _KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FMAX: ("fmax", lambda a, b: a - b),
     **dict.fromkeys((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE), ("comparison", lambda a, b: a - b)),
     ca.OP_FLOOR: ("floor", lambda a: ca.sin(ca.pi * a)),
-    ca.OP_CEIL: ("ceil", lambda a: ca.sin(ca.pi * a)),
+    ca.OP_CEIL: ("ceil", lambda a: ca.sin(-ca.pi * a)),
     ca.OP_FMOD: ("fmod", lambda a, b: ca.sin(ca.pi * a / b)),
+    ca.OP_REMAINDER: ("remainder", lambda a, b: ca.cos(ca.pi * a / b)),
 }
 """Name of an operation, and what of its arguments changes sign at its kinks or jumps."""
+
+
+def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
+    """floor(value) on one side of sin(pi value): the even or odd number next to the value, also half a unit beyond."""
+    odd = (1 - side) / 2
+    return 2 * ca.floor((value - odd + 0.5) / 2) + odd
+
+
+def _fmod(side: ca.SX, a: ca.SX, b: ca.SX) -> ca.SX:
+    whole = _whole(side, a / b)
+    return a - b * (whole + (whole < 0))  # the quotient is cut off toward 0
 
 
 _ON_A_SIDE: dict[int, Callable[..., ca.SX]] = {
@@ -33,8 +45,12 @@ _ON_A_SIDE: dict[int, Callable[..., ca.SX]] = {
     ca.OP_FMIN: lambda side, a, b: ca.if_else(side < 0, a, b),
     ca.OP_FMAX: lambda side, a, b: ca.if_else(side > 0, a, b),
     **dict.fromkeys((ca.OP_LT, ca.OP_LE), lambda side, a, b: side < 0),
+    ca.OP_FLOOR: _whole,
+    ca.OP_CEIL: lambda side, a: -_whole(side, -a),
+    ca.OP_FMOD: _fmod,
+    ca.OP_REMAINDER: lambda side, a, b: a - b * _whole(side, a / b + 0.5),
 }
-"""The value of an operation on one side of its switch. Others, as `floor` of the state, are not located."""
+"""The value of an operation on one side of its switch. Others, as equality of the state, are not located."""
 _FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
 """Operations that change within a short part of the range of their argument, about 0, and are flat elsewhere.
 

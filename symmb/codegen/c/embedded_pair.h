@@ -191,7 +191,7 @@ PRIVATE int run(Block *b, Study *s) {
     if (verdict == FAILED) return 0;
     if (verdict == REJECTED) continue;
     EACH_PART(b) rates(a->x_new, a->c, each(between_stops(b, b->t_new)), a->k + END * N_OWN);
-    const int searched = may_pass(b), interpolates = searched || s->times[b->next] <= b->t_new;
+    const int searched = may_pass(b, END), interpolates = searched || s->times[b->next] <= b->t_new;
     if (interpolates) interpolant(b);
     const double missed = interpolates ? interpolation_error(b, s) : 0.0;
     if (!(missed <= 1.0) && b->h > shortest * 1.0000001) {

@@ -13,6 +13,7 @@
 #define N_Y 1       /* outputs */
 #define N_USED 1    /* states that outputs need */
 #define PROJECTED 0 /* 1: project() moves states onto the constraints */
+#define N_RANGED 0  /* states that the bounds of switches depend on; switches.h */
 #define N_S 0       /* switches of the state, whose sides are the last parameters; switches.h */
 #define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
 #define N_U 0

@@ -32,10 +32,14 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define BEYOND 1.002 /* length of the shorter step over that to the switch */
 
 #if N_S > 0
-#define PARTS_OF_STEP 6     /* in each of which a switch and its rate may change sign once */
+#define LEAST_PART 9.5367431640625e-07 /* share of a step, 2^-20: shorter parts are judged by their ends */
+#define MOST_PARTS 256      /* of a step, in which ranges do not exclude a pass: the step then ends before the next one */
+#define LONG_PART 0.015625  /* share of a step, 2^-6: that of the first parts at least */
 #define SETTLINGS 8         /* passes over switches that depend on the sides of others */
 #define MOST_ROOT_STEPS 150 /* every third is a bisection, of which 52 are enough */
-#define SCREEN 0.05         /* share of a switch's change in a step by which a cubic through its ends may be off */
+#define SCREEN 0.25         /* share of the distance between chord and cubic of a step, by which its state may be off the
+                               cubic: four times what it is for a sine whose phase changes by 2 in a step */
+#define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
@@ -69,8 +73,45 @@ PRIVATE void settle(Block *b) {
   }
 }
 
-/* Whether a switch may have been passed in a step, told by the cubics through its ends. */
-PRIVATE int may_pass(Block *b) {
+/* The box of a part of a step, of a share of it: the cubic through states and slopes at its ends, x and dx over the step,
+   and by how much the state may be off the cubic. A cubic's distance from its chord is z (1 - z) times a number between
+   those at the ends. */
+PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V dx_end, V off) {
+  const V d = x_end - x, first = share * dx, last = share * dx_end, bend = 0.75 * (2.0 * d - first - last);
+  const V from = 0.25 * (first - d), to = 0.25 * (d - last);
+  const V slope_off = SLOPE_OFF * off;
+  V *box = a->box + row;
+  box[0] = v_smaller(x, x_end) + v_smaller(zero(), v_smaller(from, to)) - off;
+  box[N_X] = v_larger(x, x_end) + v_larger(zero(), v_larger(from, to)) + off;
+  box[2 * N_X] = v_smaller(first, last) + v_smaller(zero(), bend) - slope_off;
+  box[3 * N_X] = v_larger(first, last) + v_larger(zero(), bend) + slope_off;
+}
+
+/* Where ranges of switches and of their rates over the box leave a pass open that the values u and u_end at the ends of the
+   part do not tell: a switch that is not monotone, and may fall below 0 by more than rounding and rise again. */
+PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, const V *u_end) {
+  V *time = a->box + 4 * N_X, range[4 * N_S];
+  M open = (M)zero();
+  time[0] = begin;
+  time[1] = end;
+  time[2] = each(share * h);
+  bounds(a->box, a->c, zero(), range);
+  for (int k = 0; k < N_S; ++k) {
+    const M up = (M)(sides(a)[k] > 0.0);
+    const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
+    const V rounding = each(share < 1.0 ? hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
+    const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
+    const V from = u[k] + rounding, to = u_end[k] + rounding;
+    const M between = (M)(from >= 0.0) & (M)(from * rise - to * fall > -fall * rise);
+    const M above = (M)(u_end[k] >= 0.0) & ((M)(least > -rounding) | between);
+    open |= ~(above | (M)(fall >= 0.0) | (M)(rise <= 0.0));
+  }
+  return open;
+}
+
+/* Whether a switch may have been passed in a step, told by the cubics through the ends of states. `last` is the place of the
+   slope at the end in k. */
+PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
   EACH_PART(b) {
     for (int k = 0; k < N_S; ++k) {
@@ -80,14 +121,16 @@ PRIVATE int may_pass(Block *b) {
       a->raised[k] = blend(beyond, zero(), a->raised[k]);
     }
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
-    for (int k = 0; k < N_S; ++k) {
-      const V first = b->h / 3.0 * a->u[N_S + k], last = b->h / 3.0 * a->u_new[N_S + k], end = a->u_new[k];
-      const V margin = SCREEN * (v_fabs(first) + v_fabs(last) + v_fabs(end - a->u[k]));
-      any |= (M)(end < 0.0) | (M)(a->u[k] + first < margin) | (M)(end - last < margin);
+    for (int k = 0; k < N_S; ++k) any |= (M)(a->u_new[k] < 0.0);
+    if (!none(any)) return 1;
+    for (int j = 0; j < N_RANGED; ++j) {
+      const int i = place[ranged[j]];
+      const V d = a->x_new[i] - a->x[i], dx = b->h * slope(a->x, a->k, i), dx_end = b->h * slope(a->x_new, a->k + last * N_OWN, i);
+      bound_state(a, ranged[j], 1.0, a->x[i], dx, a->x_new[i], dx_end, 0.25 * SCREEN * v_larger(v_fabs(dx - d), v_fabs(d - dx_end)));
     }
+    any |= is_open(a, each(b->t), each(b->t_new), 1.0, b->h, a->u, a->u_new);
+    if (!none(any)) return 1;
   }
-  for (int l = 0; l < W; ++l)
-    if (any[l]) return 1;
   return 0;
 }
 
@@ -97,6 +140,18 @@ PRIVATE void state_at(const Part *a, V z, V *x) {
     const V *f = a->F + 7 * i;
     x[i] = a->x[i] + z * (f[0] + r * (f[1] + z * (f[2] + r * (f[3] + z * (f[4] + r * (f[5] + z * f[6]))))));
   }
+}
+
+/* The slope over the step of state i at its share z. */
+PRIVATE V change_at(const Part *a, int i, double z) {
+  const V *f = a->F + 7 * i;
+  const double r = 1.0 - z;
+  V y = f[6], dy = zero();
+  for (int j = 5; j >= 0; --j) {
+    dy = j % 2 ? z * dy + y : r * dy - y;
+    y = f[j] + (j % 2 ? z : r) * y;
+  }
+  return z * dy + y;
 }
 
 /* Number k of the switches and rates at shares z of the step. */
@@ -127,39 +182,66 @@ PRIVATE V sign_change(Part *a, const Block *b, int k, M marked, V low, V high, V
   return high;
 }
 
-/* The first switch that each lane passes: the share of the step, 2 without one, and the switch. Needs the interpolant. */
+/* The box of a part of a step between shares low and high, at whose end the state is x_at. */
+PRIVATE void bound_part(Part *a, double low, double high) {
+  const double share = high - low, square = share * share;
+  for (int j = 0; j < N_RANGED; ++j) {
+    const int i = place[ranged[j]];
+    const V *f = a->F + 7 * i; /* the fourth derivative over 384, by which a quintic and more are off their cubic */
+    const V off = 0.0625 * v_fabs(f[3]) + 0.1875 * (v_fabs(f[4]) + v_fabs(f[5])) + 0.25 * v_fabs(f[6]);
+    a->x_end[j] = a->x_at[i];
+    a->dx_end[j] = change_at(a, i, high);
+    bound_state(a, ranged[j], share, a->x_low[j], a->dx_low[j], a->x_end[j], a->dx_end[j], square * square * off);
+  }
+}
+
+/* The first switch that each lane passes: the share of the step, and the switch. Parts of the step are halved until ranges
+   along the interpolant leave nothing open but what their ends tell. Returns the least share; if it is that of no lane,
+   nothing is known behind it, and 2 without a pass. */
 PRIVATE double first_pass(Block *b) {
-  double first = 2.0;
+  double first = 2.0, low = 0.0, share = 1.0;
+  int parts = 0;
   EACH_PART(b) {
     a->when = each(2.0);
-    for (int k = 0; k < 2 * N_S; ++k) a->u_low[k] = a->u[k];
+    for (int k = 0; k < N_S; ++k) a->u_low[k] = a->u[k];
+    for (int j = 0; j < N_RANGED; ++j) {
+      const int i = place[ranged[j]];
+      a->x_low[j] = a->x[i];
+      a->dx_low[j] = change_at(a, i, 0.0);
+    }
   }
-  for (int j = 1; j <= PARTS_OF_STEP && first > 1.0; ++j)
+  while (low < 1.0 && first > 1.0) {
+    const double high = low + share;
+    M open = (M)zero();
     EACH_PART(b) {
-      const V low = each((j - 1.0) / PARTS_OF_STEP), high = each((double)j / PARTS_OF_STEP);
-      state_at(a, high, a->x_at);
-      on_sides(a, a->x_at, b->t + high * b->h, a->u_new);
+      state_at(a, each(high), a->x_at);
+      on_sides(a, a->x_at, b->t + high * each(b->h), a->u_new);
+      bound_part(a, low, high);
+      open |= is_open(a, each(b->t + low * b->h), each(b->t + high * b->h), share, b->h, a->u_low, a->u_new);
+    }
+    if (++parts > MOST_PARTS && low >= LONG_PART) return low;
+    if (!none(open) && share > (parts > MOST_PARTS ? LONG_PART : LEAST_PART)) {
+      share *= 0.5;
+      continue;
+    }
+    EACH_PART(b) {
       for (int k = 0; k < N_S; ++k) {
-        const V begin = v_larger(a->u_low[k], zero()), end = a->u_new[k], falls = a->u_low[N_S + k], rises = a->u_new[N_S + k];
-        M passes = (M)(end < 0.0), turns = ~passes & (M)(falls < 0.0) & (M)(rises > 0.0);
-        V behind = high, there = end;
-        if (!none(turns)) { /* it may be passed twice: its least value decides */
-          const V turn = sign_change(a, b, N_S + k, turns, low, high, falls, rises);
-          const V least = switch_at(a, b, k, turn);
-          turns &= (M)(least < 0.0);
-          behind = blend(turns, turn, behind);
-          there = blend(turns, least, there);
-        }
-        passes |= turns;
+        const V end = a->u_new[k];
+        const M passes = (M)(end < 0.0);
         if (none(passes)) continue;
-        const V when = sign_change(a, b, k, passes, low, behind, begin, there);
+        const V when = sign_change(a, b, k, passes, each(low), each(high), v_larger(a->u_low[k], zero()), end);
         const M sooner = passes & (M)(when < a->when);
         a->when = blend(sooner, when, a->when);
         a->which = blend(sooner, each((double)k), a->which);
       }
-      for (int k = 0; k < 2 * N_S; ++k) a->u_low[k] = a->u_new[k];
+      for (int k = 0; k < N_S; ++k) a->u_low[k] = a->u_new[k];
+      memcpy(a->x_low, a->x_end, sizeof a->x_low);
+      memcpy(a->dx_low, a->dx_end, sizeof a->dx_low);
       for (int l = 0; l < W; ++l) first = a->when[l] < first ? a->when[l] : first;
     }
+    low = high;
+    while (share < 1.0 && fmod(low, 2.0 * share) == 0.0 && low + 2.0 * share <= 1.0) share *= 2.0;
+  }
   return first;
 }
 
@@ -218,7 +300,7 @@ PRIVATE void keep_switches(Block *b) {
 
 #else
 PRIVATE void settle(Block *b) { (void)b; }
-PRIVATE int may_pass(Block *b) { (void)b; return 0; }
+PRIVATE int may_pass(Block *b, int last) { (void)b, (void)last; return 0; }
 PRIVATE double first_pass(Block *b) { (void)b; return 2.0; }
 PRIVATE int change_sides(Block *b, Study *s, double z) { (void)b, (void)s, (void)z; return 1; }
 PRIVATE void raise_switches(Block *b) { (void)b; }

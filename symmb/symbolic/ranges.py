@@ -1,0 +1,275 @@
+"""Ranges of expressions over boxes of their symbols, as expressions of the boxes' ends: natural interval arithmetic.
+
+They are as exact as numbers are, without rounding outward.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import reduce
+from typing import NamedTuple
+
+import casadi as ca
+
+from symmb.symbolic.instructions import interpret
+
+_INFINITE = ca.SX.inf()
+
+
+class Range(NamedTuple):
+    """From low to high, SX scalars. A range of one point holds the same expression twice.
+
+    `jumps` is 1 where the value may jump within the range of its arguments.
+    """
+
+    low: ca.SX
+    high: ca.SX
+    jumps: ca.SX = ca.SX(0)
+
+    @property
+    def is_point(self) -> bool:
+        return self.low.element_hash() == self.high.element_hash()
+
+
+def ranges(f: ca.Function, inputs: Sequence[Sequence[Range]]) -> list[list[Range]]:
+    """Ranges of the nonzeros of an SX Function's outputs over ranges of the nonzeros of its inputs.
+
+    A range is infinite where a denominator may vanish, or where an operation has no rule.
+
+    Examples
+    --------
+    >>> x, low, high = (ca.SX.sym(name) for name in ("x", "a", "b"))
+    >>> ranges(ca.Function("f", [x], [x + 1]), [[Range(low, high)]])
+    [[Range(low=SX((1+a)), high=SX((1+b)), jumps=SX(0))]]
+    """
+    return interpret(f, inputs, _operation, lambda number: _point(ca.SX(number)))
+
+
+def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Ranges of values (m,) of x (n,), p and t along a part of a path, and of their rates times the part's duration.
+
+    Returns
+    -------
+    (4 n + 3,) SX symbols    least and largest x, least and largest rates of x times the duration, begin, end, duration
+    (4 m,) SX                least and largest values, least and largest rates times the duration, which are infinite
+                             across a jump
+    """
+    n = x.numel()
+    dx, dt, box = ca.SX.sym("dx", n), ca.SX.sym("dt"), ca.SX.sym("box", 4 * n + 3)
+    along_x = ca.jtimes(values, x, dx) if n and values.numel() else ca.SX(values.numel(), 1)
+    changes = along_x + ca.jacobian(values, t) * dt
+    f = ca.Function("f", [x, dx, t, dt, p], [ca.densify(values), ca.densify(changes)], {"cse": True})
+    low, high, least, most = (ca.vertsplit(box[k * n : (k + 1) * n]) for k in range(4))
+    own = [
+        [Range(*ends) for ends in zip(low, high, strict=True)],
+        [Range(*ends) for ends in zip(least, most, strict=True)],
+    ]
+    time = [[Range(box[4 * n], box[4 * n + 1])], [_point(box[4 * n + 2])]]
+    found = ranges(f, [*own, *time, [_point(parameter) for parameter in ca.vertsplit(p)]])
+    values_found, changes_found = found
+    endless = [ca.if_else(value.jumps, _INFINITE, 0) for value in values_found]
+    return box, ca.vertcat(
+        ca.SX(0, 1),
+        *(value.low for value in values_found),
+        *(value.high for value in values_found),
+        *(change.low - more for change, more in zip(changes_found, endless, strict=True)),
+        *(change.high + more for change, more in zip(changes_found, endless, strict=True)),
+    )
+
+
+def _operation(code: int, arguments: tuple[Range, ...]) -> Range:
+    if all(a.is_point for a in arguments):
+        of = [a.low for a in arguments]
+        return _point(ca.SX.binary(code, *of) if len(of) == 2 else ca.SX.unary(code, of[0]))
+    if code in _RISING:
+        (a,), (low, high) = arguments, _RISING[code]
+        ends = [ca.fmin(ca.fmax(end, low), high) if math.isfinite(low) or math.isfinite(high) else end for end in a[:2]]
+        result = Range(*(ca.SX.unary(code, end) for end in ends))
+    else:
+        result = _RULES[code](*arguments) if code in _RULES else _ANYWHERE
+    own = ca.ne(result.low, result.high) if code in _STEPS else result.jumps
+    jumps = [jump for jump in (own, *(a.jumps for a in arguments)) if not jump.is_zero()]
+    return result._replace(jumps=reduce(ca.logic_or, jumps, ca.SX(0)))
+
+
+def _point(value: ca.SX) -> Range:
+    return Range(value, value)
+
+
+_ANYWHERE = Range(-_INFINITE, _INFINITE)
+
+
+def _hull(*values: ca.SX) -> Range:
+    low = high = values[0]
+    for value in values[1:]:
+        low, high = ca.fmin(low, value), ca.fmax(high, value)
+    return Range(low, high)
+
+
+def _where(test: ca.SX, a: Range, b: Range) -> Range:
+    return Range(ca.if_else(test, a.low, b.low), ca.if_else(test, a.high, b.high))
+
+
+def _is_positive(a: Range) -> bool:
+    """Whether a range is from 0 on whatever its ends are, by its form."""
+    low = a.low
+    if low.is_constant():
+        return float(low) >= 0
+    return low.op() in (ca.OP_SQ, ca.OP_FABS, ca.OP_SQRT, ca.OP_EXP) or (
+        low.op() == ca.OP_FMAX and any(low.dep(k).is_constant() and float(low.dep(k)) >= 0 for k in range(2))
+    )
+
+
+def _negative(a: Range) -> Range:
+    return Range(-a.high, -a.low)
+
+
+def _sum(a: Range, b: Range) -> Range:
+    return Range(a.low + b.low, a.high + b.high)
+
+
+def _product(a: Range, b: Range) -> Range:
+    if b.is_point or _is_positive(b):
+        a, b = b, a
+    if a.is_point and a.low.is_constant():
+        ends = Range(a.low * b.low, a.low * b.high)
+        return ends if float(a.low) >= 0 else Range(ends.high, ends.low)
+    if a.is_point:
+        return _hull(a.low * b.low, a.low * b.high)
+    if _is_positive(a):
+        if _is_positive(b):
+            return Range(a.low * b.low, a.high * b.high)
+        return Range(ca.fmin(a.low * b.low, a.high * b.low), ca.fmax(a.low * b.high, a.high * b.high))
+    return _hull(*(x * y for x in a[:2] for y in b[:2]))
+
+
+def _inverse(a: Range) -> Range:
+    if a.is_point:
+        return _point(1 / a.low)
+    return _where(a.low * a.high > 0, Range(1 / a.high, 1 / a.low), _ANYWHERE)
+
+
+def _size(a: Range) -> Range:
+    return Range(ca.fmax(ca.fmax(a.low, -a.high), 0), ca.fmax(-a.low, a.high))
+
+
+def _square(a: Range) -> Range:
+    size = a if _is_positive(a) else _size(a)
+    return Range(size.low**2, size.high**2)
+
+
+def _power(a: Range, exponent: Range) -> Range:
+    if not (exponent.is_point and exponent.low.is_constant()):
+        positive = Range(*(ca.log(ca.fmax(end, 0)) for end in a[:2]))
+        return Range(*(ca.exp(end) for end in _product(positive, exponent)[:2]))
+    n = float(exponent.low)
+    if n < 0:
+        return _inverse(_power(a, _point(ca.SX(-n))))
+    if n % 2 == 1:
+        return Range(a.low**n, a.high**n)
+    base = _size(a) if n % 1 == 0 else Range(*(ca.fmax(end, 0) for end in a[:2]))
+    return Range(base.low**n, base.high**n)
+
+
+def _turned(f: Callable[[ca.SX], ca.SX], a: Range, top: float) -> Range:
+    """Of a sine or cosine, which is 1 where the argument is `top` and all turns from there."""
+
+    def has(angle: float) -> ca.SX:
+        return ca.floor((a.high - angle) / (2 * math.pi)) >= ca.ceil((a.low - angle) / (2 * math.pi))
+
+    ends = _hull(f(a.low), f(a.high))
+    return Range(ca.if_else(has(top + math.pi), -1, ends.low), ca.if_else(has(top), 1, ends.high))
+
+
+def _tangent(a: Range) -> Range:
+    def branch(end: ca.SX) -> ca.SX:
+        return ca.floor(end / math.pi + 0.5)
+
+    return _where(branch(a.low) >= branch(a.high), Range(ca.tan(a.low), ca.tan(a.high)), _ANYWHERE)
+
+
+def _angle(y: Range, x: Range) -> Range:
+    corners = _hull(*(ca.atan2(a, b) for a in y[:2] for b in x[:2]))
+    on_cut = ca.logic_and(x.low <= 0, ca.logic_and(y.low <= 0, y.high >= 0))
+    return _where(on_cut, Range(ca.SX(-math.pi), ca.SX(math.pi)), corners)
+
+
+def _within_period(rounded: Callable[[ca.SX], ca.SX], a: Range, b: Range, share: float) -> Range:
+    """Of a - b rounded(a / b), whose size is a share of b at most. It jumps where the rounded number does."""
+    if not b.is_point:
+        size = share * _size(b).high
+        return Range(-size, size, ca.SX(1))
+    low, high = (rounded(end / b.low) for end in a[:2])
+    size, jumps = share * ca.fabs(b.low), ca.ne(low, high)
+    found = _where(jumps, Range(-size, size), Range(a.low - b.low * low, a.high - b.low * low))
+    return found._replace(jumps=jumps)
+
+
+def _cut_off(value: ca.SX) -> ca.SX:
+    return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
+
+
+def _with_sign(a: Range, b: Range) -> Range:
+    size = _size(a)
+    either = _where(b.high < 0, _negative(size), Range(-size.high, size.high))
+    found = _where(b.low > 0, size, either)  # -0 has a sign
+    return found._replace(jumps=ca.logic_and(b.low <= 0, b.high >= 0))
+
+
+def _chosen(condition: Range, a: Range) -> Range:
+    """a where the condition holds, 0 where not: either may be, if the condition is not the same everywhere."""
+    if condition.is_point:
+        return Range(*(ca.if_else(condition.low, end, 0) for end in a[:2]))
+    either = Range(*(ca.if_else(condition.high, end, 0) for end in (ca.fmin(a.low, 0), ca.fmax(a.high, 0))))
+    return _where(condition.low, a, either)
+
+
+_RISING: dict[int, tuple[float, float]] = dict.fromkeys(
+    (
+        *(ca.OP_ASSIGN, ca.OP_TWICE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_EXP, ca.OP_EXPM1, ca.OP_ATAN),
+        *(ca.OP_SINH, ca.OP_TANH, ca.OP_ASINH, ca.OP_ERF),
+    ),
+    (-math.inf, math.inf),
+) | {
+    ca.OP_SQRT: (0.0, math.inf),
+    ca.OP_LOG: (0.0, math.inf),
+    ca.OP_LOG1P: (-1.0, math.inf),
+    ca.OP_ACOSH: (1.0, math.inf),
+    ca.OP_ASIN: (-1.0, 1.0),
+    ca.OP_ATANH: (-1.0, 1.0),
+}
+"""Operations that never fall, with the ends of their domain."""
+_RULES: dict[int, Callable[..., Range]] = {
+    ca.OP_ADD: _sum,
+    ca.OP_SUB: lambda a, b: Range(a.low - b.high, a.high - b.low),
+    ca.OP_NEG: _negative,
+    ca.OP_MUL: _product,
+    ca.OP_DIV: lambda a, b: _product(a, _inverse(b)),
+    ca.OP_INV: _inverse,
+    ca.OP_SQ: _square,
+    ca.OP_FABS: _size,
+    ca.OP_POW: _power,
+    ca.OP_CONSTPOW: _power,
+    ca.OP_SIN: lambda a: _turned(ca.sin, a, math.pi / 2),
+    ca.OP_COS: lambda a: _turned(ca.cos, a, 0.0),
+    ca.OP_TAN: _tangent,
+    ca.OP_ACOS: lambda a: Range(ca.acos(ca.fmin(a.high, 1)), ca.acos(ca.fmax(a.low, -1))),
+    ca.OP_ATAN2: _angle,
+    ca.OP_COSH: lambda a: Range(*map(ca.cosh, _size(a)[:2])),
+    ca.OP_HYPOT: lambda a, b: Range(*map(ca.hypot, _size(a)[:2], _size(b)[:2])),
+    ca.OP_FMIN: lambda a, b: Range(ca.fmin(a.low, b.low), ca.fmin(a.high, b.high)),
+    ca.OP_FMAX: lambda a, b: Range(ca.fmax(a.low, b.low), ca.fmax(a.high, b.high)),
+    ca.OP_FMOD: lambda a, b: _within_period(_cut_off, a, b, 1.0),
+    ca.OP_REMAINDER: lambda a, b: _within_period(lambda q: ca.floor(q + 0.5), a, b, 0.5),
+    ca.OP_COPYSIGN: _with_sign,
+    ca.OP_LT: lambda a, b: Range(a.high < b.low, a.low < b.high),
+    ca.OP_LE: lambda a, b: Range(a.high <= b.low, a.low <= b.high),
+    ca.OP_EQ: lambda a, b: Range(ca.SX(0), ca.logic_and(a.low <= b.high, b.low <= a.high)),
+    ca.OP_NE: lambda a, b: Range(ca.logic_or(a.high < b.low, b.high < a.low), ca.SX(1)),
+    ca.OP_NOT: lambda a: Range(ca.logic_not(a.high), ca.logic_not(a.low)),
+    ca.OP_AND: lambda a, b: Range(ca.logic_and(a.low, b.low), ca.logic_and(a.high, b.high)),
+    ca.OP_OR: lambda a, b: Range(ca.logic_or(a.low, b.low), ca.logic_or(a.high, b.high)),
+    ca.OP_IF_ELSE_ZERO: _chosen,
+}
+"""Conditions are ranges of 0 and 1: whether they hold everywhere, and whether they hold somewhere."""
+_STEPS = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+"""Operations that are constant but for jumps."""
