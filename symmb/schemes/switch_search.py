@@ -52,7 +52,7 @@ def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, roun
     x_low, dx_low, u_low = x, interpolated_change(F, np.zeros(L)), begin
     x_high, dx_high = interpolated(x, F, high), interpolated_change(F, high)
     u_high = values(x_high, high, lane)
-    found: list[tuple[Array, ...]] = []
+    found: list[tuple[Array, ...]] = [(lane[:0], low[:0], high[:0], begin[:, :0], begin[:, :0])]
     while lane.size:
         share = high - low
         box = _box(x_low, share * dx_low, x_high, share * dx_high, share**4 * off[:, lane])

@@ -190,7 +190,7 @@ def _tangent(a: Range) -> Range:
 def _angle(y: Range, x: Range) -> Range:
     corners = _hull(*(ca.atan2(a, b) for a in y[:2] for b in x[:2]))
     on_cut = ca.logic_and(x.low <= 0, ca.logic_and(y.low <= 0, y.high >= 0))
-    return _where(on_cut, Range(ca.SX(-math.pi), ca.SX(math.pi)), corners)
+    return _where(on_cut, Range(ca.SX(-math.pi), ca.SX(math.pi)), corners)._replace(jumps=on_cut)
 
 
 def _within_period(rounded: Callable[[ca.SX], ca.SX], a: Range, b: Range, share: float) -> Range:
