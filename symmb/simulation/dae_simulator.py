@@ -85,8 +85,8 @@ class DAESimulator:
 
     def __getstate__(self) -> dict[str, Any]:
         self.prepare()
-        state = {name: value for name, value in self.__dict__.items() if name not in ("nominal", "_other")}
-        return {**state, "threads": 1}  # a pickled copy is one of many that run in parallel
+        state = {name: value for name, value in self.__dict__.items() if name != "_other"}
+        return {**state, "_ways": {}, "threads": 1}  # a pickled copy is one of many that run in parallel
 
     @property
     def solver(self) -> Solver:
@@ -188,7 +188,8 @@ class DAESimulator:
         self._solver: Solver | None = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
-        for of_another_solver in ("doubts", "noise", "nominal", "_kinks", "_other"):
+        self._ways: dict[bytes, TwoWays] = {}
+        for of_another_solver in ("doubts", "noise", "_kinks", "_other"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
@@ -222,9 +223,12 @@ class DAESimulator:
 
     def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:
         """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way."""
-        if values is None:
-            return TwoWays.of(self, self._other, p, self.run(p[None]).Y[0])
-        return TwoWays.of(self, self.another_way(self.times), p, values)
+        if values is not None:
+            return TwoWays.of(self, self.another_way(self.times), p, values)
+        other, key = self._other, p.tobytes()
+        if key not in self._ways:
+            self._ways[key] = TwoWays.of(self, other, p, self.run(p[None]).Y[0])
+        return self._ways[key]
 
     @cached_property
     def _other(self) -> "DAESimulator":
@@ -233,19 +237,14 @@ class DAESimulator:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted about runs at the nominal parameters, which are made in two ways."""
-        return (*self.start.doubts, *self.nominal.doubts)
+        return (*self.start.doubts, *self.two_ways(self.dae.p_nominal).doubts)
 
     @cached_property
     def noise(self) -> Array:
         """How far outputs may be off (n_y,): by errors of the solver's steps, and as far as the nominal run is."""
         p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
         steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
-        return np.maximum(steps, self.nominal.error.max(axis=0, initial=0.0))
-
-    @cached_property
-    def nominal(self) -> TwoWays:
-        """The run at the nominal parameters, in two ways."""
-        return self.two_ways(self.dae.p_nominal)
+        return np.maximum(steps, self.two_ways(p).error.max(axis=0, initial=0.0))
 
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""

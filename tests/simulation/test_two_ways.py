@@ -1,0 +1,84 @@
+"""A second look at runs: by another family of solvers, in other coordinates."""
+
+import warnings
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from conftest import ALL_SOLVERS
+
+import symmb as mb
+from models import double_pendulum, four_bar, slider_crank
+from symmb.simulation import DAESimulator
+
+
+def oscillator(times, stiffness=4.0):
+    p = mb.Parameters(stiffness=stiffness)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    system = mb.System(mass, mb.Force("pull", mass.point(0, 0, 0), (-p.stiffness * mass.x, 0, 0)), parameters=p)
+    return mb.Scene(
+        system, start={"mass.x": 1.0}, times=times, outputs={"x": mass.x}, box=mb.Box.around(p, 0.1), name="oscillator"
+    )
+
+
+def wrong_by(simulator, shift):
+    """The simulator with outputs in coordinates of joints that grow away from the right ones."""
+    form = simulator._joints
+    x, p, t = (ca.SX.sym(name, form.y.numel_in(k)) for k, name in enumerate(("x", "p", "t")))
+    y = ca.Function("y", [x, p, t], [form.y(x, p, t) + shift * t])
+    faulty = simulator._with(_joints=replace(form, y=y))
+    faulty._use(simulator.solver)
+    return faulty
+
+
+@pytest.mark.parametrize("model", [double_pendulum, four_bar, slider_crank])
+def test_fault_in_one_of_two_coordinates_is_a_doubt_with_both_values(model):
+    simulator = DAESimulator(model.scene())
+    assert simulator.coordinates == "joint" and not simulator.doubts
+    faulty = wrong_by(simulator, 1.0)
+    (doubt,) = faulty.doubts
+    end = simulator.times[-1]
+    assert f"at t = {end:g} s" in doubt
+    assert (
+        "DormandPrince() in coordinates of joints" in doubt and "CVODES(rtol=1e-09) in coordinates of bodies" in doubt
+    )
+    assert (faulty.noise >= 0.99 * end).all()
+    assert not wrong_by(simulator, 1e-9).doubts
+
+
+@pytest.mark.parametrize("solver", [s for s in ALL_SOLVERS if not isinstance(s, mb.EventDriven)], ids=repr)
+def test_the_other_way_is_another_solver(solver):
+    simulator = DAESimulator(oscillator(np.linspace(0, 2, 11)), solver)
+    other = simulator.another_way(simulator.times).solver
+    of_sundials = mb.CVODES, mb.IDAS, mb.StabilizedIndex2
+    assert isinstance(other, of_sundials) != isinstance(solver, of_sundials)
+
+
+@pytest.mark.parametrize("rate", [0.7, 2.0, 31.0])
+@pytest.mark.parametrize(
+    "solver", [mb.RungeKutta(steps=60), mb.GeneralizedAlpha(step=0.01), mb.DormandPrince(rtol=1e-4)]
+)
+def test_errors_of_a_checked_run_are_those_of_the_closed_form(solver, rate):
+    times = np.linspace(0, 12 / rate, 41)
+    solver = replace(solver, step=solver.step / rate) if isinstance(solver, mb.GeneralizedAlpha) else solver
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        run = mb.simulate(oscillator(times, rate**2), solver, check=True)
+    error = np.abs(run["x"] - np.cos(rate * times))
+    assert run.error.ravel() == pytest.approx(error, rel=1e-2, abs=1e-6)
+    assert any("exceed a thousandth" in doubt for doubt in run.doubts) == (error.max() > 2e-3)
+
+
+def test_second_way_that_breaks_down_is_told():
+    """Explicit steps creep into a singularity of the force, in which no way goes on."""
+    p = mb.Parameters(k=1.0)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    pull = mb.Force("pull", mass.point(0, 0, 0), (-p.k / mass.x**3, 0, 0))
+    system = mb.System(mass, pull, parameters=p)
+    scene = mb.Scene(system, start={"mass.x": 1.0}, times=np.linspace(0, 0.9, 10), outputs={"x": mass.x})
+    simulator = DAESimulator(scene)
+    ways = simulator.two_ways(np.array([1.0]))
+    assert not ways.unchecked and not ways.doubts
+    ways = simulator.two_ways(np.array([2.0]))  # x = sqrt(1 - k t^2) ends at 0.707 s
+    assert "A second run by CVODES" in ways.unchecked and "with k = 2, breaks down at t = 0.7" in ways.unchecked
