@@ -3,9 +3,12 @@
 The method that chooses its own runs is in `bounds.adaptive`.
 """
 
+from symmb.bounds.doubts import doubted
 from symmb.bounds.method import Method, parameter_samples, require_method, units_of
+from symmb.bounds.optimization import Optimization
 from symmb.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bounds.propagation import propagate
+from symmb.bounds.reductions import gathered
 from symmb.bounds.registry import METHODS, read_method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import box_coordinates, kind_of

@@ -124,7 +124,7 @@ class Optimization(Method):
             F = (Y[:, None] * _SIGNS).reshape(len(X), -1)
             models = quadratics(X, F, (G[:, :, None] * _SIGNS).reshape(len(X), d, -1))
             attained = F.min(axis=0)
-            least = self.tolerance * np.tile(_widths(Y).ravel(), 2)
+            least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
             before = attained if predicted is None else predicted
             predicted = attained - models.gain
             new = models.promising(least, min(_BATCH, most - len(X)))
@@ -135,9 +135,12 @@ class Optimization(Method):
         return constructor_text(self)
 
 
-def _widths(Y: Array) -> Array:
-    """Widths (n_t, n_y) of responses (N, n_t, n_y) that gains are measured by; inf where an output is 0 throughout."""
-    width = np.ptp(Y, axis=0)
+def _widths(Y: Array, G: Array) -> Array:
+    """Widths (n_t, n_y) that gains are measured by, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
+
+    The width of a single run is that of its tangent. It is inf where an output is 0 throughout.
+    """
+    width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
     least = np.maximum(_NARROW * width.max(axis=0), _ROUNDING * np.abs(Y).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)

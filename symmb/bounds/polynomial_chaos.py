@@ -16,6 +16,7 @@ from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
+from symmb.bounds.surrogate import Surrogate
 from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
@@ -133,6 +134,7 @@ class PolynomialChaos(Method):
         lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
         lower, upper = np.where(is_noise, inner[0], lower), np.where(is_noise, inner[1], upper)
         details = {"inner": inner, "failed": failed, "expansion": expansion, "noise": noise}
+        details["surrogate"] = Surrogate(expansion.values, exact=isinstance(self.range, Exact))
         details["failed_region"] = failed_region(box, fit.nodes, ~ok)
         return self._result(simulator, lower, upper, len(P), **details)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Array, Indices, Mask
+from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.failure import Failure, failure_text
 from symmb.model import Box
 from symmb.simulation import Reduction, Samples, Simulator
@@ -39,6 +39,15 @@ def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
 def node_values() -> Reduction[tuple[tuple[Indices, Array], ...]]:
     """Numbers (n,) and values (n, n_t n_y) of the runs that did not fail, block by block."""
     return Reduction(tuple, _update_values, _merge_tuples)
+
+
+def gathered(simulator: Simulator, P: Array, executor: Executor | None) -> tuple[Array, FailedRuns]:
+    """Values (N, n_t, n_y) at samples P (N, d), nan where a run failed, and the failed runs."""
+    Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
+    blocks, failed = simulator.stream(P, together(node_values(), failures()), executor)
+    for indices, values in blocks:
+        Y[indices] = values.reshape(len(indices), *Y.shape[1:])
+    return Y, failed
 
 
 def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from symmb.bounds.study import Study
+    from symmb.bounds.surrogate import Surrogate
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
 _NAMED_WINDOWS = 3
 """Doubtful windows of an output that a sentence names."""
@@ -60,6 +61,7 @@ class Bounds(Result):
     remarks : what else is known about the bounds, in sentences: a tolerance that was not reached
     units : n_y units of the outputs, '' where they are not known; empty if none is known
     box : intervals of the parameters, or None where they are not known
+    surrogate : the function whose range the method bounds, until it is checked; else None
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
 
     Examples
@@ -88,6 +90,7 @@ class Bounds(Result):
     remarks: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     box: Box | None = None
+    surrogate: "Surrogate | None" = None
     study: "Study | None" = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -169,7 +172,7 @@ class Bounds(Result):
         scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
         power = np.frexp(scale)[1]
         lower, upper = np.ldexp([self.lower, self.upper], -power)
-        floor = _ROUNDING * scale if self.noise is None else self.noise
+        floor = ROUNDING * scale if self.noise is None else self.noise
         return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:

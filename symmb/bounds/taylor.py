@@ -1,7 +1,9 @@
 """Taylor expansions of the responses about the centres of subintervals, bounded by interval arithmetic."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -14,11 +16,16 @@ from symmb.bounds.derivatives import unit_jets
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
+from symmb.bounds.surrogate import Surrogate
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials import MultiIndices, homogeneous
 from symmb.simulation import Kinked, Progress, Simulator
 
+_MOST_EVALUATIONS = 100_000
+"""Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""
+_KEPT = 2**25
+"""Most coefficients that are kept for check runs: 256 MB."""
 _MOST_DIRECTIONS = 2000
 """Directions of derivatives: their system of equations takes ten seconds to solve."""
 
@@ -80,6 +87,12 @@ class Taylor(Method):
                 f"{_MOST_DIRECTIONS} allowed. Use a lower order."
             )
         require_runs(self, self.planned_runs(d), "Use fewer subintervals.")
+        if self.planned_runs(d) > _MOST_EVALUATIONS:
+            raise PropagationError(
+                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters, which count "
+                f"{self.planned_runs(d)} evaluations, more than the {_MOST_EVALUATIONS} allowed. "
+                "Use fewer subintervals, PolynomialChaos() or Optimization()."
+            )
         outputs = len(simulator.times) * len(simulator.outputs)
         require_memory(self, "the derivatives", 3 * (self.order + 1) * directions * outputs)
         unit = np.array(homogeneous(d, self.order)) / self.order
@@ -90,9 +103,14 @@ class Taylor(Method):
         upper = -lower
         kinked = simulator if isinstance(simulator, Kinked) else None
         kinks: list[tuple[float, str]] = []
+        kept = self.planned_runs(d) * outputs <= _KEPT
+        parts = list[list[Array]]()
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
-            below, above = self._part(jets, unit)
+            part = self._coefficients(jets, unit)
+            below, above = _range(part)
+            if kept:
+                parts.append(part)
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
             if kinked:
                 ends = center + radius * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
@@ -100,16 +118,14 @@ class Taylor(Method):
                 kinks += [kink for kink in at_ends if kink]
             if progress is not None:
                 progress(done, len(centers))
-        return self._result(simulator, lower, upper, self.planned_runs(d), caution=_caution(kinks))
+        surrogate = Surrogate(partial(_values, parts, self.subintervals), exact=False) if kept else None
+        details = {"caution": _caution(kinks), "surrogate": surrogate}
+        return self._result(simulator, lower, upper, self.planned_runs(d), **details)
 
-    def _part(self, jets: Array, unit: Array) -> tuple[Array, Array]:
-        """Bounds (n_t, n_y) of one expansion from its jets along the directions ``unit`` (m, d)."""
-        lower = upper = jets[0, 0]
-        for degree in range(1, self.order + 1):
-            beta = np.array(homogeneous(unit.shape[1], degree))
-            below, above = _power_ranges(beta, _mixed(beta, unit, jets[degree]))
-            lower, upper = lower + below, upper + above
-        return lower, upper
+    def _coefficients(self, jets: Array, unit: Array) -> list[Array]:
+        """Coefficients (n_b, n_t, n_y) of each degree from jets along the directions ``unit`` (m, d)."""
+        beta = [np.array(homogeneous(unit.shape[1], degree)) for degree in range(1, self.order + 1)]
+        return [jets[0, :1], *(_mixed(b, unit, along) for b, along in zip(beta, jets[1:], strict=True))]
 
     def __repr__(self) -> str:
         return constructor_text(self, f"order={self.order}")
@@ -120,7 +136,21 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
     if not kinks:
         return ""
     time, which = min(kinks)
-    return f"not valid from t = {time:g} s on: derivatives leave out the {which} that are met there"
+    return f"not valid from t = {time + 0.0:g} s on: derivatives leave out the {which} that are met there"
+
+
+def _values(parts: Sequence[Sequence[Array]], subintervals: int, points: Array) -> Array:
+    """Values (N, n_t, n_y) at points (N, d) of the expansions of all parts, in the order of `grid`."""
+    d = points.shape[1]
+    which = np.clip(np.floor((points + 1.0) * subintervals / 2), 0, subintervals - 1)
+    own = (points + 1.0) * subintervals - 2 * which - 1.0
+    number = np.ravel_multi_index(tuple(which.astype(int).T), (subintervals,) * d)
+    values = np.zeros((len(points), *parts[0][0].shape[1:]))
+    for k in np.unique(number):
+        for degree, c in enumerate(parts[k]):
+            x = own[number == k][:, None, :]
+            values[number == k] += np.tensordot(np.prod(x ** np.array(homogeneous(d, degree)), axis=2), c, axes=1)
+    return values
 
 
 def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
@@ -132,6 +162,16 @@ def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
     """
     monomials = np.prod(unit[:, None, :] ** beta[None, :, :], axis=2)
     return np.tensordot(np.asarray(np.linalg.pinv(monomials), dtype=float), along, axes=1)
+
+
+def _range(part: Sequence[Array]) -> tuple[Array, Array]:
+    """Bounds (n_t, n_y) of an expansion from its coefficients of each degree."""
+    d = len(part[1])
+    lower = upper = part[0][0]
+    for degree, c in enumerate(part[1:], start=1):
+        below, above = _power_ranges(np.array(homogeneous(d, degree)), c)
+        lower, upper = lower + below, upper + above
+    return lower, upper
 
 
 def _power_ranges(beta: MultiIndices, coefficients: Array) -> tuple[Array, Array]:

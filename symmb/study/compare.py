@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
-import numpy as np
-
 from symmb._errors import warn_of
 from symmb._options import require_callable
 from symmb._progress import shown
@@ -70,35 +68,19 @@ def compare(
         require_method("compare: reference", reference)
     with shown(progress, "comparing methods") as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
-        if not isinstance(simulator, DAESimulator):
-            return _doubted(
-                compare_simulator(
-                    simulator,
-                    chosen,
-                    box,
-                    reference,
-                    scene=repr(simulator),
-                    units=units_of(simulator),
-                    executor=executor,
-                    progress=progress,
-                )
-            )
-        comparison = compare_simulator(
-            simulator,
-            chosen,
-            box,
-            reference,
-            tighter=simulator.tighter(),
-            scene=simulator.name,
-            solver=repr(simulator.solver),
-            setup_seconds=simulator.setup_seconds,
-            threads=simulator.threads,
-            units=simulator.units,
-            reason=simulator.reason,
-            executor=executor,
-            progress=progress,
+        about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
+        if isinstance(simulator, DAESimulator):
+            about |= {
+                "tighter": simulator.tighter(),
+                "scene": simulator.name,
+                "solver": repr(simulator.solver),
+                "setup_seconds": simulator.setup_seconds,
+                "threads": simulator.threads,
+                "reason": simulator.reason,
+            }
+        return _doubted(
+            compare_simulator(simulator, chosen, box, reference, executor=executor, progress=progress, **about)
         )
-    return _doubted(replace(comparison, doubts=(*simulator.doubts, *comparison.doubts)))
 
 
 def _doubted(comparison: Comparison) -> Comparison:
@@ -107,8 +89,6 @@ def _doubted(comparison: Comparison) -> Comparison:
     if failed := ", ".join(f"{count} of {name}" for name, count in counts.items() if count):
         doubt = f"Runs failed: {failed}. The bounds are those of the others, and what happens near these is not known."
         comparison = replace(comparison, doubts=(*comparison.doubts, doubt))
-    lost = [f"The bounds of {row.name} are {row.caution}." for row in comparison.rows if np.isinf(row.upper).any()]
-    comparison = replace(comparison, doubts=(*comparison.doubts, *lost)) if lost else comparison
     warn_of(comparison.doubts, f"Comparison of {comparison.scene}")
     return comparison
 

@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -12,9 +13,9 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._interrupts import carry
 from symmb._progress import RunProgress
 from symmb._types import Array, Executor
-from symmb.bounds import METHODS, Bounds, Method
+from symmb.bounds import METHODS, Bounds, Method, doubted, parameter_samples
 from symmb.model import Box
-from symmb.simulation import Simulator, StoredSimulator
+from symmb.simulation import Noisy, Simulator, StoredSimulator
 from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import Limits
 from symmb.study.metrics import Yardstick
@@ -25,6 +26,8 @@ _REPEATS, _ENOUGH = 3, 0.1
 """Least number of runs whose median is the run time. Short runs are repeated until they take this long together [s]."""
 _LANES = 8
 """Runs in a vector of the engine."""
+_UNCERTAIN = 0.05
+"""Uncertainty of the reference, over the width, above which errors are doubtful."""
 _WARM_UP = 0.5
 """Time below which the first run does not count [s]. A longer one counts: the median leaves it out."""
 
@@ -94,19 +97,20 @@ def compare_simulator(
                 carry(interrupt, _comparison(simulator, box, reference_bounds, scored, not_run, about))
             raise
         else:
-            scored.append((bounds, seconds))
+            scored.append((doubted(simulator, box, bounds, executor), seconds))
     if not scored:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
-    own = reference_bounds
+    difference = _difference(simulator, tighter, box) if tighter is not None else None
+    own = reference_bounds = replace(reference_bounds, noise=_noise(simulator, difference))
     if reference is None:
         reference_bounds = reference_bounds.joined([bounds.inner for bounds, _ in scored if bounds.inner is not None])
     limits = Limits.of([bounds for bounds, _ in scored])
     if limits is not None:
         attained = reference is None or reference.kind == "sampled"
         reference_bounds = limits.limit(reference_bounds, attained)
-    if tighter is not None:
-        about["solver_error"] = _solver_error(simulator, tighter, box, reference_bounds.yardstick)
+    if difference is not None:
+        about["solver_error"] = reference_bounds.yardstick.relative(difference)
     if limits is not None:
         runs_of = [(f"the reference {own.method}", own.lower, own.upper)] if attained else []
         about["doubts"] = tuple(
@@ -131,6 +135,9 @@ def _comparison(
     about: Mapping[str, Any],
 ) -> Comparison:
     setup_seconds = about.get("setup_seconds")
+    own = tuple(getattr(simulator, "doubts", ()))
+    doubts = *own, *_doubts_of([bounds for bounds, _ in scored], own), *_doubt_of_reference(simulator, reference)
+    about = {**about, "doubts": (*doubts, *about.get("doubts", ()))}
     return Comparison(
         times=np.asarray(simulator.times, dtype=float),
         outputs=tuple(simulator.outputs),
@@ -140,6 +147,32 @@ def _comparison(
         not_run=tuple(not_run),
         **about,
     )
+
+
+def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
+    """The doubts about the bounds, beyond those known, with the methods that they are about. Failed runs are left out,
+    as a comparison tells them together."""
+    about = dict[str, list[str]]()
+    for bounds in scored:
+        for doubt in replace(bounds, failed=()).doubts:
+            about.setdefault(doubt, []).append(bounds.method)
+    return [
+        doubt if len(methods) == len(scored) > 1 else f"{' and '.join(methods)}: {doubt}"
+        for doubt, methods in about.items()
+        if doubt not in known
+    ]
+
+
+def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]:
+    """The outputs whose reference is so uncertain that errors of methods cannot be told."""
+    uncertain = np.flatnonzero((reference.uncertainty > _UNCERTAIN) & ~reference.yardstick.zero_width)
+    if not uncertain.size:
+        return []
+    names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
+    return [
+        f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
+        "bounds that miss it by less count as covering it. Give another, such as PolynomialChaos(tolerance=1e-3)."
+    ]
 
 
 def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_seconds: float) -> Row:
@@ -158,6 +191,7 @@ def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_
         failure=str(bounds.failed[0]) if bounds.failed else "",
         failed_region=bounds.failed_region,
         caution=bounds.caution,
+        doubts=bounds.doubts,
     )
 
 
@@ -211,13 +245,17 @@ def _once(run: Callable[[], Bounds]) -> tuple[Bounds, float]:
     return bounds, time.perf_counter() - start
 
 
-def _solver_error(simulator: Simulator, tighter: Simulator, box: Box, yardstick: Yardstick) -> Array:
-    """Difference of both simulators at the centre and two opposite corners of the box; (n_y,)."""
-    corners = np.array([box.center, box.lower, box.upper])
-    points = np.tile(list(simulator.parameters.values()), (len(corners), 1)).astype(float)
-    columns = [list(simulator.parameters).index(name) for name in box.names]
-    points[:, columns] = corners
-    return yardstick.relative(simulator.run(points).Y - tighter.run(points).Y)
+def _difference(simulator: Simulator, tighter: Simulator, box: Box) -> Array:
+    """Difference (3, n_t, n_y) of both simulators at the centre and two opposite corners of the box."""
+    points = parameter_samples(simulator, box, np.outer([0.0, -1.0, 1.0], np.ones(len(box))))
+    return simulator.run(points).Y - tighter.run(points).Y
+
+
+def _noise(simulator: Simulator, difference: Array | None) -> Array | None:
+    """How far runs may be off (n_y,): as far as those of a tighter solver are away, or as a simulator says."""
+    if difference is not None:
+        return np.nan_to_num(np.abs(difference)).max(axis=(0, 1))
+    return simulator.noise if isinstance(simulator, Noisy) else None
 
 
 def _labelled(progress: Progress | None, label: str) -> RunProgress | None:

@@ -12,8 +12,8 @@ from symmb._types import Array
 
 _SCALE = 1e-9
 """Share of an output's scale below which a width or a deviation counts as zero."""
-_ABSOLUTE = 1e-14
-"""The same for an output that is zero throughout, whose scale is rounding noise [the output's own unit]."""
+_NOISE = 10.0
+"""Largest value of an output, over the noise of runs, below which it is zero but for noise."""
 _COVER = 1e-6
 """Share of the largest reference width by which `outer` may miss the reference and still contain it."""
 
@@ -46,6 +46,7 @@ class Yardstick:
     ----------
     lower, upper : (n_t, n_y)   reference bounds, in the outputs' units
     uncertainty : (n_y,)        in the norm of `Score.error`; nan where it is not known
+    noise : (n_y,) or None      how far runs may be off, in the outputs' units; None where it is not known
 
     Examples
     --------
@@ -58,6 +59,7 @@ class Yardstick:
     lower: Array
     upper: Array
     uncertainty: Array
+    noise: Array | None = None
 
     @property
     def zero_width(self) -> npt.NDArray[np.bool_]:
@@ -98,7 +100,8 @@ class Yardstick:
     @property
     def _negligible(self) -> Array:
         scale = np.maximum(_largest(self.lower), _largest(self.upper))
-        return np.maximum(_SCALE * scale, _ABSOLUTE)
+        noise = _NOISE * (np.zeros(len(scale)) if self.noise is None else self.noise)
+        return np.where(scale <= noise, noise, _SCALE * scale)
 
     def _unit(self, size: Array) -> Array:
         """The size by which deviations are divided: 1 for outputs without width."""
@@ -125,4 +128,6 @@ def _largest(values: Array) -> Array:
 
 
 def _rms(values: Array) -> Array:
-    return np.sqrt(np.square(values).mean(axis=tuple(range(values.ndim - 1))))
+    """Root mean square (n_y,), by powers of two: squares neither overflow nor underflow."""
+    power = np.frexp(_largest(values))[1]
+    return np.ldexp(np.sqrt(np.square(np.ldexp(values, -power)).mean(axis=tuple(range(values.ndim - 1)))), power)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._errors import PropagationError
+from symmb._errors import PropagationError, SimulationError
 from symmb._types import Array, Executor
-from symmb.bounds import Bounds, Method, MonteCarlo, Scanning, Vertex
+from symmb.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
 from symmb.files import Record
 from symmb.model import Box
 from symmb.nodes import Sobol
@@ -26,6 +26,10 @@ _GRID_DIMENSIONS = 5
 """Most parameters that are scanned on a grid. With more, `RUNS` points would leave two or three for each parameter."""
 _SAMPLES = 512, 2048
 """Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
+_OPTIMIZED = 4
+"""Parameters from which on extremes are looked for by optimisation as well: grids have too few points for each."""
+_STEP = 0.02
+"""Step of differences over the half width of the box: small beside the box, large beside the errors of runs."""
 
 Progress = Callable[[int, int], None]
 
@@ -46,6 +50,7 @@ class Reference:
     seconds : float or None     run time [s]; None if bounds were given
     proved : (n_y,) or None     most by which attained values miss the true bounds, in the same norm, from enclosures
     proved_by : tuple of str    the methods that prove it
+    noise : (n_y,) or None      how far runs may be off, in the outputs' units; None where it is not known
     """
 
     method: str
@@ -57,6 +62,7 @@ class Reference:
     seconds: float | None = None
     proved: Array | None = None
     proved_by: tuple[str, ...] = ()
+    noise: Array | None = None
 
     @classmethod
     def of_record(cls, record: Record, n_t: int, n_y: int) -> "Reference":
@@ -72,12 +78,13 @@ class Reference:
             seconds=record.known("seconds"),
             proved=record.array("proved", n_y, finite=False) if "proved" in record else None,
             proved_by=record.texts("proved_by", default=()),
+            noise=record.size("noise", n_y) if "noise" in record else None,
         )
 
     @property
     def yardstick(self) -> Yardstick:
         """The measure that scores other bounds."""
-        return Yardstick(self.lower, self.upper, self.uncertainty)
+        return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
         """With the values that other runs attained. The uncertainty is at least their distance from it."""
@@ -102,6 +109,10 @@ def find_reference(
     the bounds from every second point, m + 1 in each dimension. With more than five parameters 2048 and 512 Sobol
     samples replace the grids, with the vertices of the box if there are at most 2000.
 
+    From four parameters on extremes are optimised as well, with derivatives from differences of runs. The uncertainty
+    is then the error that the optimisation estimates, if it finds all that the other runs attain to this error; where
+    it does not, it is the larger of what it missed and of the difference of the two resolutions.
+
     Parameters
     ----------
     reference : Method or Bounds, optional      better bounds; their `estimate` is the uncertainty
@@ -120,18 +131,53 @@ def find_reference(
         method.bounds(simulator, box, executor=executor, progress=progress)
         for method in _resolutions(len(box.names), runs)
     ]
-    lower, upper = _hull([coarse, fine, *shared])
-    coarse_lower, coarse_upper = _hull([coarse, *shared])
-    unknown = np.full(lower.shape[1], np.nan)
+    optimized = _optimized(simulator, box, runs, executor, progress)
+    lower, upper = _hull([coarse, fine, *shared, *optimized])
+    yardstick = Yardstick(lower, upper, np.full(lower.shape[1], np.nan))
+    uncertainty = yardstick.deviation(*_hull([coarse, *shared]))
+    for found in optimized:
+        own, missed = yardstick.relative(found.estimate), yardstick.deviation(found.lower, found.upper)
+        uncertainty = np.where(missed <= own, own, np.maximum(missed, uncertainty))
     return Reference(
-        method=" with ".join(bounds.method for bounds in [fine, *shared]),
+        method=" with ".join(bounds.method for bounds in [fine, *shared, *optimized]),
         lower=lower,
         upper=upper,
-        uncertainty=Yardstick(lower, upper, unknown).deviation(coarse_lower, coarse_upper),
-        evaluations=sum(bounds.evaluations for bounds in [coarse, fine, *shared]),
-        failed=sum(len(bounds.failed) for bounds in [coarse, fine, *shared]),
+        uncertainty=uncertainty,
+        evaluations=sum(bounds.evaluations for bounds in [coarse, fine, *shared, *optimized]),
+        failed=sum(len(bounds.failed) for bounds in [coarse, fine, *shared, *optimized]),
         seconds=time.perf_counter() - start,
     )
+
+
+def _optimized(
+    simulator: Simulator, box: Box, runs: int, executor: Executor | None, progress: Progress | None
+) -> list[Bounds]:
+    """Bounds by optimisation; none for few parameters, too few runs, or where runs fail."""
+    d = len(box)
+    if d < _OPTIMIZED or runs < 4 * (1 + d):
+        return []
+    differences = _Differences(simulator, box, executor)
+    try:
+        return [Optimization(runs).bounds(differences, box, executor=executor, progress=progress)]
+    except (PropagationError, SimulationError):
+        return []
+
+
+class _Differences:
+    """A simulator with first derivatives from differences of its runs, which exist across kinks and for black boxes."""
+
+    def __init__(self, simulator: Simulator, box: Box, executor: Executor | None) -> None:
+        self._simulator, self._box, self._executor = simulator, box, executor
+        self.parameters, self.times, self.outputs = simulator.parameters, simulator.times, simulator.outputs
+        self.run, self.stream = simulator.run, simulator.stream
+
+    def jets(self, p0: Array, directions: Array, order: int) -> Array:
+        """Values and slopes (2, d, n_t, n_y) along directions (d, n_p), one for each parameter of the box."""
+        del order
+        at = self._box.to_unit(p0[[list(self.parameters).index(name) for name in self._box.names]])
+        step = np.where(at > 0, -_STEP, _STEP)
+        Y, _ = gathered(self._simulator, np.vstack([p0, p0 + step[:, None] * directions]), self._executor)
+        return np.stack([np.repeat(Y[:1], len(step), axis=0), (Y[1:] - Y[0]) / step[:, None, None]])
 
 
 def affordable_runs(seconds: float) -> int:
@@ -141,7 +187,8 @@ def affordable_runs(seconds: float) -> int:
 
 def planned_runs(n_p: int, runs: int = RUNS) -> int:
     """Runs of the default reference for so many parameters."""
-    return sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
+    optimized = runs if n_p >= _OPTIMIZED and runs >= 4 * (1 + n_p) else 0
+    return optimized + sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
 
 
 def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:

@@ -30,6 +30,7 @@ class Row:
     failure : str                   message of the first failed run
     failed_region : str             where the failed runs lie in the box, in words
     caution : str                   from when on the method is not valid, and why
+    doubts : tuple of str           what cannot be trusted about these bounds, in sentences
     """
 
     name: str
@@ -46,6 +47,7 @@ class Row:
     failure: str = ""
     failed_region: str = ""
     caution: str = ""
+    doubts: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """The row for a file."""
@@ -57,6 +59,7 @@ class Row:
             "failure": self.failure or None,
             "failed_region": self.failed_region or None,
             "caution": self.caution or None,
+            "doubts": self.doubts or None,
         }
         return {
             "name": self.name,
@@ -95,6 +98,7 @@ class Row:
             failure=record.text("failure", default=""),
             failed_region=record.text("failed_region", default=""),
             caution=record.text("caution", default=""),
+            doubts=record.texts("doubts", default=()),
         )
 
 

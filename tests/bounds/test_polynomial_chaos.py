@@ -60,6 +60,7 @@ def test_equation_25_coefficients(nodes):
     np.testing.assert_allclose(coefficients[:, 0], [1 / 12, -1 / 20, -1 / 12, 1 / 20], atol=1e-14)
 
 
+@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
 @pytest.mark.parametrize(
     ("method", "lower", "upper"),
     [

@@ -76,9 +76,17 @@ def test_errors_of_an_output_without_width_are_absolute():
 
 def test_rounding_noise_of_a_zero_output_is_no_width():
     noise = np.array([[0.0], [1e-17], [3e-17]])
-    score = yardstick(-noise, noise).score(noise, 2 * noise)
+    score = Yardstick(-noise, noise, np.zeros(1), noise=np.array([1e-17])).score(noise, 2 * noise)
     assert score.error == [0.0]
     assert score.coverage == [1.0]
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e-20, 1e-15, 1e20, 1e300])
+def test_tiny_and_huge_units_change_no_score(unit):
+    score, scaled = yardstick().score(LOWER - 0.1, UPPER), yardstick(unit * LOWER, unit * UPPER)
+    scaled = scaled.score(unit * (LOWER - 0.1), unit * UPPER)
+    assert scaled.error == pytest.approx(score.error) and scaled.error > 0
+    assert scaled.over == pytest.approx(score.over) and scaled.coverage == score.coverage
 
 
 def test_outputs_are_scored_each_by_itself():

@@ -49,14 +49,16 @@ def test_beyond_five_parameters_vertices_join_the_samples():
     found = find_reference(simulator(sum_of_all, 6), box(6))
     np.testing.assert_allclose(found.lower[:, 0], 3.0 * (1.0 + T))
     np.testing.assert_allclose(found.upper[:, 0], 9.0 * (1.0 + T))
-    assert found.method == "MonteCarlo(2048, sampler=Sobol()) with Vertex()"
-    assert found.evaluations == 512 + 2048 + 64
+    optimized = "Optimization(budget=2000)"
+    assert found.method == f"MonteCarlo(2048, sampler=Sobol()) with Vertex() with {optimized}"
+    assert found.evaluations > 512 + 2048 + 64
+    assert found.uncertainty[0] < 1e-9
 
 
 def test_too_many_vertices_are_left_out():
     found = find_reference(simulator(lambda **p: p["p0"] * (1.0 + T), 11), box(11))
-    assert found.method == "MonteCarlo(2048, sampler=Sobol())"
-    assert found.uncertainty[0] > 0.0
+    assert "Vertex" not in found.method
+    np.testing.assert_allclose(found.upper[:, 0], 1.5 * (1.0 + T))
 
 
 def test_a_given_method_is_used_as_it_is():

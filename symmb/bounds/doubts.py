@@ -1,0 +1,71 @@
+"""Doubts about bounds: one way for studies and for comparisons of methods."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from symmb._types import Executor
+from symmb.bounds.check_runs import check_doubts
+from symmb.bounds.method import parameter_samples
+from symmb.bounds.result import Bounds
+from symmb.events import longest_steps
+from symmb.model import Box
+from symmb.nodes import grid
+from symmb.simulation import DAESimulator, Noisy, Simulator
+
+
+def doubted(simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> Bounds:
+    """The bounds that a method gives, with all doubts about them in ``run_doubts``.
+
+    Methods without an estimate of their error are compared with check runs, which `evaluations` leaves out.
+    """
+    if bounds.kind == "enclosure":
+        doubts = _doubts_of_proofs(simulator)
+    else:
+        doubts = _doubts_of_runs(simulator, box, bounds, executor)
+    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), surrogate=None)
+
+
+def _doubts_of_proofs(simulator: Simulator) -> tuple[str, ...]:
+    """Doubts about the start. Proofs make no runs, and errors of the solver are none of theirs."""
+    return simulator.start.doubts if isinstance(simulator, DAESimulator) else ()
+
+
+def _doubts_of_runs(simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None) -> tuple[str, ...]:
+    own = getattr(simulator, "doubts", ())
+    pulses, noise = _pulse_doubts(simulator, box), _noise_doubts(simulator, bounds)
+    return (*own, *pulses, *noise, *check_doubts(simulator, box, bounds, executor))
+
+
+def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
+    """Whether laws of time have pulses at corners of the box that are shorter than those which steps follow."""
+    if not isinstance(simulator, DAESimulator):
+        return ()
+    d = len(box)
+    unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else grid(_ENDS, d)
+    P = np.vstack([simulator.dae.p_nominal, parameter_samples(simulator, box, unit)])
+    usual, *others = longest_steps(simulator.dae, simulator.times, P).tolist()
+    k = int(np.argmin(others))
+    if others[k] > min(usual / 2, _LONG * float(np.ptp(simulator.times))):
+        return ()
+    where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
+    return (
+        f"At {where} a law of time has a pulse over which steps may pass: they follow the pulses at the nominal "
+        "parameters. Take nominal parameters at which it is shortest.",
+    )
+
+
+def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
+    """Outputs whose noise is told to be larger than the width that runs attain. That of scenes is a rough guess."""
+    if isinstance(simulator, DAESimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
+        return ()
+    lower, upper = bounds.inner or (bounds.lower, bounds.upper)
+    below = (upper <= lower + simulator.noise).all(axis=0) & (lower < upper).any(axis=0)
+    names = ", ".join(bounds.names[k] for k in np.flatnonzero(below))
+    return (f"The noise is told to be larger than the width of {names}.",) if names else ()
+
+
+_LONG = 1e-2
+"""Share of the horizon above which steps meet a pulse anyway."""
+_CORNERS, _ENDS = 64, np.array([-1.0, 1.0])
+"""Most corners of the box at which laws are searched for pulses, and the ends of a parameter."""

@@ -1,0 +1,132 @@
+"""Check runs: methods without an estimate of their error say where runs, their polynomial and their bounds disagree."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+
+FOUND = "A check finds errors"
+T = np.linspace(0.0, 5.0, 101)
+
+
+def function(f, d=2, t=T, **named):
+    names = [f"x{i}" for i in range(d)]
+    simulator = mb.FunctionSimulator(
+        lambda **p: np.reshape(f(*(p[n] for n in names)) * np.ones(len(t)), (-1, 1)),
+        dict.fromkeys(names, 0.0),
+        t,
+        ["y"],
+        **named,
+    )
+    return simulator, mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
+
+
+def oscillator(periods, spread=0.05, number=501):
+    """x = cos(sqrt(k) t)."""
+    p = mb.Parameters(k=1.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    spring = mb.Force("spring", mass.point(0, 0), (-p.k * mass.x, 0))
+    times = np.linspace(0.0, 2 * np.pi * periods, number)
+    return mb.Scene(
+        mb.System(mass, spring, parameters=p), {"mass.x": 1.0}, times, {"x": mass.x}, box=mb.Box.around(p, spread)
+    )
+
+
+LONG = [
+    mb.Taylor(2),
+    mb.Taylor(4),
+    mb.PolynomialChaos.paper(2),
+    mb.PolynomialChaos(order=8),
+    mb.Vertex(),
+    mb.Scanning(9),
+]
+
+
+@pytest.mark.parametrize("method", LONG, ids=repr)
+@pytest.mark.parametrize("periods", [130, 200])
+def test_long_horizons_are_doubted(method, periods):
+    with pytest.warns(mb.SymmbWarning, match=FOUND):
+        bounds = mb.propagate(oscillator(periods), method)
+    assert len(bounds.doubts) == 1 and bounds.evaluations == method.planned_runs(1)
+
+
+@pytest.mark.parametrize("method", [mb.Taylor(5), mb.PolynomialChaos(order=8), mb.Scanning(21)], ids=repr)
+def test_short_horizons_are_not(method):
+    assert not mb.propagate(oscillator(2, number=41), method).doubts
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 5])
+def test_corners_are_right_where_responses_are_monotone(d):
+    simulator, box = function(lambda *x: np.exp(0.4 * sum(x) + 0.1 * T), d)
+    assert not mb.propagate(simulator, mb.Vertex(), box).doubts
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 5])
+@pytest.mark.parametrize("at", [-0.4, 0.0, 0.3])
+def test_extremes_inside_are_found_beyond_corners(d, at):
+    simulator, box = function(lambda *x: -((x[0] - at) ** 2) + 0.5 * sum(x[1:]), d)
+    with pytest.warns(mb.SymmbWarning, match="outside of the bounds"):
+        mb.propagate(simulator, mb.Vertex(), box)
+
+
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(3), mb.Vertex()], ids=repr)
+@pytest.mark.parametrize("frequency", [17.0, 29.0, 31.0])
+def test_waves_between_the_nodes_are_doubted(method, frequency):
+    simulator, box = function(lambda a, b: np.sin(frequency * a + T) + b)
+    with pytest.warns(mb.SymmbWarning, match=FOUND):
+        mb.propagate(simulator, method, box)
+
+
+@pytest.mark.parametrize("factor", [1e-200, 1e-20, 1.0, 1e20, 1e200])
+def test_doubts_do_not_depend_on_units(factor):
+    simulator, box = function(lambda a, b: factor * np.cos(3 * a + T) * (2 + b))
+    with pytest.warns(mb.SymmbWarning, match=FOUND):
+        wide = mb.propagate(simulator, mb.Vertex(), box)
+    other, box = function(lambda a, b: np.cos(3 * a + T) * (2 + b))
+    with pytest.warns(mb.SymmbWarning, match=FOUND):
+        assert mb.propagate(other, mb.Vertex(), box).doubts == wide.doubts
+
+
+def test_noise_that_is_told_is_no_disagreement():
+    rng = np.random.default_rng(1)
+    simulator, box = function(lambda a, b: 1e-3 * a + rng.uniform(-1e-2, 1e-2), noise={"y": 2e-2})
+    with pytest.warns(mb.SymmbWarning, match="noise is told to be larger than the width"):
+        bounds = mb.propagate(simulator, mb.Vertex(), box)
+    assert len(bounds.doubts) == 1
+
+
+def test_a_failed_check_run_is_told():
+    def response(a, b):
+        if abs(a) < 0.5:
+            raise ValueError("no equilibrium")
+        return a + b
+
+    simulator, box = function(response)
+    with pytest.warns(mb.SymmbWarning, match="A check run failed, which none of the method's runs did: .*no equilibri"):
+        mb.propagate(simulator, mb.Vertex(), box)
+
+
+@pytest.mark.parametrize("d", [10, 13])
+def test_many_parts_in_many_parameters_are_refused_with_their_number(d):
+    class Jets(mb.FunctionSimulator):
+        def jets(self, p0, directions, order):
+            raise AssertionError
+
+    names = [f"x{i}" for i in range(d)]
+    simulator = Jets(lambda **p: T, dict.fromkeys(names, 0.0), T, ["y"])
+    with pytest.raises(mb.PropagationError, match=f"takes {2**d} expansions in {d} parameters"):
+        mb.propagate(simulator, mb.Taylor(3, subintervals=2), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+
+
+def test_a_comparison_has_the_doubts_of_its_studies(tmp_path):
+    scene = oscillator(130)
+    methods = [mb.Taylor(2), mb.Vertex(), mb.PolynomialChaos()]
+    with pytest.warns(mb.SymmbWarning, match=r"Taylor\(order=2\): A check finds errors"):
+        found = mb.compare(scene, methods)
+    for method, row in zip(methods[:2], found.rows, strict=False):
+        with pytest.warns(mb.SymmbWarning):
+            assert row.doubts == mb.propagate(scene, method).doubts
+        assert f"{row.name}: {row.doubts[0]}" in found.doubts
+    assert not found.rows[2].doubts
+    found.save(tmp_path / "c.json")
+    assert mb.Comparison.load(tmp_path / "c.json").rows[0].doubts == found.rows[0].doubts
