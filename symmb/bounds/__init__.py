@@ -3,7 +3,7 @@
 The method that chooses its own runs is in `bounds.adaptive`.
 """
 
-from symmb.bounds.doubts import doubted
+from symmb.bounds.doubts import checked, doubted
 from symmb.bounds.method import Method, parameter_samples, require_method, units_of
 from symmb.bounds.optimization import Optimization
 from symmb.bounds.polynomial_chaos import PolynomialChaos

@@ -16,9 +16,6 @@ from symmb.model import Box
 from symmb.nodes import grid
 from symmb.simulation import Noisy, Simulator
 
-_SHARE = 0.05
-"""Share of the width above which a disagreement with runs is a doubt: half of the error that is doubtful, as a few runs
-see only a part of it."""
 _RUNS = 13
 """Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as the
 method made."""
@@ -38,11 +35,14 @@ _VALUES = 2**25
 """Most numbers that check runs may fill: 256 MB."""
 
 
-def check_doubts(simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> tuple[str, ...]:
+def check_doubts(
+    simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None = None
+) -> tuple[str, ...]:
     """What check runs say against bounds without an estimate of their error, in sentences.
 
     Runs outside of the bounds show that these are too narrow. A surrogate that misses the runs, or whose values do not
-    reach bounds that are not its exact range, shows that they are wrong to either side.
+    reach bounds that are not its exact range, shows that they are wrong to either side. Disagreements count from a
+    share of the width on.
     """
     if bounds.kind == "enclosure" or bounds.estimate is not None:
         return ()
@@ -60,7 +60,7 @@ def check_doubts(simulator: Simulator, box: Box, bounds: Bounds, executor: Execu
             checks.run(extremes)
     else:
         checks.run(candidates[-_INSIDE - most // 2 :][:most])
-    return checks.doubts(candidates)
+    return checks.doubts(candidates, share)
 
 
 class _Checks:
@@ -73,7 +73,7 @@ class _Checks:
         largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
         self.scale = np.where(largest > 0, largest, 1.0)
         self._floor = np.full(len(largest), ROUNDING) if noise is None else noise / self.scale
-        self._n, self._outside, self._missed = 0, np.zeros(bounds.lower.shape), np.zeros(bounds.lower.shape)
+        self._n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
         self._failed = ""
 
     def run(self, points: Array) -> Array | None:
@@ -83,7 +83,8 @@ class _Checks:
         ok = np.flatnonzero(~which_failed(bad, len(P)))
         self._n += len(ok)
         if len(ok):
-            self._outside = np.maximum.reduce([self._outside, *(Y[ok] - bounds.upper), *(bounds.lower - Y[ok])])
+            outside = bounds.lower - Y[ok].min(axis=0), Y[ok].max(axis=0) - bounds.upper
+            self._outside = np.maximum(self._outside, outside)
         if len(ok) and bounds.surrogate is not None:
             missed = np.abs(bounds.surrogate.values(points[ok]) - Y[ok]).max(axis=0)
             self._missed = np.maximum(self._missed, missed)
@@ -91,17 +92,17 @@ class _Checks:
             self._failed = str(failure_records(self._simulator, self._box, P, bad)[0])
         return None if bad else Y
 
-    def doubts(self, candidates: Array) -> tuple[str, ...]:
+    def doubts(self, candidates: Array, share: float) -> tuple[str, ...]:
         """The disagreements in sentences. The range of the surrogate is looked for at candidates (N, d)."""
         bounds = self._bounds
-        parts = [(f"runs at {self._n} other points are outside of the bounds", self._outside, _SHARE)]
+        parts = [(f"runs at {self._n} other points are outside of the bounds", self._outside, share)]
         if bounds.surrogate is not None:
-            parts.append((f"the method's polynomial misses runs at {self._n} other points", self._missed, _SHARE))
+            parts.append((f"the method's polynomial misses runs at {self._n} other points", self._missed, share))
         if bounds.surrogate is not None and not bounds.surrogate.exact:
             low, high = _reached(bounds.surrogate, candidates)
-            gap = np.maximum(np.maximum(bounds.upper - high, low - bounds.lower), 0.0)
+            gap = np.maximum([low - bounds.lower, bounds.upper - high], 0.0)
             parts.append(("the bounds are wider than the range of the method's polynomial", gap, DOUBTFUL))
-        found = [(text, part * self._is_large(part, share)) for text, part, share in parts]
+        found = [(text, part * self._is_large(part, least)) for text, part, least in parts]
         doubts = list[str]()
         if any(part.any() for _, part in found):
             kinds = " and ".join(text for text, part in found if part.any())
@@ -112,18 +113,18 @@ class _Checks:
         return tuple(doubts)
 
     def _is_large(self, error: Array, share: float) -> Mask:
-        """Which outputs (n_y,) have errors (n_t, n_y) above a share of the width, and above noise, over all times."""
+        """Which outputs (n_y,) have errors (2, n_t, n_y) of their bounds above noise and a share of the width."""
         size, width = self._sizes(error)
         return size > share * width + self._floor
 
     def _sizes(self, error: Array) -> tuple[Array, Array]:
-        """Root mean squares (n_y,) over time of errors (n_t, n_y) and of the width, over the scale of the outputs."""
-        errors = error / self.scale, self._bounds.upper / self.scale - self._bounds.lower / self.scale
-        size, width = (np.sqrt(np.square(a).mean(axis=0)) for a in errors)
-        return size, width
+        """Root mean squares (n_y,) of errors (2, n_t, n_y) of both bounds, and of the width, in the scale of outputs."""
+        width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
+        size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
+        return size, np.sqrt(np.square(width).mean(axis=0))
 
     def _where(self, error: Array) -> str:
-        """Errors (n_t, n_y) in words: outputs with large ones, and from when on."""
+        """Errors (2, n_t, n_y) in words: outputs with large ones, and from when on."""
         names, t = self._bounds.names, self._bounds.t
         size, width = self._sizes(error)
         share = size / np.maximum(width, self._floor + ROUNDING)
@@ -133,7 +134,7 @@ class _Checks:
             for k in large[:_NAMED]
         ]
         more = [f"{len(large) - _NAMED} more outputs"] if len(large) > _NAMED else []
-        first = np.argmax((error / self.scale > _SHARE * width + self._floor).any(axis=1))
+        first = np.argmax((error / self.scale > share * width / 2 + self._floor).any(axis=(0, 2)))
         since = f", from t = {t[first] + 0.0:g} s on" if len(t) > 1 else ""
         return ", ".join([*shares, *more]) + since
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._types import Executor
 from symmb.bounds.check_runs import check_doubts
-from symmb.bounds.method import parameter_samples
+from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
 from symmb.events import longest_steps
 from symmb.model import Box
@@ -14,15 +14,18 @@ from symmb.nodes import grid
 from symmb.simulation import DAESimulator, Noisy, Simulator
 
 
-def doubted(simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> Bounds:
-    """The bounds that a method gives, with all doubts about them in ``run_doubts``.
+def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
+    """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
+    doubts = _doubts_of_proofs(simulator) if bounds.kind == "enclosure" else _doubts_of_runs(simulator, box, bounds)
+    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts))
 
-    Methods without an estimate of their error are compared with check runs, which `evaluations` leaves out.
+
+def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> Bounds:
+    """The bounds with what check runs say against them in ``run_doubts``, where the method does not estimate its error.
+
+    ``evaluations`` leaves these runs out.
     """
-    if bounds.kind == "enclosure":
-        doubts = _doubts_of_proofs(simulator)
-    else:
-        doubts = _doubts_of_runs(simulator, box, bounds, executor)
+    doubts = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), surrogate=None)
 
 
@@ -31,10 +34,9 @@ def _doubts_of_proofs(simulator: Simulator) -> tuple[str, ...]:
     return simulator.start.doubts if isinstance(simulator, DAESimulator) else ()
 
 
-def _doubts_of_runs(simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None) -> tuple[str, ...]:
+def _doubts_of_runs(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[str, ...]:
     own = getattr(simulator, "doubts", ())
-    pulses, noise = _pulse_doubts(simulator, box), _noise_doubts(simulator, bounds)
-    return (*own, *pulses, *noise, *check_doubts(simulator, box, bounds, executor))
+    return (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
 
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from symmb._errors import warn_of
 from symmb._progress import shown_runs
 from symmb._types import Executor
-from symmb.bounds.doubts import doubted
+from symmb.bounds.doubts import checked, doubted
 from symmb.bounds.method import Method, require_method
 from symmb.bounds.result import Bounds
 from symmb.bounds.study import study_of
@@ -61,7 +61,7 @@ def propagate(
     with shown_runs(progress, repr(method)) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         bounds = method.bounds(simulator, box, executor=executor, progress=progress)
-        bounds = doubted(simulator, box, bounds, executor)
+        bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, method, box))
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds

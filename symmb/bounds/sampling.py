@@ -46,6 +46,7 @@ class MonteCarlo(Method):
     sampler: Sampler = _RANDOM
 
     kind: ClassVar[Kind] = "sampled"
+    doubtful_miss: ClassVar[float] = 0.1  # it is known that random samples end before the extremes
 
     def __post_init__(self) -> None:
         require_whole("MonteCarlo", "samples", self.samples, 1)

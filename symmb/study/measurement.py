@@ -13,7 +13,7 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._interrupts import carry
 from symmb._progress import RunProgress
 from symmb._types import Array, Executor
-from symmb.bounds import METHODS, Bounds, Method, doubted, parameter_samples
+from symmb.bounds import METHODS, Bounds, Method, checked, doubted, parameter_samples
 from symmb.model import Box
 from symmb.simulation import Noisy, Simulator, StoredSimulator
 from symmb.study.comparison_result import Comparison
@@ -84,6 +84,7 @@ def compare_simulator(
         exact, box, reference, runs=runs, executor=executor, progress=_labelled(progress, "reference")
     )
     scored: list[tuple[Bounds, float]] = []
+    doubts: list[tuple[str, ...]] = []
     not_run: list[NotRun] = []
     for number, method in enumerate(methods):
         label = _labelled(progress, repr(method))
@@ -94,10 +95,12 @@ def compare_simulator(
         except KeyboardInterrupt as interrupt:
             if scored:
                 not_run += [NotRun(repr(left), "interrupted") for left in methods[number:]]
-                carry(interrupt, _comparison(simulator, box, reference_bounds, scored, not_run, about))
+                carry(interrupt, _comparison(simulator, box, reference_bounds, scored, not_run, doubts, about))
             raise
         else:
-            scored.append((doubted(simulator, box, bounds, executor), seconds))
+            bounds = doubted(simulator, box, bounds)
+            doubts.append(checked(method, simulator, box, bounds, executor).doubts)
+            scored.append((replace(bounds, surrogate=None), seconds))
     if not scored:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
@@ -123,7 +126,7 @@ def compare_simulator(
                 tuple(simulator.outputs),
             )
         )
-    return _comparison(simulator, box, reference_bounds, scored, not_run, about)
+    return _comparison(simulator, box, reference_bounds, scored, not_run, doubts, about)
 
 
 def _comparison(
@@ -132,18 +135,23 @@ def _comparison(
     reference: Reference,
     scored: Sequence[tuple[Bounds, float]],
     not_run: Sequence[NotRun],
+    found: Sequence[tuple[str, ...]],
     about: Mapping[str, Any],
 ) -> Comparison:
+    """The rows, whose doubts `found` contain what check runs say, and doubts about the rest: it measures errors."""
     setup_seconds = about.get("setup_seconds")
-    own = tuple(getattr(simulator, "doubts", ()))
-    doubts = *own, *_doubts_of([bounds for bounds, _ in scored], own), *_doubt_of_reference(simulator, reference)
+    known = tuple(getattr(simulator, "doubts", ()))
+    doubts = *known, *_doubts_of([bounds for bounds, _ in scored], known), *_doubt_of_reference(simulator, reference)
     about = {**about, "doubts": (*doubts, *about.get("doubts", ()))}
     return Comparison(
         times=np.asarray(simulator.times, dtype=float),
         outputs=tuple(simulator.outputs),
         box=box,
         reference=reference,
-        rows=tuple(_row(bounds, reference.yardstick, setup_seconds, seconds) for bounds, seconds in scored),
+        rows=tuple(
+            _row(bounds, own, reference.yardstick, setup_seconds, seconds)
+            for (bounds, seconds), own in zip(scored, found, strict=True)
+        ),
         not_run=tuple(not_run),
         **about,
     )
@@ -175,7 +183,9 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
     ]
 
 
-def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_seconds: float) -> Row:
+def _row(
+    bounds: Bounds, doubts: tuple[str, ...], yardstick: Yardstick, setup_seconds: float | None, run_seconds: float
+) -> Row:
     return Row(
         name=bounds.method,
         kind=bounds.kind,
@@ -191,7 +201,7 @@ def _row(bounds: Bounds, yardstick: Yardstick, setup_seconds: float | None, run_
         failure=str(bounds.failed[0]) if bounds.failed else "",
         failed_region=bounds.failed_region,
         caution=bounds.caution,
-        doubts=bounds.doubts,
+        doubts=doubts,
     )
 
 

@@ -136,7 +136,7 @@ def find_reference(
     yardstick = Yardstick(lower, upper, np.full(lower.shape[1], np.nan))
     uncertainty = yardstick.deviation(*_hull([coarse, *shared]))
     for found in optimized:
-        own, missed = yardstick.relative(found.estimate), yardstick.deviation(found.lower, found.upper)
+        own, missed = yardstick.relative(np.asarray(found.estimate)), yardstick.deviation(found.lower, found.upper)
         uncertainty = np.where(missed <= own, own, np.maximum(missed, uncertainty))
     return Reference(
         method=" with ".join(bounds.method for bounds in [fine, *shared, *optimized]),

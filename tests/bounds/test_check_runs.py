@@ -119,14 +119,23 @@ def test_many_parts_in_many_parameters_are_refused_with_their_number(d):
 
 
 def test_a_comparison_has_the_doubts_of_its_studies(tmp_path):
+    """What check runs find stands in the rows: the comparison measures it."""
     scene = oscillator(130)
     methods = [mb.Taylor(2), mb.Vertex(), mb.PolynomialChaos()]
-    with pytest.warns(mb.SymmbWarning, match=r"Taylor\(order=2\): A check finds errors"):
-        found = mb.compare(scene, methods)
+    found = mb.compare(scene, methods)
     for method, row in zip(methods[:2], found.rows, strict=False):
         with pytest.warns(mb.SymmbWarning):
             assert row.doubts == mb.propagate(scene, method).doubts
-        assert f"{row.name}: {row.doubts[0]}" in found.doubts
-    assert not found.rows[2].doubts
+    assert not found.rows[2].doubts and not found.doubts
     found.save(tmp_path / "c.json")
     assert mb.Comparison.load(tmp_path / "c.json").rows[0].doubts == found.rows[0].doubts
+
+
+@pytest.mark.parametrize("budget", [60, 90])
+def test_a_comparison_doubts_what_its_studies_doubt(budget):
+    scene, method = oscillator(200), mb.PolynomialChaos(budget=budget)
+    with pytest.warns(mb.SymmbWarning, match="The estimated error is above 10 % of the width"):
+        own = mb.propagate(scene, method).doubts
+    with pytest.warns(mb.SymmbWarning, match="The estimated error is above 10 % of the width"):
+        found = mb.compare(scene, [method, mb.Scanning(21)])
+    assert found.doubts == tuple(f"{method!r}: {doubt}" for doubt in own)

@@ -112,7 +112,8 @@ def test_derivatives_that_do_not_pass_a_contact_name_it():
 
 def test_comparison_tells_which_method_is_not_valid(tmp_path):
     box = mb.Box(gap=(0.045, 0.055))
-    found = mb.compare(dropped(0.12), [mb.Taylor(2), mb.Vertex()], box, reference=mb.Scanning(5))
+    with pytest.warns(mb.SymmbWarning, match=r"Taylor\(order=2\): The bounds are not valid from t = 0.0957"):
+        found = mb.compare(dropped(0.12), [mb.Taylor(2), mb.Vertex()], box, reference=mb.Scanning(5))
     cautions = [row.caution for row in found.rows]
     assert cautions[0].startswith("not valid from t = 0.0957") and not cautions[1]
     assert f"{found.rows[0].name} is not valid from t = 0.0957" in str(found)

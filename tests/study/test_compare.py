@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -192,8 +193,7 @@ def test_the_first_run_that_fails_is_told():
     """v = 1 / (1 - a t) ends at t = 1/a."""
     with pytest.warns(mb.SymmbWarning, match="Runs failed: 1 of the reference, 1 of Scanning"):
         found = mb.compare(explosion(), [Scanning(3)], Box(a=(0.2, 0.6)), reference=Scanning(5))
-    assert "Runs failed" in found.doubts[-1]
-    assert found.doubts[0].startswith("Scanning(3): A check finds errors of v")  # near the failed run
+    assert len(found.doubts) == 1
     told = " ".join(str(found).split())
     assert found.rows[0].failed == 1
     assert "The first of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told
@@ -236,8 +236,7 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
 def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solver, number):
     scene = double_pendulum(np.linspace(0.0, 3.0, number), box=Box(l1=(0.95, 1.05), l2=(0.76, 0.84)))
     precise = isinstance(solver, mb.Rosenbrock) or (number == 101 and getattr(solver, "steps", 1) > 1)
-    told = "Vertex.*A check finds errors" if precise else "exceed a thousandth of their range"
-    with pytest.warns(mb.SymmbWarning, match=told):
+    with nullcontext() if precise else pytest.warns(mb.SymmbWarning, match="exceed a thousandth of their range"):
         found = mb.compare(scene, [Vertex()], reference=Vertex(), solver=solver)
     points = np.array([found.box.center, found.box.lower, found.box.upper])
     exact = np.array([double_pendulum_by_hand(p, scene.times) for p in points])
