@@ -41,6 +41,7 @@ def test_listed_start_holds(run):
             assert run[name][0] == value
 
 
+@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
 @pytest.mark.parametrize("model", ALL_MODELS, ids=_name)
 def test_box_runs_to_its_corners(model):
     scene = model.scene()

@@ -118,7 +118,7 @@ class _Checks:
         return size > share * width + self._floor
 
     def _sizes(self, error: Array) -> tuple[Array, Array]:
-        """Root mean squares (n_y,) of errors (2, n_t, n_y) of both bounds, and of the width, in the scale of outputs."""
+        """Root mean squares (n_y,) of errors (2, n_t, n_y) of bounds, and of the width, over the outputs' scale."""
         width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
         size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
         return size, np.sqrt(np.square(width).mean(axis=0))

@@ -38,7 +38,7 @@ LONG = [
     mb.PolynomialChaos.paper(2),
     mb.PolynomialChaos(order=8),
     mb.Vertex(),
-    mb.Scanning(9),
+    mb.Scanning(7),
 ]
 
 
@@ -61,7 +61,7 @@ def test_corners_are_right_where_responses_are_monotone(d):
     assert not mb.propagate(simulator, mb.Vertex(), box).doubts
 
 
-@pytest.mark.parametrize("d", [1, 2, 3, 5])
+@pytest.mark.parametrize("d", [1, 2, 3])
 @pytest.mark.parametrize("at", [-0.4, 0.0, 0.3])
 def test_extremes_inside_are_found_beyond_corners(d, at):
     simulator, box = function(lambda *x: -((x[0] - at) ** 2) + 0.5 * sum(x[1:]), d)

@@ -36,12 +36,11 @@ def test_bounds_do_not_depend_on_a_factor(power, d):
         assert_allclose(getattr(scaled, part), expected, rtol=1e-9)
 
 
-@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(2)], ids=repr)
 @pytest.mark.parametrize("power", [-600, 600, 1020])
 def test_a_given_order_does_not_depend_on_a_factor(method, power):
-    ordinary = bounds_of(lambda p, q: np.sin(3 * p + 2 * q), 2, method=method)
-    scaled = bounds_of(lambda p, q: np.ldexp(np.sin(3 * p + 2 * q), power), 2, method=method)
+    ordinary = bounds_of(lambda p, q: np.sin(0.3 * p + 0.2 * q), 2, method=method)
+    scaled = bounds_of(lambda p, q: np.ldexp(np.sin(0.3 * p + 0.2 * q), power), 2, method=method)
     assert_allclose(scaled.upper, np.ldexp(ordinary.upper, power), rtol=1e-9)
     assert str(scaled.moments()) == str(ordinary.moments())
 

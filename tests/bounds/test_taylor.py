@@ -79,7 +79,7 @@ def _reference(simulator, box, order):
 @pytest.mark.parametrize(("names", "order"), [("abcd", 1), ("abcd", 2), ("dba", 3), ("c", 6)])
 def test_any_order_and_number_of_parameters(names, order):
     box = Box(**{name: (FOUR.parameters[name] - 0.1, FOUR.parameters[name] + 0.3) for name in names})
-    result = propagate(FOUR, Taylor(order), box)
+    result = Taylor(order).bounds(FOUR, box)
     lower, upper = _reference(FOUR, box, order)
     np.testing.assert_allclose(result.lower, lower, atol=1e-11)
     np.testing.assert_allclose(result.upper, upper, atol=1e-11)
@@ -89,7 +89,7 @@ def test_any_order_and_number_of_parameters(names, order):
 @pytest.mark.parametrize(("names", "order", "subintervals"), [("ab", 2, 3), ("c", 3, 4), ("abd", 1, 2)])
 def test_union_over_subintervals(names, order, subintervals):
     box = Box(**{name: (FOUR.parameters[name] - 0.1, FOUR.parameters[name] + 0.3) for name in names})
-    result = propagate(FOUR, Taylor(order, subintervals), box)
+    result = Taylor(order, subintervals).bounds(FOUR, box)
     cuts = [np.linspace(low, high, subintervals + 1) for low, high in box.bounds]
     parts = [
         _reference(FOUR, Box(**{name: (c[i], c[i + 1]) for name, c, i in zip(names, cuts, part, strict=True)}), order)
@@ -103,7 +103,7 @@ def test_union_over_subintervals(names, order, subintervals):
 def test_equation_27_range_of_the_paper_s_cubic():
     x = sp.Symbol("x")
     cubic = Symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0})
-    result = propagate(cubic, Taylor(order=3), Box(x=(0, 1)))
+    result = Taylor(order=3).bounds(cubic, Box(x=(0, 1)))
     np.testing.assert_allclose(result.lower, -1 / 4, atol=1e-12)
     np.testing.assert_allclose(result.upper, 3 / 8, atol=1e-12)
 
