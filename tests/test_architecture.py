@@ -26,6 +26,7 @@ FLOORS = {
     "_cleanup": 0,
     "_interrupts": 0,
     "_limits": 0,
+    "_threads": 0,
     "files": 1,
     "plot": 1,
     "structures": 1,

@@ -53,6 +53,7 @@ class PolynomialChaos(Method):
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
     tolerance : without order: estimated error at which to stop, as a share of the response width
     budget : without order: most runs allowed
+    seconds : without order: most seconds beyond those of the runs; None: 1 s, and three times the seconds of the runs
     lockstep : advance all nodes together from one output time to the next and expand there (Fig. 4), which needs a
         simulator that can march and does not use the executor; otherwise each node runs separately (Fig. 5)
 
@@ -84,6 +85,7 @@ class PolynomialChaos(Method):
     tolerance: float = 1e-2
     budget: int | None = None
     lockstep: bool = False
+    seconds: float | None = None
 
     kind: ClassVar[Kind] = "estimate"
 
@@ -93,8 +95,10 @@ class PolynomialChaos(Method):
             require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
             require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
             require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
-            if self.budget is not None or self.tolerance != 1e-2:
-                raise DeclarationError("PolynomialChaos: tolerance and budget choose the order; leave order out.")
+            if self.budget is not None or self.tolerance != 1e-2 or self.seconds is not None:
+                raise DeclarationError(
+                    "PolynomialChaos: tolerance, budget and seconds choose the order; leave order out."
+                )
             return
         chosen = self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.range != _EXACT
         if chosen or self.lockstep:
@@ -103,6 +107,8 @@ class PolynomialChaos(Method):
             )
         if self.budget is not None:
             require_whole("PolynomialChaos", "budget", self.budget, 1)
+        if self.seconds is not None and not (is_finite_number(self.seconds) and self.seconds > 0):
+            raise DeclarationError(f"PolynomialChaos: seconds must be a number above 0, got {self.seconds!r}.")
         if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
             raise DeclarationError(f"PolynomialChaos: tolerance must be above 0 and below 1, got {self.tolerance!r}.")
 
@@ -116,7 +122,9 @@ class PolynomialChaos(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None:
-            return adaptive_bounds(repr(self), self.tolerance, self.budget, simulator, box, executor, progress)
+            return adaptive_bounds(
+                repr(self), self.tolerance, self.budget, self.seconds, simulator, box, executor, progress
+            )
         fit = Fit.of(self.nodes, self.basis, len(box), self.order)
         values = len(fit.alpha) + (2 * len(fit.nodes) if fit.line is not None and not self.lockstep else 0)
         outputs = len(simulator.times) * len(simulator.outputs)

@@ -1,5 +1,7 @@
 """Formulas of four and more parameters over time: their studies end, and their bounds are those of corners."""
 
+import os
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -122,3 +124,47 @@ def test_expansions_of_monotone_motions_have_moments():
     bounds, _ = study(lambda **p: np.exp(np.array(list(p.values())) @ w), dict.fromkeys("abcde", (-1.0, 1.0)), LONG)
     mean = np.prod(np.sinh(w) / w, axis=0)
     np.testing.assert_allclose(bounds.moments().mean[:, 0], mean, rtol=1e-2)
+
+
+def test_a_study_without_time_ends_and_says_so():
+    """A step along no axis, of which no surface is sure; the first round is all that there is time for."""
+    box = dict.fromkeys("abcd", (-1.0, 1.0))
+    f = lambda **p: np.array([float(np.sin(7 * sum(p.values())) > 0.3)])  # noqa: E731
+    bounds, calls = study(f, box, T[:1], mb.PolynomialChaos(budget=2000, seconds=1e-6))
+    assert calls < 100
+    assert any("PolynomialChaos(seconds=...) allows more" in doubt for doubt in bounds.doubts)
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, np.nan, "1", True])
+def test_seconds_are_a_number_above_0(seconds):
+    with pytest.raises(mb.DeclarationError, match="seconds must be a number above 0"):
+        mb.PolynomialChaos(seconds=seconds)
+
+
+@pytest.mark.parametrize("d", [2, 4, 5])
+@pytest.mark.parametrize("share", [1.0, 3.0])
+def test_noise_as_large_as_the_response_is_doubtful(d, share):
+    """There was no bound but a fault of an empty sequence."""
+    rng = np.random.default_rng(d)
+    box = dict.fromkeys("abcde"[:d], (-1.0, 1.0))
+    bounds, _ = study(lambda **p: np.array([sum(p.values()) / d + share * rng.normal()]), box, T[:1])
+    assert bounds.doubts
+
+
+def test_bounds_do_not_depend_on_the_threads_of_linear_algebra():
+    code = (
+        "import numpy as np, symmb as mb, sys; names = list('abcdefg'); w = np.array([1, .7, -.5, .3, .9, -.2, .4]);"
+        "f = lambda **p: np.array([np.cos(1 + 2 * (np.array(list(p.values())) @ w))]);"
+        "s = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ['y']);"
+        "m = mb.PolynomialChaos(budget=60, seconds=600.0);"
+        "b = mb.propagate(s, m, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))));"
+        "print(b.evaluations, b.lower[0, 0].hex(), b.upper[0, 0].hex(), b.estimate[0, 0].hex())"
+    )
+    told = [
+        subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", code], env={**os.environ, "OPENBLAS_NUM_THREADS": threads},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for threads in "12"
+    ]  # fmt: skip
+    assert told[0] == told[1] and told[0].startswith(("4", "5", "6"))

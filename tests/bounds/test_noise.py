@@ -195,6 +195,6 @@ def test_noise_of_an_output_does_not_spoil_another(d):
         return [[np.exp(np.mean(x)), 1 + 1e-9 * uniform(*x)]]
 
     simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 0.0), [0.0], ["smooth", "noisy"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
     assert bounds.evaluations < 200 and not bounds.doubts
     assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)

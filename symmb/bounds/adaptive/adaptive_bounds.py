@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.constants import (
     MOST_NUMBERS,
     MOST_RUNS,
+    NOISE_OF_SOLVERS,
+    NOISY_SHARE,
     ROUNDING_OF_VALUES,
     ROUNDING_WIDTH,
     TENSOR_PARAMETERS,
@@ -27,6 +31,7 @@ def adaptive_bounds(
     text: str,
     tolerance: float,
     budget: int | None,
+    seconds: float | None,
     simulator: Simulator,
     box: Box,
     executor: Executor | None,
@@ -44,11 +49,12 @@ def adaptive_bounds(
     most = max(min(MOST_RUNS, MOST_NUMBERS // numbers), 2 * first) if budget is None else budget
     if first > most:
         raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
-    runs, estimated = Runs(simulator, box, most, executor, progress), None
+    runs, estimated = Runs(simulator, box, most, executor, progress, Clock(seconds)), None
     while estimated is None:
         try:
             is_patient = budget is not None
-            estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, is_patient)
+            with one_thread():
+                estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, is_patient)
         except OutgrownError:
             runs = runs.anew()
             if first > runs.left:
@@ -58,6 +64,7 @@ def adaptive_bounds(
                 ) from None
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
     lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
+    cut = () if estimated.is_enough or not runs.clock.is_cut else (_CUT.format(tolerance=tolerance),)
     remarks = (*_remarks(runs, estimate, tolerance, estimated.is_enough), *_of_rounding(runs, is_noise))
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
@@ -73,6 +80,7 @@ def adaptive_bounds(
         inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
         failed=runs.failed,
         failed_region=failed_region(box, runs.tried, ~runs.ok),
+        run_doubts=(*cut, *_of_noise(runs)),
         remarks=remarks,
     )
     del runs  # the expansion is as large
@@ -110,26 +118,43 @@ def _remarks(runs: Runs, estimate: Array, tolerance: float, is_enough: bool) -> 
     return (f"The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width.",)
 
 
+def _of_noise(runs: Runs) -> tuple[str, ...]:
+    """Of which outputs the measured noise is large. Those that are rounding beside other outputs do not count."""
+    low, high = runs.extremes
+    scale = np.maximum(rms(low), rms(high))
+    is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)
+    names = _listed(runs, is_large & (scale > ROUNDING_WIDTH * scale.max(initial=0.0)))
+    if not names or runs.rounding < ROUNDING_WIDTH:  # the simulator has told its noise
+        return ()
+    return (f"The measured noise of runs is above a quarter of the width of {names}.",)
+
+
+def _listed(runs: Runs, which: Mask) -> str:
+    """Names of outputs (n_y,)."""
+    names = [name for name, is_one in zip(runs.simulator.outputs, which, strict=True) if is_one]
+    return ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+
+
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
     """Which outputs vary by more than numbers are rounded, and yet by so little that it counts as rounding."""
     lowest, highest = runs.extremes
     if runs.rounding < ROUNDING_WIDTH:  # the simulator has told its noise
         return ()
     widths, sizes = highest - lowest, np.maximum(np.abs(lowest), np.abs(highest))
-    names = [
-        name
-        for i, name in enumerate(runs.simulator.outputs)
-        if is_noise[i] and (widths[:, i] > 16 * ROUNDING_OF_VALUES * sizes[:, i]).any()
-    ]
-    if not names:
+    listed = _listed(runs, is_noise & (widths > 16 * ROUNDING_OF_VALUES * sizes).any(axis=0))
+    if not listed:
         return ()
-    listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
     return (
         f"{listed}: a width below 1e-9 of the values counts as rounding. FunctionSimulator(..., noise=...) tells a "
         "smaller error of runs.",
     )
 
 
+_CUT = (
+    "The study was ended before it reached the tolerance {tolerance:g}, because it took more than 1 s and three times "
+    "as long as its runs. PolynomialChaos(seconds=...) allows more."
+)
+"""What is doubtful where there was no time."""
 _NAMED = 4
 """Outputs that a sentence names."""
 

@@ -41,6 +41,10 @@ LEAST_COST = 3
 """Runs of a refinement, or before it, over those that measure noise, from which it is worth while to measure."""
 NOISE_SAFETY = 3.0
 """Factor on the standard deviation of noise: as far as its values reach."""
+NOISY_SHARE = 0.25
+"""Measured noise over the width from which bounds are doubtful: few runs of noise alone are six times as far apart."""
+NOISE_OF_SOLVERS = 1e-6
+"""Noise over the values of an output up to which it is what solvers leave of one that parameters do not change."""
 NOISE_OF_COEFFICIENTS = 2.0
 """Coefficients of high degrees over the noise of the runs from which they are computed."""
 
@@ -184,6 +188,9 @@ EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
 
 # --- Runs --------------------------------------------------------------------------------------------------------
 
+LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
+"""Seconds that a study may take beyond its runs, unless more are asked for: nobody notices the first, and runs that
+take long are worth as much thought."""
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
 """Without a budget, the most runs, and the most numbers that are kept of them: 0.3 GB, and as many coefficients."""
 TENSOR_PARAMETERS = 3

@@ -13,6 +13,8 @@ _ROUNDING = 1e-10
 """Least variance of the noise, over that of the responses."""
 _MEAN_NOISE, _DEVIATION_NOISE, _LIMITS_NOISE = float(np.log(1e-6)), 4.0, (_ROUNDING, 1.0)
 """Expected logarithm of the variance of the noise, its standard deviation, and limits of the variance."""
+_LIKELY = 1e-5
+"""Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
 _ITERATIONS, _SEARCH_ITERATIONS = 60, 60
 """Most steps to a likely kernel, whose directions turn slowly, and to an extreme."""
 
@@ -119,7 +121,7 @@ class Kernel:
             jac=True,
             method="L-BFGS-B",
             bounds=limits,
-            options={"maxiter": _ITERATIONS},
+            options={"maxiter": _ITERATIONS, "ftol": _LIKELY},
         )
         return self.with_vector(result.x), float(result.fun)
 

@@ -63,6 +63,8 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
     error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
     if is_too_large(error):
         return None
+    if not runs.noise_is_known:
+        runs.measure_noise()
     low, high = runs.extremes
     return EstimatedRange(low, high, error + MONOTONE_SHARE * tolerance * (high - low), expansion, is_enough=True)
 

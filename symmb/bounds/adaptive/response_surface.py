@@ -49,6 +49,8 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     tolerance : of the error, over the width
     most : runs after which the range is taken as it is
     """
+    import scipy.linalg  # noqa: F401  (the next runs give its library one thread as well)
+
     d, n_spread, n_fit = nodes.shape[1], 0, 0
     latest, kernels = np.ones(1), list[Kernel]()
     corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
@@ -58,6 +60,8 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
             runs.measure_noise()
             kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
         data = _Responses.of(runs, nodes)
+        if not data.varies.any():
+            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, is_enough=True)
         if len(data.points) >= REFIT * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
         surface = GaussianProcess(kernels[0], data.points, data.Y)
@@ -70,7 +74,7 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
         observed = np.where(_is_plateau(data, attained), 0.0, OBSERVED_SHARE * _rms(latest) * width)
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
         is_enough = n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
-        if is_enough or len(runs) >= most or not runs.left:
+        if is_enough or len(runs) >= most or not runs.left or runs.clock.is_late:
             if not is_enough:
                 estimate = np.maximum(estimate, _left_out(surface, data.noise))
             return data.range(runs, surface, (places[:, 0], ends), attained, estimate)._replace(is_enough=is_enough)

@@ -9,6 +9,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.check_runs import quasi_random_points
+from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.constants import (
     LARGEST_SHARE,
     NODE_DIGITS,
@@ -62,6 +63,7 @@ class Runs:
     Attributes
     ----------
     most : the runs that are allowed
+    clock : tells how long the study may take
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
     before : runs of the study before it began anew with larger powers
     rounding : share of an output's scale below which its width is rounding
@@ -79,6 +81,7 @@ class Runs:
     most: int
     executor: Executor | None
     progress: Progress | None
+    clock: Clock
     checks: Array = field(init=False)
     points: Array = field(init=False)
     extremes: tuple[Array, Array] = field(init=False)
@@ -120,7 +123,7 @@ class Runs:
 
     def anew(self) -> "Runs":
         """No runs, with the powers that were too small, and as many runs that are allowed as are left."""
-        runs = Runs(self.simulator, self.box, self.most, self.executor, self.progress, before=len(self))
+        runs = Runs(self.simulator, self.box, self.most, self.executor, self.progress, self.clock, before=len(self))
         runs._least_power = self._least_power
         return runs
 
@@ -249,7 +252,8 @@ class Runs:
                 events[~again] = numbers
             return Y, ok, events
         P = parameter_samples(self.simulator, self.box, points)
-        ensemble = run_blocks(self.simulator, P, self.executor, self._progress(len(self)))
+        with self.clock.of_runs():
+            ensemble = run_blocks(self.simulator, P, self.executor, self._progress(len(self)))
         self.tried, self.ok = np.concatenate([self.tried, points]), np.concatenate([self.ok, ensemble.ok])
         bad = np.flatnonzero(~ensemble.ok)
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))

@@ -80,7 +80,7 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
             return surface_bounds(runs, grid.nodes, tolerance, most)
         if _is_stalled(errors, d, patient):
             return _attained(runs, expansion, estimate, runs.left if patient else len(runs) // 2)
-        is_last = not step
+        is_last = not step or runs.clock.is_late
         if not is_last and errors[len(grid.row)] > EARLY * tolerance:  # check runs may show that much less
             continue
         corrected, (lower, upper, places), estimate = _correct(

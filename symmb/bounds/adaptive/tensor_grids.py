@@ -121,7 +121,7 @@ def _range_or_refinement(
 
 def _affordable(parts: list[Part], runs: Runs) -> bool:
     """Whether there are parts, and the budget is enough for their nodes."""
-    return bool(parts) and _cost(parts, runs) <= runs.left
+    return bool(parts) and _cost(parts, runs) <= runs.left and not runs.clock.is_late
 
 
 def _cost(parts: list[Part], runs: Runs) -> int:

@@ -1,0 +1,90 @@
+"""Threads of linear algebra: one, where results must not depend on how many processors add up numbers."""
+
+import ctypes
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+_FUNCTIONS = (
+    *(
+        (f"{p}openblas_get_num_threads{s}", f"{p}openblas_set_num_threads{s}")
+        for p in ("", "scipy_")
+        for s in ("", "64_")
+    ),
+    ("MKL_Get_Max_Threads", "MKL_Set_Num_Threads"),
+)
+"""Names of the functions that tell and set the number of threads, of OpenBLAS and its copies, and of MKL."""
+_LOCK = threading.Lock()
+_users = 0
+_before: dict[str, int] = {}
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """A context in which the linear algebra of NumPy and SciPy has one thread, where it is OpenBLAS or MKL."""
+    _enter()
+    try:
+        yield
+    finally:
+        _leave()
+
+
+@contextmanager
+def threads_as_before() -> Iterator[None]:
+    """A context inside of `one_thread` for work of others, which may use all threads."""
+    _leave()
+    try:
+        yield
+    finally:
+        _enter()
+
+
+def _enter() -> None:
+    global _users
+    with _LOCK:
+        _users += 1
+        for path, (get, put) in _libraries("scipy.linalg" in sys.modules).items():
+            if (number := get()) > 1:
+                _before[path] = number
+                put(1)
+
+
+def _leave() -> None:
+    global _users
+    with _LOCK:
+        _users -= 1
+        if not _users:  # other threads of this process may be inside as well
+            for path, (_, put) in _libraries("scipy.linalg" in sys.modules).items():
+                if path in _before:
+                    put(_before.pop(path))
+
+
+@cache
+def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[[int], None]]]:
+    """Functions of each library that is loaded, by its path; SciPy may load another one than NumPy."""
+    found = {}
+    for path in _paths(with_scipy):
+        try:
+            library = ctypes.CDLL(path)
+        except OSError:  # removed, or of another kind
+            continue
+        for get, put in _FUNCTIONS:
+            if hasattr(library, get) and hasattr(library, put):
+                found[path] = getattr(library, get), getattr(library, put)
+    return found
+
+
+def _paths(with_scipy: bool) -> list[str]:
+    """Files of libraries that this process has loaded; beside the packages where the system does not list them."""
+    maps = Path("/proc/self/maps")
+    if maps.exists():
+        lines = maps.read_text().splitlines()
+        paths = {line.split(maxsplit=5)[-1] for line in lines if "/" in line}
+    else:
+        folders = [Path(sys.modules[name].__file__ or "").parent for name in ("numpy", "scipy")[: 1 + with_scipy]]
+        inside = (part for f in folders for part in (f.parent / f"{f.name}.libs", f / ".dylibs"))
+        paths = {str(path) for folder in inside if folder.exists() for path in folder.iterdir()}
+    return sorted(path for path in paths if "openblas" in Path(path).name or "mkl_rt" in Path(path).name)
