@@ -168,7 +168,7 @@ def test_budgets_are_spent_on_nodes_and_checks():
     box = mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
     for budget in (11, 40, 41, 100):
         with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width: f"):
-            bounds = mb.propagate(simulator, mb.PolynomialChaos(budget=budget), box)
+            bounds = mb.propagate(simulator, mb.PolynomialChaos(budget=budget, seconds=600.0), box)
         assert 0.8 * budget <= bounds.evaluations <= budget
     with pytest.raises(mb.PropagationError, match="the first level takes 11 runs, more than the budget of 10"):
         mb.propagate(simulator, mb.PolynomialChaos(budget=10), box)

@@ -65,7 +65,8 @@ LARGEST_SHARE = 0.25
 """Weight of the output with the largest error: the bounds of many outputs may be done when one is four times as far
 off as the tolerance."""
 MANY_VALUES = 1000
-"""Values of a run from which check runs tell how far the estimate is from errors: their ratio is a mean over many."""
+"""Values of a run from which check runs tell how far the estimate is from errors: their ratio is a mean over many. They
+are those of one output, or all of them if none has few shapes of time, which many smooth ones would hide."""
 FIELD_TRUST = 0.15
 """Least share of the estimate that errors of so many values are expected to have where check runs show less."""
 CHEAP_RUNS, CHEAP_SHARE = 60, 0.5

@@ -64,6 +64,7 @@ def _range_or_refinement(
     """
     widths, parts = runs.rms_widths(), pieces[0].refined_parts()
     is_field = len(pieces) == 1 and pieces[0].jumps is None and runs.shape[0] * runs.shape[1] >= MANY_VALUES
+    is_field = is_field and (runs.shape[0] >= MANY_VALUES or _least_shapes(runs) > TENSOR_PROBES[-1][0])
     measure, trust = (typical_error, FIELD_TRUST) if is_field else (relative_rms, TRUST)
     if len(pieces) == 1 and _affordable(parts, runs):
         if measure(pieces[0].truncation.least, widths) > tolerance / trust:
@@ -131,8 +132,15 @@ def _cost(parts: list[Part], runs: Runs) -> int:
 
 def _probes(runs: Runs) -> int:
     """The number of quasi-random check points."""
-    shapes = count_shapes(runs.responses.at(runs.responses.some_times), runs.rms_widths())
+    shapes = _least_shapes(runs)
     return next((number for most, number in TENSOR_PROBES if shapes <= most), 1)
+
+
+def _least_shapes(runs: Runs) -> int:
+    """The fewest shapes of time of an output that varies: others tell nothing of what these hide."""
+    Y, widths = runs.responses.at(runs.responses.some_times), runs.rms_widths()
+    shapes = (count_shapes(Y[..., [k]], widths[[k]]) for k in np.flatnonzero(np.isfinite(widths)))
+    return min(shapes, default=0)
 
 
 def _farthest(runs: Runs, union: Union, widths: Array) -> Piece:
