@@ -168,3 +168,21 @@ def test_bounds_do_not_depend_on_the_threads_of_linear_algebra():
         for threads in "12"
     ]  # fmt: skip
     assert told[0] == told[1] and told[0].startswith(("4", "5", "6"))
+
+
+@pytest.mark.parametrize(("d", "q"), [(4, 2), (4, 3), (5, 3), (5, 4), (6, 3), (6, 5)])
+def test_products_are_bounded_by_all_corners(d, q):
+    """A product acts for a while beside a sum: effects of parameters change their signs, and corners are exact."""
+    names, when = "abcdef"[:d], np.exp(-(((T - 3) / 0.5) ** 2))
+    shapes = np.stack([np.sin(T * (i + 1) / 2 + 0.3) for i in range(d)]) / 2
+
+    def f(**p):
+        x = np.array([p[name] for name in names])
+        return x @ shapes + np.prod(x[:q]) * when
+
+    box = dict.fromkeys(names, (-1.0, 1.0))
+    bounds, calls = study(f, box)
+    lower, upper = at_corners(f, box)
+    np.testing.assert_allclose(bounds.lower[:, 0], lower, atol=1e-6)
+    np.testing.assert_allclose(bounds.upper[:, 0], upper, atol=1e-6)
+    assert calls <= 2**d + 4 * d + 9 and not bounds.doubts

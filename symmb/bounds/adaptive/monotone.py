@@ -9,6 +9,7 @@ from symmb.bounds.adaptive.constants import EDGES, LOST_SHARE, MONOTONE_SHARE, P
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms
 from symmb.bounds.adaptive.screening import may_hide, screen
 from symmb.bounds.time_windows import LEAST_WIDTH
+from symmb.nodes import grid
 from symmb.polynomials import Expansion
 
 
@@ -20,8 +21,10 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
     at two opposite corners. A corner also serves the times and outputs whose own corners differ from it in parameters
     that hardly matter there.
 
-    The estimated error is that of corners that are not run, of effects with the other sign, and of how far any run
-    exceeds the corner that should be the best one.
+    The estimated error is that of corners that are not run, of effects with the other sign, of parabolas along the axes
+    that exceed their ends, and of how far any run exceeds the corner that should be the best one. If it is too large
+    because signs change, and corners are few, all of them are run: they are the extremes of responses that bend
+    little along each parameter, such as products.
 
     Parameters
     ----------
@@ -34,7 +37,8 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
     slope = lower_half + upper_half
     width = np.abs(slope).sum(axis=0)
     allowed = LOST_SHARE * tolerance * np.maximum(width, LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0)))
-    against = np.maximum(_against(slope, lower_half), _against(slope, upper_half))
+    bulge = _bulge(lower_half, upper_half)
+    against = bulge.copy()
 
     def error_of(against: Array) -> Array:
         return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
@@ -61,12 +65,40 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
             against[i] = np.maximum(against[i], _against(slope[i], effect))
     lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
     error = error_of(against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
-    if is_too_large(error):
-        return None
+    if is_too_large(error):  # as of products, whose effects change their signs
+        if not _run_all_corners(runs, signs[0], bulge):
+            return None
+        values = runs.checks[(np.abs(runs.points) == 1).all(axis=1)]
+        error = error_of(bulge) + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
+        if is_too_large(error):
+            return None
     if not runs.noise_is_known:
         runs.measure_noise()
     low, high = runs.extremes
     return EstimatedRange(low, high, error + MONOTONE_SHARE * tolerance * (high - low), expansion, is_enough=True)
+
+
+def _run_all_corners(runs: Runs, corner: Array, bulge: Array) -> bool:
+    """Run all corners, unless they are too many or fail, and halves of edges at two of them: they may raise bulges."""
+    d = len(corner)
+    if 2**d > min(PATIENCE * d, runs.left - 2 * d):
+        return False
+    base = np.stack([corner, -corner])
+    middles = np.concatenate([np.where(unit, 0.0, base) for unit in np.eye(d)])
+    if runs.checked(np.concatenate([grid(np.array([-1.0, 1.0]), d), middles])) is None:
+        return False
+    for i in range(d):
+        triple = (runs.checked(np.where(np.arange(d) == i, factor * base, base)) for factor in (-1.0, 0.0, 1.0))
+        below, middle, above = (np.asarray(each) for each in triple)
+        bulge[i] = np.maximum(bulge[i], _bulge(middle - below, above - middle).max(axis=0))
+    return True
+
+
+def _bulge(lower: Array, upper: Array) -> Array:
+    """How far parabolas with changes over the lower and upper half of an interval exceed their values at its ends."""
+    slope, bend = np.abs(lower + upper) / 2, np.abs(upper - lower) / 2
+    place = np.divide(slope, 2 * bend, out=np.ones_like(bend), where=2 * bend > slope)
+    return bend * np.square(1 - place)
 
 
 def _against(slope: Array, effect: Array) -> Array:

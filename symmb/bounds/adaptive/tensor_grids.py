@@ -14,6 +14,7 @@ from symmb.bounds.adaptive.constants import (
     CHECKED_TOGETHER,
     DOUBTED_SHARE,
     FARTHEST_SCALING,
+    FEW_SHAPES,
     FIELD_TRUST,
     LEAST_COST,
     MANY_VALUES,
@@ -64,7 +65,7 @@ def _range_or_refinement(
     """
     widths, parts = runs.rms_widths(), pieces[0].refined_parts()
     is_field = len(pieces) == 1 and pieces[0].jumps is None and runs.shape[0] * runs.shape[1] >= MANY_VALUES
-    is_field = is_field and (runs.shape[0] >= MANY_VALUES or _least_shapes(runs) > TENSOR_PROBES[-1][0])
+    is_field = is_field and (runs.shape[0] >= MANY_VALUES or _least_shapes(runs) > FEW_SHAPES)
     measure, trust = (typical_error, FIELD_TRUST) if is_field else (relative_rms, TRUST)
     if len(pieces) == 1 and _affordable(parts, runs):
         if measure(pieces[0].truncation.least, widths) > tolerance / trust:
@@ -133,6 +134,8 @@ def _cost(parts: list[Part], runs: Runs) -> int:
 def _probes(runs: Runs) -> int:
     """The number of quasi-random check points."""
     shapes = _least_shapes(runs)
+    if shapes > FEW_SHAPES:
+        shapes = count_shapes(runs.responses.at(runs.responses.some_times), runs.rms_widths())
     return next((number for most, number in TENSOR_PROBES if shapes <= most), 1)
 
 
