@@ -84,6 +84,7 @@ def one_sided(dae: DAE) -> OneSided | None:
     return OneSided(
         replace(
             dae.with_functions(one),
+            sampling=None if dae.sampling is None else dae.sampling.before(sides),
             p_names=(*dae.p_names, *(f"side {k}" for k in used)),
             p_nominal=np.concatenate([dae.p_nominal, np.ones(len(used))]),
         ),

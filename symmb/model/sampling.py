@@ -1,6 +1,6 @@
 """Sampled values of a system as compiled laws."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -40,6 +40,14 @@ class Sampling:
             s[value] = ca.if_else(is_due, new, s[value])
             s[count] = ca.if_else(is_due, number + 1, s[count])
         return s
+
+    def before(self, more: ca.SX) -> "Sampling":
+        """The same for parameters behind which more symbols stand, such as sides of switches."""
+        laws = []
+        for law in self.laws:
+            q, v, s, p, time = law.sx_in()
+            laws.append(ca.Function(law.name(), [q, v, s, ca.vertcat(p, more), time], law.call([q, v, s, p, time])))
+        return replace(self, laws=tuple(laws))
 
     def instants(self, times: Array) -> Array:
         """The instants (k,) after the first of the times (n_t,) up to the last [s]."""

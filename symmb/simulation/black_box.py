@@ -102,6 +102,7 @@ class BlackBox(ABC):
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run P (N, d) block by block, and reduce each block."""
+        P = checked_samples(self, P, progress)
         block = samples_of_block(len(P))
         if executor is None:
             return stream(self, P, reduction, None, progress, block)

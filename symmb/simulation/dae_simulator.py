@@ -24,7 +24,7 @@ from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, outputs_along
-from symmb.simulation.simulator import Progress, Reduction, Samples, stream
+from symmb.simulation.simulator import Progress, Reduction, Samples, checked_samples, stream
 from symmb.simulation.solver_choice import Pilot, another, choose, for_impacts, for_studies, pilot_of, require_able
 from symmb.simulation.two_ways import TwoWays, times_to_compare
 from symmb.symbolic import batch
@@ -269,7 +269,7 @@ class DAESimulator:
     def run(self, P: Array) -> Samples:
         """Run samples P (N, d). Outputs of a sample are nan after its failure."""
         with LOCK:
-            P = np.ascontiguousarray(P, dtype=float)
+            P = np.ascontiguousarray(checked_samples(self, P, None))
             if (lanes := self._lanes()) is not None:
                 return CompiledEnsemble(self.formulation, lanes, P, float(self.times[0]), self.threads)
             if self._stateless:
@@ -330,7 +330,7 @@ class DAESimulator:
         ------
         PropagationError       if the solver controls its step
         """
-        P = np.ascontiguousarray(P, dtype=float)
+        P = np.ascontiguousarray(checked_samples(self, P, None))
         x0, _ = self.formulation.start.states(P)
         for i, x in self.integration().march(x0, P):
             yield i, batch(self.formulation.y, x, P, self.times[i : i + 1])[0]

@@ -194,8 +194,8 @@ def stream(
 
     Raises
     ------
-    SimulationError
-        If P does not have one column for each parameter.
+    DeclarationError
+        If P does not have one column of numbers for each parameter.
     """
     P = checked_samples(simulator, P, progress)
     tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
@@ -240,18 +240,24 @@ def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -
 
     Raises
     ------
-    SimulationError         if they have another shape
-    DeclarationError        if progress is not a function
+    DeclarationError        if they have another shape or are no finite numbers, or progress is not a function
     """
     if progress is not None and not callable(progress):
         raise DeclarationError(f"progress: expected a function of the finished runs and all, got {progress!r}.")
-    P = np.asarray(P, dtype=float)
-    if P.ndim != 2 or P.shape[1] != len(simulator.parameters):
-        raise SimulationError(
-            f"{simulator!r}: samples must have shape (N, {len(simulator.parameters)}), "
-            f"one column for each of {', '.join(simulator.parameters)}; got {P.shape}."
-        )
-    return P
+    try:
+        given = np.asarray(P)
+    except (TypeError, ValueError):  # lists of different lengths
+        given = np.array(None)
+    is_number, width = given.dtype.kind in "iuf", len(simulator.parameters)
+    if is_number and given.shape == (len(given) if given.ndim else 0, width) and np.isfinite(given).all():
+        return given.astype(float, copy=False)
+    got = " ".join(repr(P).split())[:100]
+    if is_number:
+        got = f"the shape {given.shape}" if np.isfinite(given).all() else "numbers that are not finite"
+    raise DeclarationError(
+        f"{simulator!r}: samples must be numbers of the shape (N, {width}), "
+        f"one column for each of {', '.join(simulator.parameters)}; got {got}."
+    )
 
 
 def run_blocks(

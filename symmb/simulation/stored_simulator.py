@@ -142,8 +142,9 @@ class StoredSimulator:
 
     def run(self, P: Array) -> Ensemble:
         """Run samples P (N, d) that the file lacks, and read all of them."""
+        P = checked_samples(self, P, None)
         with opened(self.path) as database:
-            number = self._make(database, np.asarray(P, dtype=float), None, None)
+            number = self._make(database, P, None, None)
             return database.read(number, P, (len(self.times), len(self.outputs)))
 
     def run_seconds(self, p: Array) -> float:

@@ -126,6 +126,7 @@ def test_wrong_parameters_are_told():
     with pytest.raises(mb.DeclarationError, match="Parameter 'l1': nan is not a finite number"):
         mb.simulate(double_pendulum(), parameters={"l1": np.nan})
     with pytest.raises(
-        mb.SimulationError, match=r"samples must have shape \(N, 2\), one column for each of l1, l2; got \(3, 1\)"
+        mb.DeclarationError,
+        match=r"samples must be numbers of the shape \(N, 2\), one column for each of l1, l2; got the shape \(3, 1\)",
     ):
         mb.DAESimulator(double_pendulum()).stream(np.zeros((3, 1)), failures())

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
 from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
 
 import symmb as mb
 
@@ -252,3 +253,54 @@ def test_faults_name_the_value(make, text):
     with pytest.raises(mb.DeclarationError, match=text):
         made = make()
         mb.System(BODY, *(made if isinstance(made, tuple) else (made,)))
+
+
+INERTIA, ARM, MASS, G, LIMIT, HELD = 0.1, 0.3, 1.0, 9.81, 2.0, 0.1
+
+
+def arm_with_stops(stiffness, damping, parameters, friction):
+    """An arm under gravity between two stops. A sampled controller with limits drives it."""
+    p = mb.Parameters(**dict(list({"kp": 5.0, "kd": 1.0, "drag": friction}.items())[:parameters]))
+    kp, kd, drag = (getattr(p, name, value) for name, value in (("kp", 5.0), ("kd", 1.0), ("drag", friction)))
+    arm = mb.Body("arm", MASS, INERTIA)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), arm.point(-ARM, 0))
+    u = mb.Sampled("u", HELD, ca.fmax(-LIMIT, ca.fmin(LIMIT, -kp * hinge.angle - kd * hinge.angle_rate)))
+    stop = mb.Stop("stop", hinge, -0.2, 0.2, mb.KelvinVoigt(stiffness, damping))
+    drive = mb.Actuator("drive", hinge, u.value - drag * hinge.angle_rate * ca.fabs(hinge.angle_rate))
+    system = mb.System(arm, hinge, u, stop, drive, mb.Gravity(0, -G), parameters=p)
+    return mb.Scene(system, {"hinge.angle_rate": 1.0}, np.linspace(0, 0.4, 9), {"a": hinge.angle, "u": u.value})
+
+
+def arm_by_scipy(stiffness, damping, friction):
+    """(n_t, 2) its angle and torque: SciPy's LSODA from each instant to the next."""
+    times = np.linspace(0, 0.4, 9)
+
+    def rates(t, y, u):
+        a, w = y
+        push = max(0.0, stiffness * (-0.2 - a) - damping * w) if a < -0.2 else 0.0
+        push -= max(0.0, stiffness * (a - 0.2) + damping * w) if a > 0.2 else 0.0
+        torque = u - friction * w * abs(w) + push - MASS * G * ARM * np.cos(a)
+        return [w, torque / (INERTIA + MASS * ARM**2)]
+
+    y, rows = np.array([0.0, 1.0]), []
+    for begin in np.arange(0, 0.41, HELD):
+        u = float(np.clip(-5 * y[0] - y[1], -LIMIT, LIMIT))
+        due = times[(times >= begin - 1e-9) & (times < begin + HELD - 1e-9)]
+        run = solve_ivp(
+            rates, (begin, begin + HELD), y, "LSODA", dense_output=True, args=(u,), rtol=1e-9, atol=1e-12, max_step=5e-3
+        )
+        rows += [[run.sol(t)[0], u] for t in due]
+        y = run.y[:, -1]
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "parameters", "friction"),
+    [(1e3, 0.0, 0, 0.0), (1e4, 1e2, 1, 0.0), (1e4, 30.0, 2, 0.7), (1e5, 0.0, 3, 2.0), (1e5, 30.0, 3, 0.1)],
+)
+def test_sampled_controllers_meet_stops_as_by_scipy_whatever_the_solver(stiffness, damping, parameters, friction):
+    scene = arm_with_stops(stiffness, damping, parameters, friction)
+    expected = arm_by_scipy(stiffness, damping, friction)
+    for solver in (mb.DormandPrince(), mb.CVODES(), mb.CVODES(stiff=True), mb.Rosenbrock()):
+        run = mb.simulate(scene, solver)
+        assert_allclose(run.values, expected, atol=2e-5, err_msg=repr(solver))

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from symmb import Box, FunctionSimulator, MonteCarlo, PolynomialChaos, SimulationError, propagate
+from symmb import Box, DeclarationError, FunctionSimulator, MonteCarlo, PolynomialChaos, propagate
 from symmb.simulation.simulator import BLOCK, blocks, run_blocks, stream
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -67,5 +67,7 @@ def test_no_samples():
 
 
 def test_wrong_number_of_columns():
-    with pytest.raises(SimulationError, match=r"samples must have shape \(N, 2\), one column for each of a, b"):
+    with pytest.raises(
+        DeclarationError, match=r"samples must be numbers of the shape \(N, 2\), one column for each of a, b"
+    ):
         stream(SIMULATOR, np.zeros((3, 1)), None)
