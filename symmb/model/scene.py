@@ -249,4 +249,24 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
         return ["times: contains NaN or infinity."]
     if np.any(np.diff(array) <= 0):
         return ["times: must increase from one to the next; sort them and leave out repetitions."]
+    return [] if array.size == 1 else _horizon_faults(array)
+
+
+_HORIZONS = 1e-60, 1e60
+"""Shortest and longest horizon [s]. Fourth powers of steps, which are 1e-14 of it at the least, are finite numbers."""
+_ROUNDED = 1e-6
+"""Share of the horizon by which rounding may move a time: solvers move by small steps from one to the next."""
+
+
+def _horizon_faults(times: Array) -> list[str]:
+    """Faults of two and more times that computers cannot follow from one to the next."""
+    with np.errstate(over="ignore"):
+        horizon, rounding = float(times[-1] - times[0]), float(np.spacing(np.abs(times).max()))
+    shortest, longest = _HORIZONS
+    if not shortest <= horizon <= longest:
+        return [
+            f"times: from {times[0]:g} to {times[-1]:g} s; expected {shortest:g} to {longest:g} s. Use other units."
+        ]
+    if rounding > _ROUNDED * horizon:
+        return [f"times: numbers near {times[-1]:g} are {rounding:.1g} apart, too far for {horizon:g} s. Begin at 0."]
     return []

@@ -77,6 +77,22 @@ def test_example_builds_alone_and_agrees_with_scipy(tmp_path, rhs, s, oracle):
 
 
 @needs_compiler
+@pytest.mark.parametrize(
+    "rate, steps",
+    [(Q[0] ** 3, 4000), (ca.sqrt(0.5 - Q[0]), 7), (ca.exp(Q[0]), 30)],
+    ids=["runs away", "root", "exponential"],
+)
+def test_a_motion_that_breaks_down_ends_the_example_with_a_sentence(tmp_path, rate, steps):
+    rhs = ca.Function("rhs", [Q, V, P, T], [ca.vertcat(rate, 0), ca.SX(2, 1)], list("qvpt"), ["qdot", "vdot"])
+    options = {"q": [0.4, 0], "v": [0, 0], "parameters": PARAMETERS, "coordinates": ["x", "y"], "t0": 0.0, "t1": 400.0}
+    save_c({"rhs": rhs}, tmp_path / "c", example=example_c(rhs, **options, steps=steps))
+    with pytest.raises(subprocess.CalledProcessError) as error:
+        _build_and_run(tmp_path / "c")
+    assert error.value.returncode == 1 and "nan" not in error.value.stdout
+    assert error.value.stderr.startswith("The state became infinite or NaN in the step from t = ")
+
+
+@needs_compiler
 def test_functions_without_example_are_linked_by_a_program_of_ones_own(tmp_path):
     jacobian = ca.SX(2, 3)
     jacobian[0, 0], jacobian[1, 2] = ca.cos(P[0]), P[1] * P[2]

@@ -26,6 +26,11 @@ FAULTS = {
     "times that go back": ({"times": [0.0, 1.0, 0.5]}, "times: must increase from one to the next"),
     "a time twice": ({"times": [0.0, 1.0, 1.0]}, "times: must increase"),
     "an unknown time": ({"times": [0.0, np.nan]}, "times: contains NaN"),
+    "a horizon of almost nothing": ({"times": [0.0, 5e-324]}, r"times: from 0 to 4\.94066e-324 s; expected 1e-60 to"),
+    "a horizon of whose powers nothing is left": ({"times": [0.0, 1e-300]}, "times: from 0 to 1e-300 s; expected"),
+    "a horizon beyond numbers": ({"times": [-1e308, 0.0, 1e308]}, r"times: from -1e\+308 to 1e\+308 s; expected"),
+    "times too far from 0": ({"times": [1e15, 1e15 + 1]}, "near 1e.15 are 0.1 apart, too far for 1 s. Begin at 0"),
+    "small times too far from 0": ({"times": [3e9, 3e9 + 1e-3]}, "near 3e.09 are 5e-07 apart, too far for 0.00"),
     "a near miss in start": (
         {"start": {"rod.teta": 1.0}},
         r"start: no coordinate or velocity 'rod\.teta'\. Did you mean 'rod\.theta'",
@@ -144,3 +149,12 @@ def test_a_trajectory_answers_for_any_name_or_expression():
     assert_allclose(run(sp.Symbol("rod.y")), run["y"])
     with pytest.raises(mb.DeclarationError, match="symbol 'c' belongs to no parameter"):
         run(ca.SX.sym("c"))
+
+
+@pytest.mark.parametrize("times", [[0.0, 1e-16], [0.0, 1e-50], [0.0, 1e50], [1e6, 1e6 + 1], [-1e9, 1e9]], ids=str)
+def test_horizons_of_any_usual_size_run(times):
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    fall = mb.Scene(mb.System(ball, mb.Gravity(0, -1 / np.ptp([*times, 0]) ** 2)), {}, times, {"y": ball.y})
+    run = mb.simulate(fall)
+    elapsed = np.array(times) - times[0]
+    assert_allclose(run["y"], -0.5 * (elapsed / np.ptp([*times, 0])) ** 2, rtol=1e-6)
