@@ -19,9 +19,11 @@ class Table:
     oscillate beside a steep front, and an area could become negative. Beyond the first and the last point the value is
     constant.
 
+    Each point adds terms to the expression. A scene with 500 points takes seconds to compile, one with 10,000 minutes.
+
     Parameters
     ----------
-    x : sequence           n >= 2 places, increasing
+    x : sequence           n >= 2 places, increasing, at most 10,000
     y : sequence           n values
 
     Raises
@@ -54,6 +56,11 @@ class Table:
             raise DeclarationError("Table: x and y must be lists of numbers.") from None
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
             raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
+        if len(x) > _MOST_POINTS:
+            raise DeclarationError(
+                f"Table: {len(x)} points, at most {_MOST_POINTS}: each adds terms to the expression. Leave out points "
+                "where the curve through the others is as close as the data are known."
+            )
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
         if (np.diff(x) <= 0).any():
@@ -83,6 +90,8 @@ class Table:
         return ca.if_else(before(float(self.x[0]), True), float(self.y[0]), curve)
 
 
+_MOST_POINTS = 10_000
+"""Points of which the expression is still compiled, in minutes: CasADi's recursion runs out of stack with 100,000."""
 _BEND = 0.5
 """Change of the slope at a point, over the steeper of both slopes, from which on steps over the state end there."""
 

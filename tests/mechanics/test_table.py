@@ -80,6 +80,7 @@ def test_ten_tables_of_thirty_points_are_cheap():
         ([0.0], [1.0], "at least 2"),
         ([0.0, np.nan], [1.0, 2.0], "Table: x and y must be finite"),
         ([0.0, "one"], [1.0, 2.0], "Table: x and y must be lists of numbers"),
+        (np.arange(100_000.0), np.zeros(100_000), "Table: 100000 points, at most 10000: each adds terms"),
         ([0.0, 1.0], [1.0, X], "must be finite numbers; multiply the table itself"),
     ],
 )
