@@ -1,5 +1,6 @@
 """Checks of a start: velocities and accelerations that do not contradict each other."""
 
+import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
@@ -8,6 +9,9 @@ from symmb.start.labels import constraint_of_row
 from symmb.start.rank import vanishing_combinations
 from symmb.start.scales import rest_states
 from symmb.start.start import VIOLATION, Start
+
+_SHARE = 1e-6
+"""Share of a constraint in a listed value above which it determines it."""
 
 
 def check_velocities(start: Start, p0: Array) -> None:
@@ -26,12 +30,28 @@ def check_velocities(start: Start, p0: Array) -> None:
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
     off = np.abs(start.joint_residuals(q, v, p0).full()).ravel() if start.joint_residuals is not None else np.zeros(1)
     listed = ", ".join(start.listed_velocities)
-    remedy = f"Leave one of {listed} free." if listed else "None is listed in start: constraints contradict each other."
+    opposed = f" {', '.join(map(repr, start.redundant))}" if start.redundant else ""
+    remedy = f"Leave one of {listed} free." if listed else f"None is listed in start: constraints{opposed} contradict."
     if off.max() > r.max():
-        what = f"{start.joint_values[int(off.argmax())]} is off by {off.max():.2g}"
+        k = int(off.argmax())
+        others = _determining(start, k, q, v, p0, s)
+        asked = f" from what {', '.join(map(repr, others))} ask{'s' * (len(others) == 1)} for" if others else ""
+        what = f"{start.joint_values[k]} is off by {off.max():.2g}{asked}"
     else:
         what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
     raise AssemblyError(f"Start velocities contradict the constraints: {what}. {remedy}")
+
+
+def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Array, ...]) -> list[str]:
+    """The constraints whose rates determine the listed value of a joint of this number."""
+    dae, f = start.dae, start.joint_residuals
+    if dae.G is None or f is None:
+        return []
+    symbols = f.sx_in()
+    slopes = ca.Function("slopes", symbols, [ca.jacobian(f(*symbols), symbols[1])])(q, v, p).full()[k]
+    G = dae.G(q, v, *s, p, start.t0).full()
+    shares = np.abs(np.linalg.lstsq(G.T, slopes, rcond=None)[0])
+    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > _SHARE * shares.max()]
 
 
 def check_accelerations(start: Start, G: Array, sizes: Array) -> None:

@@ -32,7 +32,8 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven:
         return
     if len(rows) == dae.n_v:
-        if not all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint)):
+        joints = [e for e in scene.system.elements if isinstance(e, Constraint)]
+        if not scene.system.collected.decoupled and not all(isinstance(e, Weld) for e in joints):
             yield (
                 f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
                 "drives them. Leave out a constraint if it should move."

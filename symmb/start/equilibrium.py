@@ -16,6 +16,8 @@ _NEWTON_STEPS, _DAMPED_STEPS = 20, 400
 """Steps of Newton's method, and steps with drag."""
 _FIRST_STEP, _DRAG_DECAY = 0.02, 0.7
 """First displacement with drag [rad, share of the size], and the factor on the drag beside that of the forces."""
+_NEUTRAL = 1e-9
+"""Force of a displacement, over the largest one of any, that is rounding: constraints hold most displacements."""
 _LARGEST_STEP, _LARGEST_DAMPED_STEP = 2.0, 0.2
 """Largest displacement of a step [rad, share of the size]."""
 
@@ -117,11 +119,13 @@ def _first_drag(M: Array, force: Array, scales: Array) -> float:
 
 
 def is_stable(K: Array, G: Array) -> bool:
-    """Whether the equilibrium is stable: the forces K times displacements on the constraints are restoring."""
-    _, sigma, V = np.linalg.svd(G)
-    along = V[int((sigma > 1e-12 * sigma.max(initial=0.0)).sum()) :].T
+    """Whether the equilibrium is stable: no displacement on the independent rows G leads to forces K that enlarge it.
+
+    Forces that are rounding of the largest ones enlarge nothing: the equilibrium is neutral there.
+    """
+    along = np.linalg.svd(G)[2][len(G) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real
-    return bool(values.max(initial=0.0) <= 1e-9 * np.abs(values).max(initial=0.0))
+    return bool(values.max(initial=0.0) <= _NEUTRAL * np.abs(K).max(initial=0.0))
 
 
 def _unopposed(K: Array, G: Array) -> int | None:

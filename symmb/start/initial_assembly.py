@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
-from symmb.mechanics import Constraint
+from symmb.mechanics import Constraint, Motion
 from symmb.model import DAE, Scene
 from symmb.start.axis_alignment import turned_to_axes
 from symmb.start.gauss_newton import PositionRows, SingularRow
@@ -18,6 +18,9 @@ from symmb.start.labels import constraint_of_row
 from symmb.start.placement import placed_along_joints
 from symmb.start.remedies import Assembles, FailedScene, nearer_guess, other_guess, remedy
 from symmb.start.scales import with_coarse_scales
+
+_SHARED = 1e-3
+"""Violation of a drive, over the largest one, from which on it is named beside the joint with the largest one."""
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
@@ -130,7 +133,12 @@ def _reached(
         name = constraint_of_row(dae, int(np.abs(reached.r).argmax()))
         worst = float(np.abs(reached.r * dae.row_scales[: dae.n_c]).max())
         where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
-        text = f"Start does not satisfy Phi = 0: residual {worst:.2g} {where}."
+        drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
+        drives = [
+            e for e in drives if e != name and np.abs(reached.r[dae.rows[e]]).max() > _SHARED * np.abs(reached.r).max()
+        ]
+        also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
+        text = f"Start does not satisfy Phi = 0: residual {worst:.2g} {where}{also}."
         return _Failure(text, name, remedy, size)
     flipped = _flipped_joint(scene, dae, reached.q)
     if flipped is not None:

@@ -14,6 +14,8 @@ from symmb.start.joint_tree import GROUND
 from symmb.start.joint_values import of_positions
 from symmb.symbolic import product
 
+_NEAR = 0.5
+"""Cosine of directions that a joint locks parallel from which on Newton's method turns them together."""
 _ANGULAR = ("omega", "omega_x", "omega_y", "omega_z")
 Values = Mapping[str, float]
 """Values of the handles of a joint at the nominal parameters."""
@@ -38,10 +40,59 @@ class JointPlacement:
         moves_b = joint.bodies()[1].owner is self.scene.system.bodies[body]
         return self._placed(q, joint, self._joints[joint], body, moves_b)
 
+    def aligned_to_known(self, q: Array) -> Array:
+        """Coordinates q (n_q,) after bodies are turned with those of listed or guessed rotation to which joints lock
+        them."""
+        bodies = range(len(self.scene.system.bodies))
+        known = [k for k in bodies if self._is_guessed(k) or not self._turns_freely(k)]
+        locked = [pair for pair, joint in self._locking.items() if joint.assembly_cosines().numel() > 1]
+        for body in known:  # which grows
+            for other in [next(iter(pair - {body})) for pair in locked if body in pair and len(pair) > 1]:
+                if other not in (*known, GROUND):
+                    q = self.aligned(q, other, body)
+                    known.append(other)
+        return q
+
+    def aligned(self, q: Array, body: int, carrier: int) -> Array:
+        """Coordinates q (n_q,) after a body is turned with the joint that its carrier turns far.
+
+        Newton's method does not converge from axes at right angles, and finds the flipped root beyond. Rotations that
+        are listed or guessed stay.
+        """
+        joint = self._locking.get(frozenset((body, carrier)))
+        if joint is None or not self._turns_freely(body) or self._is_guessed(body):
+            return q
+        _, A, B, _ = self._frames(joint, q)
+        is_locked = joint.assembly_cosines().numel() > 1
+        if min(A[:, k] @ B[:, k] for k in ((0, 2) if is_locked else (2,))) > _NEAR:
+            return q
+        moves_b = joint.bodies()[1].owner is self.scene.system.bodies[body]
+        q = self._turned(q, body, _between(*((B[:, 2], A[:, 2]) if moves_b else (A[:, 2], B[:, 2]))))
+        if is_locked:
+            _, A, B, _ = self._frames(joint, q)
+            q = self._turned(q, body, (-1 if moves_b else 1) * _angle_about_axis(A, B) * A[:, 2])
+        return q
+
     @property
     def pairs(self) -> Iterable[frozenset[int]]:
         """The bodies that each joint with values connects, by their numbers."""
         return self._joint_between.keys()
+
+    @cached_property
+    def _locking(self) -> dict[frozenset[int], AxisJoint]:
+        """The joint between two bodies that locks most of their directions parallel."""
+        numbers = {id(body): k for k, body in enumerate(self.scene.system.bodies)}
+        joints = [e for e in self.scene.system.elements if isinstance(e, AxisJoint) and e.assembly_cosines().numel()]
+        joints.sort(key=lambda joint: -joint.assembly_cosines().numel())
+        found: dict[frozenset[int], AxisJoint] = {}
+        for joint in joints:
+            found.setdefault(frozenset(numbers.get(id(end.owner), GROUND) for end in joint.bodies()), joint)
+        return found
+
+    def _is_guessed(self, body: int) -> bool:
+        """Whether the rotation of a body is guessed."""
+        name = self.scene.system.bodies[body].name
+        return any(self.dae.q_names[i] in (f"{name}.theta", f"{name}.e0") for i in self.scene.guesses)
 
     @cached_property
     def _joint_between(self) -> dict[frozenset[int], AxisJoint]:
@@ -85,7 +136,7 @@ class JointPlacement:
         q = self._turned(q, body, _between(own[:, 2], other[:, 2]))
         angle, A, B, _ = self._frames(joint, q)
         if not joint.turns:
-            angle, wanted = float(np.arctan2(A[:, 1] @ B[:, 0], A[:, 0] @ B[:, 0])), 0.0
+            angle, wanted = _angle_about_axis(A, B), 0.0
         else:
             wanted = values.get("angle", angle if joint.zero is None else 0.0)
         q = self._turned(q, body, sign * (wanted - angle) * A[:, 2])
@@ -105,7 +156,7 @@ class JointPlacement:
         """For each joint a Function (q, p) -> angle, frames and distance, and the numbers of its coordinates q."""
         system, functions = self.scene.system, {}
         numbers = {q.element_hash(): k for k, q in enumerate(ca.vertsplit(system.q))} if system.q.numel() else {}
-        for joint in self._joints:
+        for joint in {*self._joints, *self._locking.values()}:
             angle = joint.angle if joint.turns else ca.SX(0)
             states = [s for s in ca.symvar(angle) if s.name() == f"{joint.name}.angle"]
             angle = ca.substitute(angle, ca.vertcat(*states), ca.SX.zeros(len(states), 1)) if states else angle
@@ -133,6 +184,11 @@ class JointPlacement:
             if self._numbers.get(f"{name}.v{part}", -1) in self.free:
                 q[self._numbers[f"{name}.{part}"]] += distance
         return q
+
+
+def _angle_about_axis(A: Array, B: Array) -> float:
+    """The angle of a frame B (3, 3) about the common axis z, next to a frame A [rad]."""
+    return float(np.arctan2(A[:, 1] @ B[:, 0], A[:, 0] @ B[:, 0]))
 
 
 def _between(start: Array, end: Array) -> Array:

@@ -29,7 +29,9 @@ def placed_along_joints(scene: Scene, dae: DAE, rows: PositionRows, q: Array, fr
     for number, where in enumerate(dae.rows.values()):
         element_of[where] = number
     tree = JointTree(carrying, range(len(scene.system.bodies)), joints.pairs)
+    q = joints.aligned_to_known(q)
     for body, carrier in tree.carriers.items():
+        q = joints.aligned(q, body, carrier)
         moved = joints.moved(q, body, carrier)
         if moved is not None:
             q = moved

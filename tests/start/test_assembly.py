@@ -178,3 +178,52 @@ def test_gears_turn_more_than_once_at_the_start(angle):
     start = {"a.rotation": mb.rotation((0, 0, 1), angle), "a.omega": (0, 0, 1.0)}
     run = mb.simulate(mb.Scene(system, start, np.linspace(0, 1, 5), {"sin": b.rotation[1, 0]}))
     assert_allclose(run["sin"], np.sin(3 * (angle + run.t)), atol=1e-8)
+
+
+@pytest.mark.parametrize("angle", [1.6, 2.0, -2.5, 3.14, 4.0])
+@pytest.mark.parametrize("listed", ["a", "b"])
+@pytest.mark.parametrize("kind", ["Weld", "Prismatic"])
+@pytest.mark.parametrize("pose", [mb.Planar, mb.Spatial])
+def test_bodies_that_a_joint_locks_parallel_follow_a_rotation_beyond_a_right_angle(pose, kind, listed, angle):
+    flat, ground = pose is mb.Planar, mb.Ground()
+    a, b = (mb.Body(name, 1.0, 0.1 if flat else (0.1, 0.1, 0.1), pose()) for name in "ab")
+    hinge = mb.Revolute("hinge", ground.point(0, 0), a.point(-0.5, 0))
+    more = {} if kind == "Weld" else {"axis": (1, 0, 0)}
+    lock = getattr(mb, kind)("lock", b.point(-0.2, 0), a.point(0.5, 0), **more)
+    start = {f"{listed}.theta": angle} if flat else {f"{listed}.rotation": mb.rotation((0, 0, 1), angle)}
+    place = {"y": 0.5 * np.sin(angle)} if kind == "Weld" else {}
+    at = mb.DAESimulator(mb.Scene(mb.System(a, b, hinge, lock), start, times=[0, 1])).start
+    q = dict(zip(at.dae.q_names, at.q_nominal, strict=True))
+    for body in "ab":
+        if flat:
+            assert np.cos(q[f"{body}.theta"] - angle) == pytest.approx(1)
+        else:
+            assert abs(q[f"{body}.e0"]) == pytest.approx(abs(np.cos(angle / 2)), abs=1e-9)
+    assert (q["a.x"], q["a.y"]) == pytest.approx((0.5 * np.cos(angle), 0.5 * np.sin(angle)), abs=1e-9)
+    assert not place or q["b.y"] == pytest.approx(1.2 * np.sin(angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("turn", [1.7, 2.2, 3.0])
+def test_hinges_follow_the_axis_of_a_carrier_that_is_turned_far(turn):
+    ground = mb.Ground()
+    a, b = (mb.Body(name, 1.0, (0.1, 0.1, 0.1), mb.Spatial()) for name in "ab")
+    ball = mb.Spherical("ball", ground.point(0, 0, 0), a.point(-0.5, 0, 0))
+    hinge = mb.Revolute("hinge", a.point(0.5, 0, 0), b.point(-0.5, 0, 0))
+    scene = mb.Scene(mb.System(a, b, ball, hinge), {"a.rotation": mb.rotation((1, 0.2, 0), turn)}, times=[0, 1])
+    start = mb.DAESimulator(scene).start
+    assert start.dae.assembly_cosines(start.q_nominal, []).full().min() == pytest.approx(1)
+
+
+def test_a_motor_that_contradicts_the_start_is_named():
+    rod, ground = mb.Body("rod", 1.0, 0.1), mb.Ground()
+    hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(-0.5, 0))
+
+    def starts(law, start, *more):
+        mb.DAESimulator(mb.Scene(mb.System(rod, hinge, mb.Motion("motor", *law), *more), start, times=[0, 1]))
+
+    with pytest.raises(mb.AssemblyError, match=r"hinge\.angle_rate is off by 1 from what 'motor' asks for"):
+        starts((hinge.angle, 2 * mb.t), {"hinge.angle_rate": 1.0})
+    with pytest.raises(mb.AssemblyError, match="in joint 'hinge', against the drive of 'motor'"):
+        starts((rod.x, 0.9 + mb.t), {"rod.theta": 0.0, "rod.y": 0.2})
+    with pytest.raises(mb.AssemblyError, match="constraints 'motor', 'other' contradict"):
+        starts((rod.theta, mb.t), {}, mb.Motion("other", rod.theta, 2 * mb.t))

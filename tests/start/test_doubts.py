@@ -99,3 +99,27 @@ def test_impacts_of_one_instant_that_have_nothing_to_do_with_each_other_are_not_
     system = mb.System(*balls, *floors, mb.Gravity(0, -9.81))
     run = mb.simulate(mb.Scene(system, {"a.y": 1.0, "b.y": 1.0}, TIMES[:3]))
     assert len(run.events) >= 2 and event_doubts(run.events) == ()
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (1, 2, 0), (0.3, -1, 2)])
+def test_a_particle_on_a_rail_is_not_locked(axis):
+    """Along x nothing acts on it: the coordinate leaves the state, but it is free."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    rail = mb.PointOnLine("rail", GROUND.point(0, 0), ball.point(0, 0), axis=axis)
+    assert doubts(mb.Scene(mb.System(ball, rail, mb.Gravity(0, -9.81)), times=TIMES)) == ()
+    pin = mb.Spherical("pin", GROUND.point(0, 0), ball.point(0, 0))
+    (text,) = doubts(mb.Scene(mb.System(ball, pin, mb.Gravity(0, -9.81)), times=TIMES))
+    assert "locked" in text
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("axis", [(0, 0, 1), (0.6, 0, 0.8)])
+def test_a_door_that_balances_everywhere_is_neutral(count, axis):
+    """Gravity along the hinges, of which all but one are redundant: the door stays where it is put."""
+    leaf = mb.Body("leaf", 20.0, (4.0, 1.0, 3.0), mb.Spatial(), com=(0.4, 0.1, 0.9))
+    hinges = [
+        mb.Revolute(f"h{k}", GROUND.point(*(k * c for c in axis)), leaf.point(*(k * c for c in axis)), axis=axis)
+        for k in range(count)
+    ]
+    gravity = mb.Gravity(*(-9.81 * c for c in axis))
+    assert doubts(mb.Scene(mb.System(leaf, *hinges, gravity), times=TIMES)) == ()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from redundant_scenes import mechanism
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -136,4 +137,16 @@ def test_a_strut_between_welded_bodies_changes_nothing(pose, coordinates):
         lambda _, z: (z[1], -9.81 * (0.5 + 1.2) * np.cos(z[0]) / inertia), (0, 1), (0, 0), "DOP853", TIMES, rtol=1e-11
     )
     assert_allclose(run["y"], 0.5 * np.sin(known.y[0]), rtol=0, atol=1e-6)
+    assert not run.doubts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 4, 5, 11])
+def test_random_mechanisms_move_as_without_their_redundant_joints(seed):
+    """A small draw of tests/benchmarks/redundant_mechanisms.py, in coordinates of joints against those of bodies."""
+    m = mechanism(seed)
+    known = mb.simulate(m.plain(), mb.CVODES(rtol=1e-9))
+    run = mb.simulate(m.redundant("joint"), mb.DormandPrince(rtol=1e-9))
+    size = np.abs(known.values).max(axis=0)
+    assert_allclose(run.values / size, known.values / size, rtol=0, atol=1e-6)
     assert not run.doubts
