@@ -120,6 +120,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     if len(chosen) < dae.n_v:
         return None
     others = [k for k in range(listed.numel()) if k not in chosen]
+    implied = ca.vertcat(listed[others], _left_out(start, q_b, p)) if start.redundant else listed[others]
     q_j = ca.SX.sym("q", dae.n_q)
     q_of = of_bodies(q_j, p)
     s = start.dae.s_start(q_of, p) if start.dae.s_start is not None else ca.SX(0, 1)
@@ -133,9 +134,19 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
         position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
         velocities=ca.Function("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]], {"cse": True}),
         joint_residuals=None if start.joint_residuals is None else _residuals(start.joint_residuals, scene, joints),
-        implied=ca.Function("implied", [u, p], [listed[others]], {"cse": True}) if others else None,
+        implied=ca.Function("implied", [u, p], [ca.densify(implied)], {"cse": True}) if implied.numel() else None,
     )
     return None if found.states(p_nominal[None])[1][0] else found
+
+
+def _left_out(start: Start, q: ca.SX, p: ca.SX) -> ca.SX:
+    """All rows of the bodies and their rates, over their scales, where bodies have coordinates q (n_q,).
+
+    Redundant rows hold as well: with other parameters they may contradict those that are kept.
+    """
+    dae, v = start.dae, start.velocities(q, p)
+    at = (q, v, *([dae.s_start(q, p)] if dae.s_start is not None else []), p, ca.SX(start.t0))
+    return ca.vertcat(*[f(*at) / dae.row_scales[: f.numel_out(0)] for f in (dae.Phi, dae.Phi_dot) if f is not None])
 
 
 def _residuals(of_bodies: ca.Function, scene: Scene, joints: System) -> ca.Function:

@@ -1,5 +1,6 @@
 """The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -23,7 +24,7 @@ from symmb.start.rank import (
     row_sizes,
 )
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
-from symmb.start.start import Start
+from symmb.start.start import VIOLATION, Start
 from symmb.start.velocities import start_velocities
 from symmb.symbolic import batch
 
@@ -65,6 +66,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     G_moved, of_moved = _scaled_jacobian(moved, q0, t0) if rates else (G, sizes)
     solved_velocities = free_velocities[independent_rows_and_columns(G_moved[:, free_velocities], of_moved)[1]]
     v0 = velocities(positions.q0, p0).full().ravel()
+    redundant = redundant_names(G / sizes[:, None], len(rows), dae.rows) if is_redundant else ()
+    lost = _only_nominal(scene, dae, positions, t0, redundant, len(rows)) if is_redundant else ()
     start = Start(
         dae,
         t0,
@@ -86,9 +89,9 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         rows=None if sufficient is None else tuple(sufficient.tolist()),
         nullities=nullities,
         ranks=(len(rows), len(position_rows)),
-        redundant=redundant_names(G / sizes[:, None], len(rows), dae.rows) if is_redundant else (),
+        redundant=redundant,
         is_equilibrium=scene.equilibrium,
-        doubts=tuple(start_doubts(scene, dae, positions.q0, v0, t0, rows)),
+        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, rows), *lost),
         held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
     )
     check_velocities(start, p0)
@@ -104,6 +107,37 @@ def _scaled_jacobian(dae: DAE, q: Array, t0: float, general: Array | None = None
     G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
     general = general_entries(dae, q, t0) if general is None else general
     return G, row_sizes(G, general * dae.displacement_scales)
+
+
+def _only_nominal(
+    scene: Scene, dae: DAE, positions: "_Positions", t0: float, names: tuple[str, ...], rank: int
+) -> Iterator[str]:
+    """The doubt that constraints of these names are redundant at the nominal parameters, but not all over the box."""
+    if scene.box is None or dae.Phi is None:
+        return
+    p, bounds = dae.p_nominal.copy(), np.array(scene.box.bounds)
+    varied = [dae.p_names.index(name) for name in scene.box.names]
+    p[varied] = bounds[:, 0] + np.random.default_rng(0).uniform(size=len(varied)) * (bounds[:, 1] - bounds[:, 0])
+    u, solved = np.zeros((1, positions.place.numel_in(0))), True
+    if positions.position is not None:
+        u, (solved,) = positions.position.solve(p[None])
+    q = batch(positions.place, u, p[None])[0][0]
+    if not solved:
+        return
+    at = [ca.SX(ca.DM(part)) for part in (q, p)]
+    r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *at), at[1], t0))).ravel() / dae.row_scales[: dae.n_c]
+    limit = VIOLATION * max(float(np.abs(q / dae.coordinate_scales).max(initial=0.0)), 1.0)
+    if np.abs(r).max(initial=0.0) > limit:
+        then = "there they contradict each other, and runs do not start"
+    elif len(independent_rows_and_columns(*_scaled_jacobian(replace(dae, p_nominal=p), q, t0))[0]) > rank:
+        then = "there they leave fewer motions free, which runs miss"
+    else:
+        return
+    where = ", ".join(f"{dae.p_names[k]} = {p[k]:.6g}" for k in varied)
+    yield (
+        f"Constraints {', '.join(map(repr, names))} are redundant at the nominal parameters, but not at {where}: "
+        f"{then}. Leave one of them out, or give points and axes that fit for all parameters."
+    )
 
 
 @dataclass(frozen=True, eq=False)

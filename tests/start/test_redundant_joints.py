@@ -150,3 +150,25 @@ def test_random_mechanisms_move_as_without_their_redundant_joints(seed):
     size = np.abs(known.values).max(axis=0)
     assert_allclose(run.values / size, known.values / size, rtol=0, atol=1e-6)
     assert not run.doubts
+
+
+@pytest.mark.parametrize("coordinates", ["body", "joint"])
+def test_hinges_that_fit_at_the_nominal_parameters_only_are_told(coordinates):
+    """The upper hinge moves aside: nothing starts. Or a strut's end leaves the axis: nothing moves."""
+    p, axis = mb.Parameters(e=0.0), np.array(AXES[1]) / np.linalg.norm(AXES[1])
+    up, leaf = 1.7 * axis, mb.Body("leaf", MASS, INERTIA, mb.Spatial(), com=(0.4, 0.1, 0.9))
+    hinge = mb.Revolute("lower", GROUND.point(0, 0, 0), leaf.point(0, 0, 0), axis=tuple(axis))
+    above = GROUND.point(up[0] + p.e, up[1], up[2])
+    aside = leaf.point(up[0], up[1] + p.e, up[2])
+    length = ((up[0] - 1) ** 2 + (up[1] + p.e) ** 2 + up[2] ** 2) ** 0.5
+    for second, told in (
+        (mb.Revolute("upper", above, leaf.point(*up), axis=tuple(axis)), "contradict each other"),
+        (mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer motions free"),
+    ):
+        system = mb.System(leaf, hinge, second, mb.Gravity(*GRAVITY), parameters=p)
+        scene = mb.Scene(system, times=TIMES, coordinates=coordinates, box=mb.Box(e=(-0.01, 0.01)))
+        simulator = mb.DAESimulator(scene)
+        (doubt,) = simulator.start.doubts
+        assert "'lower', 'upper' are redundant at the nominal parameters, but not at e = 0.0" in doubt and told in doubt
+        _, reasons = simulator.start.states(np.array([[0.0], [0.01]]))
+        assert reasons[0] == "" and (reasons[1] != "") == ("contradict" in told)
