@@ -88,10 +88,14 @@ def _linear(m: Mechanism) -> str:
         guess = {**subject.guess, **{k: v for k, v in subject.start.items() if not k.endswith(("rate", "omega"))}}
         return replace(subject, start={}, guess=guess, equilibrium=True)
 
-    known = mb.linearize(scene(replace(m.plain(), coordinates="joint"))).eigenvalues
-    by_joints, by_bodies = (mb.linearize(scene(m.redundant(c))).eigenvalues for c in ("joint", "body"))
+    scenes = [scene(s) for s in (replace(m.plain(), coordinates="joint"), m.redundant("joint"), m.redundant("body"))]
+    known, by_joints, by_bodies = (mb.linearize(s).eigenvalues for s in scenes)
     if not len(known) == len(by_joints) == len(by_bodies):
         return f"SILENT {len(known)} eigenvalues, {len(by_joints)} in joints, {len(by_bodies)} in bodies"
+    if m.kind in LOOPS:  # the same scene in other coordinates may settle in another equilibrium
+        at = [mb.simulate(replace(s, times=[0.0, 1e-3])).values[0] for s in scenes[:2]]
+        if np.abs(at[0] - at[1]).max() > SAME:
+            return "counted"
     size = np.abs(known).max(initial=0.0)
     apart = max((np.abs(known - value).min() for value in by_joints), default=0.0) / (size or 1.0)
     return "right" if apart <= SAME else f"SILENT {apart:.1e}"
@@ -128,7 +132,7 @@ def main(first: int = 0, number: int = 400) -> None:
         counts["mechanisms"] += 1
         for what, verdict in verdicts:
             counts[f"{what}: {verdict.split(':')[0].split()[0].rstrip(',')}"] += 1
-            if verdict != "right":
+            if verdict not in ("right", "counted"):
                 print(seed, kind, "|", what, "|", verdict, flush=True)
     for what, count in sorted(counts.items()):
         print(f"{count:6d}  {what}")
