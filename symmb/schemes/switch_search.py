@@ -9,10 +9,12 @@ from symmb._types import Array, Indices
 from symmb.schemes.embedded_pair import interpolated, interpolated_change
 from symmb.schemes.roots import roots
 
-LEAST_PART = 2.0**-20
+LEAST_PART = 2.0**-40
 """Share of a step: shorter parts are judged by their ends."""
 MOST_PARTS = 64
 """Open parts of a step at once: nothing is known behind them."""
+_SLIGHT = 1e-3
+"""Share of a switch's rounding that counts as 0 within a step: that of a narrow pulse exceeds its height."""
 _SLOPE_OFF = 16 * np.sqrt(3) / 9
 """A slope is off that of the cubic by so many times the largest distance of states."""
 
@@ -57,7 +59,7 @@ def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, roun
         share = high - low
         box = _box(x_low, share * dx_low, x_high, share * dx_high, share**4 * off[:, lane])
         least, fall, rise = bounds(box, low, high, lane)
-        lost = np.where(share < 1, rounding, 0.0)  # a whole step near a switch is looked at in halves
+        lost = np.where(share < 1, _SLIGHT * rounding, 0.0)  # a whole step near a switch is looked at in halves
         start = u_low + lost
         between = (u_high >= 0) & (start >= 0) & (start * rise - (u_high + lost) * fall > -fall * rise)
         told = (least > np.where(u_high < 0, 0.0, -lost)) | between | (fall >= 0) | (rise <= 0)

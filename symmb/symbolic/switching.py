@@ -55,8 +55,10 @@ _FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
 """Operations that change within a short part of the range of their argument, about 0, and are flat elsewhere.
 
 An exponential changes also about the largest value of its argument. Products and differences of them make pulses."""
-_LEVELS = (-40.0, 1.0, 40.0)
-"""Arguments where fronts begin, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions only touch."""
+_LEVELS = (-40.0, -10.0, -1.0, 1.0, 10.0, 40.0)
+"""Arguments where fronts begin, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions only touch.
+
+A motion may turn back on either flank: a step that begins far from it may end behind both passes of it."""
 _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 """Operations that are not defined for negative numbers, powers unless their exponent is whole."""
 

@@ -32,13 +32,14 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define BEYOND 1.002 /* length of the shorter step over that to the switch */
 
 #if N_S > 0
-#define LEAST_PART 9.5367431640625e-07 /* share of a step, 2^-20: shorter parts are judged by their ends */
+#define LEAST_PART 9.094947017729282e-13 /* share of a step, 2^-40: shorter parts are judged by their ends */
 #define MOST_PARTS 256      /* of a step, in which ranges do not exclude a pass: the step then ends before the next one */
 #define LONG_PART 0.015625  /* share of a step, 2^-6: that of the first parts at least */
 #define SETTLINGS 8         /* passes over switches that depend on the sides of others */
 #define MOST_ROOT_STEPS 150 /* every third is a bisection, of which 52 are enough */
 #define SCREEN 0.25         /* share of the distance between chord and cubic of a step, by which its state may be off the
                                cubic: four times what it is for a sine whose phase changes by 2 in a step */
+#define SLIGHT 1e-3         /* hystereses that count as 0 within a step: that of a narrow pulse is larger than its height */
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
 
@@ -99,7 +100,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
   for (int k = 0; k < N_S; ++k) {
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
-    const V rounding = each(share < 1.0 ? hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
+    const V rounding = each(share < 1.0 ? SLIGHT * hysteresis[k] : 0.0); /* a whole step near a switch is looked at in halves */
     const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
     const V from = u[k] + rounding, to = u_end[k] + rounding;
     const M between = (M)(from >= 0.0) & (M)(from * rise - to * fall > -fall * rise);

@@ -1,0 +1,119 @@
+"""Switches and contacts that are short in a step that nothing else shortens: none is passed over."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import symmb as mb
+
+pytestmark = pytest.mark.slow
+
+
+def wheel(act, rate, end, **more):
+    """A wheel that turns evenly, and a particle that is pushed by 1 N times act(angle)."""
+    body, rotor = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("rotor", 1.0, 0.1)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rotor.point(0, 0))
+    p = mb.Parameters(force=1.0)
+    push = mb.Force("push", body.point(0, 0, 0), (p.force * act(hinge.angle), 0, 0))
+    system = mb.System(body, rotor, hinge, push, parameters=p)
+    box = mb.Box.around(p, 0.1)
+    return mb.Scene(system, {"hinge.angle_rate": rate}, np.linspace(0, end, 7), {"v": body.vx}, box=box, **more)
+
+
+def share_of(act, rate, end):
+    """The time of action: an integral over many points."""
+    x = ca.SX.sym("x")
+    t = (np.arange(2_000_000) + 0.5) * end / 2_000_000
+    return float(np.array(ca.Function("act", [x], [act(x)])(rate * t[None])).mean() * end)
+
+
+ACTS = {
+    "kick": lambda a: ca.if_else(ca.cos(a) < -0.9, 1.0, 0.0),
+    "short kick": lambda a: ca.if_else(ca.sin(a + 0.3) > 0.999, 1.0, 0.0),
+    "cam": lambda a: ca.fmax(ca.cos(3 * a) - 0.8, 0),
+    "window": lambda a: ca.if_else(ca.logic_and(ca.fmod(a, 2 * np.pi) > 2.0, ca.fmod(a, 2 * np.pi) < 2.3), 1.0, 0.0),
+    "sawtooth": lambda a: a / 2.1 - ca.floor(a / 2.1),
+    "remainder": lambda a: ca.remainder(a - 0.2, 1.7),
+    "steps": lambda a: ca.ceil(0.4 * a),
+    "commutator": lambda a: ca.sign(ca.sin(2 * a + 0.1)) * ca.cos(a),
+}
+
+
+@pytest.mark.parametrize("solver", [None, mb.CVODES()], ids=["chosen", "CVODES"])
+@pytest.mark.parametrize("rate", [2 * np.pi, -9.1])
+@pytest.mark.parametrize("act", ACTS.values(), ids=ACTS)
+def test_a_wheel_that_turns_evenly_acts_in_each_turn(act, rate, solver):
+    run = mb.simulate(wheel(act, rate, 5.3), solver)
+    assert run["v"][-1] == pytest.approx(share_of(act, rate, 5.3), abs=2e-5) and not run.doubts
+
+
+def test_bounds_of_a_study_know_each_turn():
+    bounds = mb.propagate(wheel(ACTS["kick"], 2 * np.pi, 10.2), mb.PolynomialChaos())
+    exact = share_of(ACTS["kick"], 2 * np.pi, 10.2)
+    np.testing.assert_allclose([bounds["v"][0][-1], bounds["v"][1][-1]], [0.9 * exact, 1.1 * exact], rtol=1e-4)
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES(), mb.Rosenbrock()], ids=repr)
+@pytest.mark.parametrize(("width", "gravity"), [(0.01, 0.0), (0.001, 0.05)])
+def test_a_force_contact_that_is_short_in_the_run_acts(width, gravity, solver):
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    bump = 0.1 / (1 + ((ball.x - 0.48712) / width) ** 2)
+    push = mb.Force("push", ball.point(0, 0), (0, ca.fmax(0, bump - ball.y) * 100 / width - gravity))
+    scene = mb.Scene(mb.System(ball, push), {"ball.vx": 1.0, "ball.y": 0.05}, np.linspace(0, 1, 21), {"vy": ball.vy})
+
+    def rates(t, x):
+        return [x[1], 100 / width * max(0, 0.1 / (1 + ((t - 0.48712) / width) ** 2) - x[0]) - gravity]
+
+    exact = solve_ivp(rates, (0, 1), [0.05, 0.0], rtol=1e-10, atol=1e-12, max_step=width / 20).y[1, -1]
+    assert mb.simulate(scene, solver)["vy"][-1] == pytest.approx(exact, rel=1e-5)
+
+
+@pytest.mark.parametrize("width", [0.3, 0.05, 0.01, 0.0004])
+def test_an_impact_with_a_narrow_bump_happens(width):
+    """A ball at the height of 0.05 m meets a triangle of 0.1 m at half its flank and rebounds without loss."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    gap = ball.y - 0.1 * ca.fmax(0, 1 - ca.fabs((ball.x - 0.48712) / width))
+    scene = mb.Scene(
+        mb.System(ball, mb.Impact("wall", gap, 1.0)), {"ball.vx": 1.0, "ball.y": 0.05}, np.linspace(0, 1, 5)
+    )
+    run = mb.simulate(scene)
+    normal = np.array([-0.1 / width, 1.0]) / np.hypot(0.1 / width, 1.0)
+    assert [event.time for event in run.events] == [pytest.approx(0.48712 - width / 2, abs=1e-9)]
+    rebound = np.array([1.0, 0.0]) - 2 * normal[0] * normal
+    np.testing.assert_allclose([run["ball.vx"][-1], run["ball.vy"][-1]], rebound, atol=1e-8)
+
+
+PERIODIC = {
+    "PWM": (lambda t: ca.if_else(ca.fmod(t, 0.01) < 0.003, 1.0, 0.0), 3.0, 0.9),
+    "PWM by floor": (lambda t: ca.if_else(t / 0.02 - ca.floor(t / 0.02) < 0.1, 1.0, 0.0), 3.0, 0.3),
+    "window": (lambda t: ca.if_else(ca.fabs(ca.remainder(t - 0.05, 0.1)) < 1e-4, 1e3, 0.0), 2.0, 4.0),
+    "table": (lambda t: mb.Table([0, 0.2, 0.201, 0.202, 0.5], [0, 0, 1e2, 0, 0])(ca.fmod(t, 0.5)), 20.0, None),
+    "sawtooth": (lambda t: ca.fmod(t, 0.7), 7.0, 2.45),
+}
+
+
+@pytest.mark.parametrize("solver", [None, mb.CVODES(), mb.CVODES(stiff=True)], ids=["chosen", "Adams", "BDF"])
+@pytest.mark.parametrize("law", PERIODIC)
+def test_each_period_of_a_law_of_time_acts(law, solver):
+    law, end, exact = PERIODIC[law]
+    if exact is None:
+        t = ca.SX.sym("t")
+        table = ca.Function("table", [t], [law(t)])
+        exact = 40 * float(np.trapezoid(np.array(table(np.linspace(0, 0.5, 500_001)[None])).ravel(), dx=1e-6))
+    body = mb.Body("body", 1.0, pose=mb.Particle())
+    push = mb.Force("push", body.point(0, 0), (law(mb.t), 0))
+    run = mb.simulate(mb.Scene(mb.System(body, push), times=np.linspace(0, end, 7), outputs={"v": body.vx}), solver)
+    assert run["v"][-1] == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("height", [0.6, 100.0])
+@pytest.mark.parametrize(
+    ("law", "width"), [(lambda u: 1 - ca.tanh(u) ** 2, 1e-4), (lambda u: 1 / ca.cosh(u) ** 2, 1e-6)]
+)
+def test_a_smooth_wall_turns_a_motion_back(law, width, height):
+    """Its work is more than the energy of the motion."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    wall = mb.Force("wall", ball.point(0, 0), (-height * law((ball.x - 0.48712) / width) / (2 * width), 0))
+    scene = mb.Scene(mb.System(ball, wall), {"ball.vx": 1.0}, np.linspace(0, 1, 21), {"v": ball.vx})
+    assert mb.simulate(scene, mb.CVODES())["v"][-1] == pytest.approx(-1.0, abs=1e-8)
