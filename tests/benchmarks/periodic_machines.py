@@ -3,7 +3,7 @@
     python tests/benchmarks/periodic_machines.py [first seed] [number of machines]
 
 A particle of 1 kg is pushed by a force of the angle of a wheel, which turns evenly or faster and faster, or of time.
-The speed at the end is the integral of the force over time: it is taken piece by piece between jumps that are located on
+The speed at the end is the integral of the force over time: it is taken piece by piece between jumps located on
 a fine grid, with Gauss's rule for what is smooth in between. Runs are by the solver that is chosen, by the explicit
 pair, by SUNDIALS and, with other parameters side by side, as an ensemble. It prints machines that are off by more than
 1e-4 of the closed form without a doubt, and their numbers at the end.
