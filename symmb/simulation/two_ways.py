@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
-from symmb.integrate import Integration, Solver
+from symmb.integrate import CVODES, IDAS, Integration, Solver, StabilizedIndex2
 from symmb.simulation.certainty import changes_of_outputs
 from symmb.simulation.formulation import Formulation
 from symmb.simulation.simulator import Samples
@@ -18,8 +18,9 @@ from symmb.simulation.simulator import Samples
 _CERTAIN, _EXACT = 1e-3, 1e-9
 """Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
 that hardly changes."""
-_GLOBAL = 100
-"""Errors of a run over the relative tolerance of its steps, up to which these explain it: 2,000 steps have 20 to 40."""
+_GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
+"""Errors of a run over the relative tolerance of its steps, up to which these explain it, and the same of multistep
+methods: 2,000 steps have 40 and 400. A tolerance that is larger than the usual one excuses nothing."""
 _NAMED = 4
 """Outputs that a sentence names."""
 _TIMES = 101
@@ -80,14 +81,13 @@ class TwoWays:
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.run(p[None])
-        others, rtol = run.Y[0], max(getattr(way.solver, "rtol", None) or 0.0 for way in (first, second))
         return cls(
             t=second.times,
             names=first.outputs,
             values=values[some],
-            others=others,
+            others=run.Y[0],
             ways=(first.way, second.way),
-            floor=partial(_changes, second, p, _GLOBAL * rtol),
+            floor=partial(_changes, second, p, max(_error_of_runs(way.solver) for way in (first, second))),
             parameters=", ".join(f"{name} = {value:g}" for name, value in zip(first.parameters, p, strict=True)),
             message="".join(f"breaks down at t = {run.t_failed[0]:g} s: {message}" for message in run.messages),
             seconds=time.perf_counter() - begin,
@@ -135,6 +135,12 @@ class TwoWays:
 def times_to_compare(times: Array) -> Indices:
     """Numbers of the times at which a study compares two ways, the first and the last among them."""
     return np.unique(np.linspace(0, len(times) - 1, min(len(times), _TIMES)).round().astype(np.intp))
+
+
+def _error_of_runs(solver: Solver) -> float:
+    """Errors of states over their sizes that the tolerance explains; 0 for a solver of fixed steps, which has none."""
+    rtol = min(getattr(solver, "rtol", None) or 0.0, _USUAL)
+    return rtol * (_MULTISTEP if isinstance(solver, CVODES | IDAS | StabilizedIndex2) else _GLOBAL)
 
 
 def _changes(way: Way, p: Array, level: float) -> Array:
