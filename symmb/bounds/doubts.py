@@ -16,8 +16,11 @@ from symmb.simulation import DAESimulator, Noisy, Simulator
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
-    doubts = _doubts_of_proofs(simulator) if bounds.kind == "enclosure" else _doubts_of_runs(simulator, box, bounds)
-    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts))
+    if bounds.kind == "enclosure":
+        return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator)))
+    own, remarks = _second_look(simulator, box, bounds.seconds)
+    doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
+    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
 
 
 def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> Bounds:
@@ -34,9 +37,24 @@ def _doubts_of_proofs(simulator: Simulator) -> tuple[str, ...]:
     return simulator.start.doubts if isinstance(simulator, DAESimulator) else ()
 
 
-def _doubts_of_runs(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[str, ...]:
-    own = getattr(simulator, "doubts", ())
-    return (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
+def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[str, ...], list[str]]:
+    """Doubts and remarks from the run at the nominal parameters and one at a corner, which are made in two ways.
+
+    That at the corner is left out if the first one has doubts, or took longer than the study and a second.
+    """
+    own = tuple(getattr(simulator, "doubts", ()))
+    if not isinstance(simulator, DAESimulator):
+        return own, []
+    first = simulator.two_ways(simulator.dae.p_nominal)
+    remarks = [first.unchecked] if first.unchecked else []
+    if first.doubts:
+        return own, remarks
+    if first.seconds > seconds + _PATIENCE:
+        left_out = f"No run at a corner was checked in another way, because one takes {first.seconds:.0f} s."
+        return own, [*remarks, left_out]
+    signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
+    corner = simulator.two_ways(parameter_samples(simulator, box, signs[None])[0])
+    return (*own, *corner.doubts), [*remarks, *filter(None, [corner.unchecked])]
 
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
@@ -67,6 +85,8 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     return (f"The noise is told to be larger than the width of {names}.",) if names else ()
 
 
+_PATIENCE = 1.0
+"""Time beyond that of a study which a second look may take [s]."""
 _LONG = 1e-2
 """Share of the horizon above which steps meet a pulse anyway."""
 _CORNERS, _ENDS = 64, np.array([-1.0, 1.0])
