@@ -12,6 +12,20 @@ class DeclarationError(SymmbError, ValueError):
     """A scene, a system or an option is declared wrongly; the text names the fault and the remedy."""
 
 
+class NoParameterError(DeclarationError, KeyError):
+    """A name of a parameter that there is not. Mappings ask for a KeyError."""
+
+    __str__ = Exception.__str__
+
+
+class FileError(SymmbError, OSError):
+    """A file or a folder cannot be read, made or written; the text names it."""
+
+
+class MissingFileError(FileError, FileNotFoundError):
+    """A file, or the folder that it belongs into, is not there."""
+
+
 class AssemblyError(SymmbError, ValueError):
     """The start does not satisfy the constraints, or the constraints are redundant there."""
 

@@ -7,7 +7,7 @@ LONGEST = 100
 """Most characters of a name: longer ones do not fit into tables and pictures."""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: object, known: Iterable[str]) -> str:
     """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
     known = [*map(str, known)]
     close = get_close_matches(name, known, n=1) if isinstance(name, str) else ()

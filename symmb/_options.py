@@ -1,6 +1,7 @@
 """Options of frozen objects such as methods, rules and solvers: how they print, and checks of their values."""
 
 import math
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import MISSING, fields
 from importlib import import_module
 from inspect import signature
@@ -9,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._types import Array
 
 
 def constructor_text(instance: Any, *leading: str, name: str | None = None) -> str:
@@ -24,12 +27,95 @@ def constructor_text(instance: Any, *leading: str, name: str | None = None) -> s
     return f"{name or type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
 
 
+def shown(value: object) -> str:
+    """A value in one line of a message."""
+    try:
+        text = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
+    except Exception:  # of the user's class
+        text = f"an object of {type(value).__name__}"
+    text = " ".join(text.encode("utf-8", "backslashreplace").decode().split())
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+LONGEST_SHOWN = 200
+"""Most characters of a value in a message."""
+
+
+def number_text(value: float) -> str:
+    """A number in a message, as short as it may be; integers may be beyond doubles."""
+    try:
+        return f"{value:g}"
+    except OverflowError:
+        return shown(value)
+
+
+def is_real(value: object) -> bool:
+    """Whether a value is a real number, perhaps nan. Texts, truth values and durations are not."""
+    kinds = int | float | np.integer | np.floating
+    return isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
+
+
+def numbers_of(value: object) -> Array | None:
+    """A number, or nested lists or an array of numbers, as doubles; None of anything else.
+
+    Texts, durations, times, complex numbers, and what masks hide are no numbers.
+    """
+    if isinstance(value, str | bytes | Mapping | Set) or np.ma.is_masked(value):
+        return None
+    try:
+        array = np.asarray(float(value) if isinstance(value, int) else value)
+        if array.dtype.kind == "O" and all(is_real(entry) for entry in array.ravel()):  # integers beyond 64 bits
+            array = array.astype(float)
+    except Exception:  # ragged, symbolic, beyond doubles, or of the user's class
+        return None
+    return np.ascontiguousarray(array, dtype=float).reshape(array.shape) if array.dtype.kind in _REAL else None
+
+
+_REAL = "biuf"
+"""Kinds of NumPy's types that are real numbers, or truth values."""
+
+
+def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
+    """Real numbers as an array of a shape, of which lengths may be free (None), perhaps behind leading axes.
+
+    Raises
+    ------
+    DeclarationError       if they are no numbers, or have another shape
+    """
+    array = numbers_of(value)
+    if array is None:
+        raise DeclarationError(f"{owner}: {name} must be real numbers, got {shown(value)}.")
+    own = array.shape[-len(shape) :] if leading and shape else array.shape
+    if len(own) != len(shape) or any(n not in (m, None) for n, m in zip(shape, own, strict=True)):
+        wanted = ", ".join("N" if n is None else f"{n}" for n in shape)
+        raise DeclarationError(f"{owner}: {name} must have the shape ({wanted}), got {array.shape}.")
+    return array
+
+
+def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
+    """A list of names that are all known.
+
+    Raises
+    ------
+    DeclarationError       if it is no list of names, or a name is not known
+    """
+    if isinstance(names, str):
+        raise DeclarationError(f'{owner}: expected a list of names, got the text {names!r}. Write ["{names}"].')
+    if not isinstance(names, Sequence | np.ndarray) or not all(isinstance(name, str) for name in names):
+        raise DeclarationError(f"{owner}: expected a list of names, got {shown(names)}.")
+    known = [*known]
+    for name in names:
+        if name not in known:
+            raise DeclarationError(f"{owner}: no {what} {name!r}.{did_you_mean(name, known)}")
+    return [*map(str, names)]
+
+
 def is_finite_number(value: object) -> bool:
     """Whether a value is a real number, neither nan nor infinite. Texts and truth values are not."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+    if not is_real(value):
         return False
     try:
-        return math.isfinite(value)
+        return math.isfinite(value)  # pyright: ignore[reportArgumentType]
     except OverflowError:  # an integer beyond floats
         return False
 
@@ -37,14 +123,19 @@ def is_finite_number(value: object) -> bool:
 def require_instance(owner: str, value: object, kind: type, example: str) -> None:
     """DeclarationError unless a value is of a class."""
     if not isinstance(value, kind):
-        got = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
-        raise DeclarationError(f"{owner}: expected {example}, got {' '.join(got.split())[:200]}.")
+        raise DeclarationError(f"{owner}: expected {example}, got {shown(value)}.")
+
+
+def require_truth(owner: str, name: str, value: object) -> None:
+    """DeclarationError unless a value is True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise DeclarationError(f"{owner}: {name} must be True or False, got {shown(value)}.")
 
 
 def require_timeout(owner: str, value: object) -> None:
     """DeclarationError unless a value is None or a number of seconds above 0."""
     if value is not None and not (is_finite_number(value) and value > 0):  # pyright: ignore[reportOperatorIssue]
-        raise DeclarationError(f"{owner}: timeout must be a number of seconds above 0, got {value!r}.")
+        raise DeclarationError(f"{owner}: timeout must be a number of seconds above 0, got {shown(value)}.")
 
 
 def require_callable(owner: str, value: object, *arguments: str) -> None:
@@ -53,7 +144,7 @@ def require_callable(owner: str, value: object, *arguments: str) -> None:
         if value is not None:
             signature(value).bind(*arguments)  # pyright: ignore[reportArgumentType]
     except TypeError:
-        raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {value!r}.") from None
+        raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {shown(value)}.") from None
     except ValueError:  # a function of C may not tell
         pass
 
@@ -61,13 +152,13 @@ def require_callable(owner: str, value: object, *arguments: str) -> None:
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:
     """DeclarationError unless a value is an object with a method of this name, such as `example`."""
     if isinstance(value, type) or not callable(getattr(value, has, None)):
-        raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {value!r}.")
+        raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {shown(value)}.")
 
 
 def require_whole(owner: str, name: str, value: object, least: int) -> None:
     """DeclarationError unless value is an integer of at least ``least``."""
-    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
-        raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}, got {value!r}.")
+    if not is_real(value) or not isinstance(value, int | np.integer) or value < least:
+        raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}, got {shown(value)}.")
 
 
 def optional_package(name: str, what: str, extra: str) -> Any:

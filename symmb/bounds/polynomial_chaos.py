@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_memory
-from symmb._options import constructor_text, is_finite_number, require_kind, require_whole
+from symmb._options import constructor_text, is_finite_number, require_kind, require_truth, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failed_region import failed_region
@@ -90,11 +90,12 @@ class PolynomialChaos(Method):
     kind: ClassVar[Kind] = "estimate"
 
     def __post_init__(self) -> None:
+        require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
+        require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
+        require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
+        require_truth("PolynomialChaos", "lockstep", self.lockstep)
         if self.order is not None:
             require_whole("PolynomialChaos", "order", self.order, 1)
-            require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
-            require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
-            require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
             if self.budget is not None or self.tolerance != 1e-2 or self.seconds is not None:
                 raise DeclarationError(
                     "PolynomialChaos: tolerance, budget and seconds choose the order; leave order out."

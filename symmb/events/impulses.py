@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from symmb._options import number_text
 from symmb._types import Array, Indices, Mask
 from symmb.mechanics import RESTITUTION
 from symmb.model import DAE, Impacts
@@ -117,7 +118,7 @@ class ImpactLaws:
                 (int(i), f"Impact {name!r}: the gap is {gap[i, k]:g} at the start; start with a gap from 0 on")
             )
         for i, k in np.argwhere(~((e >= 0) & (e <= 1))):
-            faults.append((int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(e[i, k])}"))
+            faults.append((int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(number_text(e[i, k]))}"))
         return faults
 
     def __call__(self, x: Array, p: Array, t: Array, closing: Indices, released: Mask) -> PostImpactState:

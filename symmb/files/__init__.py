@@ -2,4 +2,4 @@
 
 from symmb.files.formats import Table, in_json, load, save, save_json
 from symmb.files.record import Record
-from symmb.files.replacement import replacement, require_suffix
+from symmb.files.replacement import replacement, require_suffix, told

@@ -18,7 +18,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb.files.jsonable import to_jsonable
 from symmb.files.record import Record
-from symmb.files.replacement import replacement, require_suffix
+from symmb.files.replacement import replacement, require_suffix, told
 
 _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
@@ -34,7 +34,7 @@ def save(path: str | PathLike[str], record: Mapping[str, Any], table: Callable[[
     Raises
     ------
     DeclarationError    if the name has another suffix
-    OSError             if the file cannot be written; the previous one is kept
+    FileError           if the file cannot be written; the previous one is kept
     """
     suffix = require_suffix(path, ".npz", ".json", *([".csv"] if table else []))
     if suffix == ".json":
@@ -74,10 +74,11 @@ def load(
     Raises
     ------
     DeclarationError    if the file has another suffix, is damaged or has other contents
-    OSError             if it cannot be read
+    FileError           if it cannot be read
     """
     suffix = require_suffix(path, ".npz", ".json", *([".csv"] if from_table else []))
-    data = Path(path).read_bytes()
+    with told(path, "read"):
+        data = Path(path).read_bytes()
     try:
         if suffix == ".csv" and from_table:
             return from_table(_table(data))

@@ -9,7 +9,24 @@ from pathlib import Path
 from typing import BinaryIO
 
 from symmb._cleanup import temporary_file
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, FileError, MissingFileError, text_of
+
+
+@contextmanager
+def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
+    """Errors of the system about a file, which cannot be `what` ("read", "written"), as sentences with its name.
+
+    Raises
+    ------
+    FileError
+    """
+    try:
+        yield
+    except (FileError, BrokenPipeError):  # the reader of a pipe, such as `head`, has closed it
+        raise
+    except OSError as error:
+        kind = MissingFileError if isinstance(error, FileNotFoundError) else FileError
+        raise kind(f"{str(path)!r} cannot be {what}: {error.strerror or text_of(error)}.") from error
 
 
 @contextmanager
@@ -21,8 +38,14 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
     Raises
     ------
-    OSError     if the folder cannot be written to, or is full
+    FileError   if the folder cannot be written to, or is full
     """
+    with told(path, "written"), _replacement(path) as file:
+        yield file
+
+
+@contextmanager
+def _replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     place = Path(os.path.realpath(path))
     previous = _mode(place)
     if previous is not None and not stat.S_ISREG(previous):
@@ -30,19 +53,14 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             yield file
         return
     part = place.with_name(f".symmb-{uuid.uuid4().hex}.part")
-    try:
-        with temporary_file(part):
-            with open(part, "xb") as file:
-                if previous is not None:
-                    os.chmod(part, stat.S_IMODE(previous))
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, place)
-    except OSError as error:
-        if error.filename == str(part):  # the reader knows the name that was given
-            raise type(error)(error.errno, error.strerror, str(path)) from None
-        raise
+    with temporary_file(part):
+        with open(part, "xb") as file:
+            if previous is not None:
+                os.chmod(part, stat.S_IMODE(previous))
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, place)
 
 
 def _mode(place: Path) -> int | None:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._options import is_real
 from symmb._types import Array
 from symmb.codegen import Tolerances, with_compiler
 from symmb.integrate.integration import Integration
@@ -147,9 +148,7 @@ class Solver(ABC):
                     faults.append(f"stabilization={value!r} is not a stabilization: use {allowed} or None")
             elif isinstance(value, bool) or (value is None and f.default is None):
                 continue
-            elif not isinstance(value, int | float | np.number) or not (
-                low < value < high or value in self.limits.get(f.name, ())
-            ):
+            elif not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ())):
                 below = " and below 1" if f.name == "rtol" else ""
                 within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above 0{below}"
                 faults.append(f"{f.name}={value!r} must be a number {within}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, shown
 from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
@@ -121,13 +121,13 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
     DeclarationError           if there is no such parameter, or the range is empty
     """
     names = list(scene.system.parameters)
-    if parameter not in names:
-        raise DeclarationError(f"{owner}: no parameter {parameter!r}.{did_you_mean(str(parameter), names)}")
+    if not isinstance(parameter, str) or parameter not in names:
+        raise DeclarationError(f"{owner}: no parameter {shown(parameter)}.{did_you_mean(parameter, names)}")
     if not (isinstance(range, tuple | list) and len(range) == 2 and all(map(is_finite_number, range))):
-        raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {range!r}.")
+        raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {shown(range)}.")
     lower, upper = map(float, range)
     if not lower < upper:
-        raise DeclarationError(f"{owner}: the lower end of the range must be below the upper one, got {range!r}.")
+        raise DeclarationError(f"{owner}: the lower end of the range must be below the upper one, got {shown(range)}.")
     return lower, upper
 
 

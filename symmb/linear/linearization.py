@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
-from symmb._names import did_you_mean
+from symmb._options import require_names
 from symmb._types import Indices
 from symmb.linear.inputs import with_inputs, with_uniform
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent
@@ -107,12 +107,7 @@ def formulation_of(scene: Scene) -> Formulation:
 
 
 def _numbers(names: Sequence[str], known: Sequence[str]) -> list[int]:
-    if isinstance(names, str):
-        raise DeclarationError(f'outputs: expected a list of names, got the text {names!r}. Write ["{names}"].')
-    for name in names:
-        if name not in known:
-            raise DeclarationError(f"outputs: no output {name!r}.{did_you_mean(str(name), known)}")
-    return [list(known).index(name) for name in names]
+    return [list(known).index(name) for name in require_names("outputs", "output", names, known)]
 
 
 def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:

@@ -39,7 +39,12 @@ def point_of(
         require_scene(subject)
         if time is not None:
             raise DeclarationError("linearize: a scene is linearised at its start. Give time= with a run of simulate.")
-        return subject, parameter_values(subject, parameters or {}), float(subject.times[0]), None
+        return (
+            subject,
+            parameter_values(subject, {} if parameters is None else parameters),
+            float(subject.times[0]),
+            None,
+        )
     if subject.scene is None:
         raise DeclarationError("linearize: the run was read from a file. Give Trajectory.load the scene.")
     if parameters is not None:

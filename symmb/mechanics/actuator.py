@@ -6,6 +6,7 @@ from typing import cast
 
 import casadi as ca
 
+from symmb._options import number_text
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body
@@ -134,7 +135,7 @@ class Stop(JointForce):
         elif self.law is not None:
             yield from law_faults(self.title, self.law)
         elif isinstance(self.restitution, int | float) and not 0 <= self.restitution <= 1:
-            yield f"{self.title}: {RESTITUTION.format(self.restitution)}. Give one that is."
+            yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 
     @property
     def _ends(self) -> dict[str, tuple[int, Expr]]:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 
 from symmb._errors import DeclarationError, text_of
+from symmb._options import number_text
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
@@ -130,4 +131,5 @@ def require_number(
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []
         words += [f"at most {most:g}"] if most < math.inf else []
-        raise DeclarationError(f"{type(law).__name__}: {what} is {value:g}; it must be {' and '.join(words)}.")
+        text = f"{what} is {number_text(value)}; it must be {' and '.join(words)}."
+        raise DeclarationError(f"{type(law).__name__}: {text}")

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from symmb._options import number_text
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element
@@ -58,7 +59,7 @@ class Impact(Element):
 
     def faults(self) -> Iterator[str]:
         if isinstance(self.restitution, int | float) and not 0 <= self.restitution <= 1:
-            yield f"{self.title}: {RESTITUTION.format(self.restitution)}. Give one that is."
+            yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 
     @property
     def closed(self) -> ca.SX:
@@ -72,4 +73,4 @@ class Impact(Element):
         return declare([name], Kind.STATE, ca.SX.sym(name), ca.SX(1, 1), ca.SX(1, 1))[0]
 
 
-RESTITUTION = "restitution {:g} is not between 0 and 1"
+RESTITUTION = "restitution {} is not between 0 and 1"

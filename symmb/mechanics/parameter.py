@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, NoParameterError
 from symmb._names import did_you_mean, name_fault
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, shown
 from symmb._types import Array
 from symmb.symbolic import Kind, declare
 
@@ -79,8 +79,8 @@ class Parameters(Mapping[str, float]):
         return np.array(list(self._nominal.values()))
 
     def __getitem__(self, name: str) -> float:
-        if name not in self._nominal:
-            raise KeyError(f"no parameter {name!r}.{did_you_mean(name, self._nominal)}")
+        if not isinstance(name, str) or name not in self._nominal:
+            raise NoParameterError(f"no parameter {shown(name)}.{did_you_mean(name, self._nominal)}")
         return self._nominal[name]
 
     def __iter__(self) -> Iterator[str]:

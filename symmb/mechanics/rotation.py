@@ -5,6 +5,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from symmb._options import require_instance
 from symmb._types import Expr
 from symmb.symbolic import product, rotation_matrix, scalar, unit, vector, without_rounding
 
@@ -16,6 +17,7 @@ class Rotation:
     quaternion: ca.SX
 
     def __matmul__(self, other: "Rotation") -> "Rotation":
+        require_instance("A rotation @ B", other, Rotation, "a rotation, mb.rotation(axis=..., angle=...)")
         return Rotation(product(self.quaternion, other.quaternion))
 
     @cached_property

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._options import numbers_of
 from symmb._types import Array, Expr, Mask
 from symmb.symbolic import SOFT, Kind, given, lookup, symbols_in
 
@@ -50,10 +51,11 @@ class Table:
     _pieces: Array = field(init=False, repr=False)  # (n - 1, 6): begin, end, coefficients of rising powers
 
     def __post_init__(self) -> None:
-        try:
-            x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
-        except (TypeError, ValueError):
-            raise DeclarationError("Table: x and y must be lists of numbers.") from None
+        x, y = numbers_of(self.x), numbers_of(self.y)
+        if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
+            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
+        if x is None or y is None:
+            raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
             raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
         if len(x) > _MOST_POINTS:
@@ -62,7 +64,7 @@ class Table:
                 "where the curve through the others is as close as the data are known."
             )
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
-            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
+            raise DeclarationError("Table: x and y must be finite numbers.")
         if (np.diff(x) <= 0).any():
             at = int(np.argmax(np.diff(x) <= 0)) + 1
             raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
@@ -88,6 +90,10 @@ class Table:
             u = at - begin
             curve = ca.if_else(before(end, bend), a + u * (b + u * (c + u * d)), curve)
         return ca.if_else(before(float(self.x[0]), True), float(self.y[0]), curve)
+
+
+def _entries(values: object) -> Sequence[object]:
+    return values if isinstance(values, list | tuple) else [values]
 
 
 _MOST_POINTS = 10_000

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, require_numbers
 from symmb._types import Array
 
 
@@ -122,14 +122,15 @@ class Box:
 
     def from_unit(self, unit: Array) -> Array:
         """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
-        unit = np.asarray(unit, dtype=float)
+        unit = require_numbers(repr(self), "points", unit, len(self), leading=True)
         inside = self.center + unit * self.radius
         return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
 
     def to_unit(self, values: Array) -> Array:
         """Parameter values (N, d) as points (N, d) of [-1, 1]^d; 0 where an interval has no width."""
         radius = self.radius
-        return (np.asarray(values, dtype=float) - self.center) / np.where(radius > 0, radius, np.inf)
+        values = require_numbers(repr(self), "values", values, len(self), leading=True)
+        return (values - self.center) / np.where(radius > 0, radius, np.inf)
 
     def without(self, name: str) -> "Box | None":
         """The box of the other parameters; None if there are none."""

@@ -14,7 +14,8 @@ import casadi as ca
 
 from symmb._cleanup import temporary_folder
 from symmb._errors import DeclarationError
-from symmb.files import replacement
+from symmb._options import shown
+from symmb.files import replacement, told
 
 _EXAMPLE = Path(__file__).with_name("example.c.in")
 """The main program, with places for names and numbers."""
@@ -55,10 +56,11 @@ def save_c(
         raise DeclarationError(f"name='{name}' is not a C identifier: use letters, digits and underscores.")
     if not functions:
         raise DeclarationError("There is no Function to write.")
-    if not isinstance(folder, str | os.PathLike):
-        raise DeclarationError(f"The name of a folder must be a text or a Path, got {folder!r}.")
-    folder = Path(folder).resolve()
-    folder.mkdir(parents=True, exist_ok=True)
+    if not isinstance(folder, str | os.PathLike) or "\0" in str(folder):
+        raise DeclarationError(f"The name of a folder must be a text or a Path, got {shown(folder)}.")
+    with told(folder, "made"):
+        folder = Path(folder).resolve()
+        folder.mkdir(parents=True, exist_ok=True)
     renamed = [_renamed(f, f"{name}_{key}") for key, f in functions.items()]
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
     for f in renamed:

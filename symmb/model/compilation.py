@@ -6,7 +6,8 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from symmb._options import require_instance
+from symmb._errors import DeclarationError
+from symmb._options import require_instance, require_numbers
 from symmb.model.contact_equations import Contacts
 from symmb.model.dae import DAE
 from symmb.model.lazy import Lazy
@@ -47,6 +48,11 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     DM([0.5, -9.81])
     """
     require_instance("compile_dae", system, System, "a System")
+    if rows is not None:
+        for row in require_numbers("compile_dae", "rows", rows, None).tolist():
+            if row not in range(len(system.collected.row_names)):
+                raise DeclarationError(f"compile_dae: there is no row {row:g} of constraints.")
+    require_numbers("compile_dae", "nullities", nullities, 2)
     reduced = system if rows is None else system.keeping(rows, nullities[0])
     a = ca.SX.sym("a", reduced.v.numel())
     require_inertia(ca.jacobian_sparsity(reduced.inertial(a), a), reduced.G, reduced.collected.v_names)
@@ -170,5 +176,12 @@ def _functions(
     for name, parts in outputs.items():
         own = [*states, *([inputs[name]] if name in inputs else [])]
         values = [next(reduced) for _ in parts]
-        functions[name] = ca.Function(name, [x for _, x in own], values, [n for n, _ in own], list(parts))
+        arguments = [x for _, x in own]
+        try:
+            functions[name] = ca.Function(name, arguments, values, [n for n, _ in own], list(parts))
+        except RuntimeError:
+            free = ca.Function(name, arguments, values, {"allow_free": True}).free_sx()
+            raise DeclarationError(
+                f"The equations contain {free}, which no parameter and no body of the System has."
+            ) from None
     return functions

@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean, name_fault, name_faults
-from symmb._options import require_instance
+from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.model.box import Box
 from symmb.model.restart import EndedRun, Restart, restart_of
@@ -66,8 +66,13 @@ class Scene:
         require_instance("Scene", self.system, System, "a System")
         untimely = _time_faults(self.times)
         faults = [*untimely, *self._box_faults()]
-        if self.coordinates not in ("joint", "body", None):
-            faults.append(f'coordinates: {self.coordinates!r} is neither "joint" nor "body".')
+        if self.coordinates is not None and not (
+            isinstance(self.coordinates, str) and self.coordinates in _COORDINATES
+        ):
+            faults.append(f'coordinates: {shown(self.coordinates)} is neither "joint" nor "body".')
+        require_truth("Scene", "equilibrium", self.equilibrium)
+        if self.restart is not None:
+            require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
             faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
         if self.restart is not None and self.equilibrium:
@@ -238,11 +243,13 @@ class Scene:
         return replace(self, name=name)
 
 
+_COORDINATES = ("joint", "body")
+
+
 def _time_faults(times: Sequence[float] | Array) -> list[str]:
-    try:
-        array = np.asarray(times, dtype=float)
-    except (TypeError, ValueError):
-        return [f"times: expected numbers, got {times!r}. Use numpy.linspace(0, 10, 1001)."]
+    array = numbers_of(times)
+    if array is None:
+        return [f"times: expected numbers, got {shown(times)}. Use numpy.linspace(0, 10, 1001)."]
     if array.ndim != 1 or array.size == 0:
         return [f"times: expected a list of at least one time, got shape {array.shape}."]
     if not np.all(np.isfinite(array)):

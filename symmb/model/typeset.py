@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import casadi as ca
 
 from symmb import _html as html
+from symmb._options import require_names
 from symmb._types import Expr
 from symmb.symbolic import latex, to_sympy
 
@@ -32,6 +33,7 @@ class Typeset(ABC):
     def to_sympy(self, *names: str) -> dict:
         """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for."""
         symbols = self.names
+        require_names("to_sympy", "part", names, self.parts)
         return {name: to_sympy(getattr(self, name), [*symbols.values()], [*symbols]) for name in names or self.parts}
 
     def latex(self) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import name_fault
+from symmb._options import number_text
 from symmb._types import Array
 from symmb.mechanics import (
     RESTITUTION,
@@ -169,7 +170,8 @@ def impact_law(impact: Impact, bind: Binding, parameters: Parameters) -> tuple[c
         faults.append(f"{impact.title}: restitution may depend on parameters only.")
     nominal = None if faults else _nominal(e, parameters)
     if nominal is not None and not 0 <= nominal[0] <= 1:
-        faults.append(f"{impact.title}: {RESTITUTION.format(nominal[0])} at the nominal parameters. Give one that is.")
+        fault = RESTITUTION.format(number_text(nominal[0]))
+        faults.append(f"{impact.title}: {fault} at the nominal parameters. Give one that is.")
     if faults:
         raise DeclarationError("\n".join(faults))
     return gap, e

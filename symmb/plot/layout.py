@@ -14,6 +14,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import shown
 from symmb._types import Array
 from symmb.files import replacement, require_suffix
 
@@ -133,9 +134,10 @@ def given_panels(
 
 def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
     """Axes that a caller gave, one or several, as a list."""
-    panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object)))
+    several = isinstance(ax, Sequence | np.ndarray)
+    panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object))) if several else []
     if not panels or not all(hasattr(axes, "fill_between") for axes in panels):
-        raise DeclarationError(f"{owner}: ax must be matplotlib Axes, or a list of them, got {ax!r}.")
+        raise DeclarationError(f"{owner}: ax must be matplotlib Axes, or a list of them, got {shown(ax)}.")
     return cast("list[Axes]", panels)
 
 

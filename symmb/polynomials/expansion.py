@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb import files
 from symmb._errors import DeclarationError
+from symmb._options import require_numbers
 from symmb._table import aligned
 from symmb._types import Array, Mask
 from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
@@ -32,6 +33,7 @@ class Expansion:
 
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""
+        points = require_numbers("Expansion", "points", points, None, self.alpha.shape[1])
         return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
     def without(self, parameters: Mask, outputs: Mask) -> "Expansion":

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean, name_faults
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, numbers_of, shown
 from symmb._types import Array, Executor
 from symmb.simulation.declared_files import ChangedFileError
 from symmb.simulation.simulator import Ensemble, Progress, Reduction, checked_samples, stream
@@ -54,14 +54,14 @@ class BlackBox(ABC):
     ) -> None:
         """Check and keep what is declared."""
         owner = type(self).__name__
-        try:
-            times = np.array(times, dtype=float)
-        except (TypeError, ValueError):
-            raise DeclarationError(f"{owner}: times must be numbers, got {times!r}.") from None
+        instants = numbers_of(times)
+        if instants is None:
+            raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
+        times = instants.copy()
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
             raise DeclarationError(f"{owner}: times must be finite and increase, shape (n_t,), n_t >= 1.")
         if not isinstance(outputs, str | list | tuple):
-            raise DeclarationError(f"{owner}: outputs must be a list of names, got {outputs!r}.")
+            raise DeclarationError(f"{owner}: outputs must be a list of names, got {shown(outputs)}.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         if not isinstance(parameters, Mapping):
             raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {parameters!r}.")

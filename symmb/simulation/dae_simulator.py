@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import SimulationError
-from symmb._options import require_instance
+from symmb._options import require_instance, require_numbers, require_whole
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
@@ -284,6 +284,7 @@ class DAESimulator:
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
         """Run samples block by block, and reduce each block."""
+        require_instance("stream: reduction", reduction, Reduction, "a Reduction")
         n_x, values = self.formulation.y.numel_in(0), len(self.times) * len(self.outputs)
         block = block_size(n_x, values, self.compiled, reduction.trajectories)
         return stream(self, P, reduction, executor, progress, block)
@@ -300,11 +301,12 @@ class DAESimulator:
         SimulationError        if a run breaks down
         """
         with LOCK:
+            d = len(self.parameters)
+            p0 = require_numbers(f"{self!r}: jets", "p0", p0, d)
+            directions = np.atleast_2d(require_numbers(f"{self!r}: jets", "directions", directions, d, leading=True))
+            require_whole(f"{self!r}: jets", "order", order, 0)
             runs = self._lanes(order) or self.integration(order)
-            directions = np.atleast_2d(np.asarray(directions, dtype=float))
-            Y, failure = jets(
-                self.formulation, runs, self.times, np.asarray(p0, float), directions, order, self.threads
-            )
+            Y, failure = jets(self.formulation, runs, self.times, p0, directions, order, self.threads)
             if failure:
                 kink = self.kink(p0)
                 near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from symmb._cleanup import end_with_parent
-from symmb._errors import DeclarationError, SimulationError, text_of
+from symmb._errors import DeclarationError, SimulationError, SymmbError, text_of
 
 _TRIES = 3
 """Times that a task is tried whose worker dies: at first among others, then alone."""
@@ -92,14 +92,15 @@ class _Pool:
         self._start(given)
 
     def _start(self, given: Any) -> None:
-        self.executor = given if self._make is None else self._make()
+        self.executor = given if self._make is None else _made(self._make)
         self._at_first: int | None = None
         if hasattr(self.executor, "get_executor"):  # a client of Dask
             self._at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
             self.executor = self.executor.get_executor(pure=False)
         self.submits = callable(getattr(self.executor, "submit", None))
         maps = callable(getattr(self.executor, "map", None))
-        if not self.submits and (not maps or hasattr(self.executor, "apply_async")):  # of multiprocessing: no futures
+        is_pool = hasattr(self.executor, "apply_async")  # of multiprocessing: no futures
+        if not self.submits and (not maps or is_pool or not _maps_in_order(self.executor)):
             raise DeclarationError(
                 f"executor: {self.executor!r} is not supported. Give an object with submit(f, x) or with an ordered "
                 "map(f, *iterables), such as a ThreadPoolExecutor, a ProcessPoolExecutor or a client of Dask, or a "
@@ -147,6 +148,24 @@ class _Pool:
             # Waiting tasks are cancelled one by one: with cancel_futures ProcessPoolExecutor waits for ever for tasks
             # that it could not pickle.
             self.executor.shutdown(wait=True)
+
+
+def _made(make: Callable[[], Any]) -> Any:
+    """What a function of the user makes."""
+    try:
+        return make()
+    except SymmbError:
+        raise
+    except Exception as error:
+        raise DeclarationError(f"executor: the function that makes one raises {text_of(error)}.") from error
+
+
+def _maps_in_order(executor: Any) -> bool:
+    """Whether its map is that of a function over items: tables and modules have others of that name."""
+    try:
+        return list(executor.map(abs, [-1, 2])) == [1, 2]
+    except Exception:
+        return False
 
 
 def _is_factory(given: Any) -> bool:

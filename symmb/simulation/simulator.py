@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.simulation.attained import note_attained
 from symmb.simulation.executors import Lost, finished
@@ -221,6 +222,7 @@ class Merging(Generic[S]):
     """
 
     def __init__(self, reduction: Reduction[S], progress: Progress | None, samples: int) -> None:
+        require_instance("stream: reduction", reduction, Reduction, "a Reduction")
         self.reduction, self.progress, self.samples = reduction, progress, samples
         self.state, self.count, self._done = reduction.init(), 0, 0
 
@@ -242,18 +244,16 @@ def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -
     ------
     DeclarationError        if they have another shape or are no finite numbers, or progress is not a function
     """
-    if progress is not None and not callable(progress):
-        raise DeclarationError(f"progress: expected a function of the finished runs and all, got {progress!r}.")
-    try:
-        given = np.asarray(P)
-    except (TypeError, ValueError):  # lists of different lengths
-        given = np.array(None)
-    is_number, width = given.dtype.kind in "iuf", len(simulator.parameters)
-    if is_number and given.shape == (len(given) if given.ndim else 0, width) and np.isfinite(given).all():
-        return given.astype(float, copy=False)
-    got = " ".join(repr(P).split())[:100]
-    if is_number:
-        got = f"the shape {given.shape}" if np.isfinite(given).all() else "numbers that are not finite"
+    if progress is not None and (isinstance(progress, type) or not callable(progress)):
+        raise DeclarationError(f"progress: expected a function of the finished runs and all, got {shown(progress)}.")
+    numbers, width = numbers_of(P), len(simulator.parameters)
+    if isinstance(P, np.ndarray) and P.dtype.kind == "b":
+        numbers = None
+    got = shown(P)[:100]
+    if numbers is not None:
+        if numbers.ndim == 2 and numbers.shape[1] == width and np.isfinite(numbers).all():
+            return numbers
+        got = f"the shape {numbers.shape}" if np.isfinite(numbers).all() else "numbers that are not finite"
     raise DeclarationError(
         f"{simulator!r}: samples must be numbers of the shape (N, {width}), "
         f"one column for each of {', '.join(simulator.parameters)}; got {got}."

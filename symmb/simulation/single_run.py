@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.events import kinks
 from symmb.integrate import Solver, SwitchPasses
@@ -64,6 +64,7 @@ def simulate(
     """
     require_scene(scene)
     require_solver(solver)
+    require_truth("simulate", "check", check)
     if times is not None:
         scene = scene.with_times(times)
     if outputs is not None:
@@ -167,9 +168,9 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     """Nominal values, of which some are replaced."""
     nominal = scene.system.parameters
     if not isinstance(changes, Mapping):
-        raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {changes!r}.')
+        raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {shown(changes)}.')
     for name, value in changes.items():
-        if name not in nominal:
+        if not isinstance(name, str) or name not in nominal:
             raise DeclarationError(f"No parameter {name!r}.{did_you_mean(name, nominal)}")
         if not is_finite_number(value):
             raise DeclarationError(f"Parameter {name!r}: {value!r} is not a finite number.")

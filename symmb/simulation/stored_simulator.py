@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Array, Executor
 from symmb.model import Box
 from symmb.simulation.black_box import BlackBox, samples_of_block
@@ -82,6 +83,8 @@ class StoredSimulator:
     identity: str
 
     def __init__(self, simulator: Simulator, path: str | Path, version: str = "") -> None:
+        if isinstance(simulator, type) or not isinstance(getattr(simulator, "parameters", None), Mapping):
+            raise DeclarationError(f"StoredSimulator: expected a simulator, got {shown(simulator)}.")
         if not isinstance(simulator, Identified):
             raise DeclarationError(
                 f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text in which "

@@ -4,8 +4,9 @@ from os import PathLike
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, FileError
 from symmb._types import Array
+from symmb.files import told
 from symmb.structures.eigenmodes import INDEFINITE, definite
 from symmb.structures.mass_samples import Samples, Sparse, at_nodes, rigid_motions
 from symmb.structures.validation import numbers
@@ -22,10 +23,11 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
 
     if isinstance(source, str | PathLike):
         try:
-            source = mmread(source)
-        except FileNotFoundError:
+            with told(source, "read"):
+                source = mmread(source)
+        except FileError:
             raise
-        except (OSError, ValueError, OverflowError) as error:
+        except (ValueError, OverflowError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is no Matrix Market file: {error}") from error
     if issparse(source):
         matrix = csc_array(source, dtype=float)

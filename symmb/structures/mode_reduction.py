@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._options import numbers_of, shown
 from symmb._types import Array, Indices
 from symmb.structures.eigenmodes import factorized, lowest, stiffness_scale
 from symmb.structures.mass_samples import Sparse
@@ -61,6 +62,8 @@ def reduced(
 
 def chosen(nodes: Sequence[int], total: int, owner: str) -> list[int]:
     """Checked node numbers."""
+    if numbers_of(nodes) is None or np.ndim(nodes) != 1:  # pyright: ignore[reportArgumentType]
+        raise DeclarationError(f"{owner}: expected a list of node numbers, got {shown(nodes)}.")
     for node in nodes:
         if isinstance(node, bool) or not isinstance(node, int | np.integer) or not 0 <= node < total:
             raise DeclarationError(

@@ -26,7 +26,7 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
     expected = " or ".join(map(_words, shapes))
     try:
         array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DeclarationError(f"{owner}: {name} must be {expected}, got {value!r}.") from error
     if not any(_fits(array.shape, shape) for shape in shapes):
         raise DeclarationError(f"{owner}: {name} must be {expected}, got the shape {array.shape}.")

@@ -3,10 +3,8 @@
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
-_REAL = "biuf"
-"""Kinds of NumPy's types that are real numbers."""
+from symmb._options import numbers_of
 
 
 def given(value: Any) -> ca.SX | None:
@@ -19,10 +17,5 @@ def given(value: Any) -> ca.SX | None:
     if isinstance(value, list | tuple) and any(isinstance(entry, ca.SX | ca.DM) for entry in value):
         parts = [part for part in map(given, value) if part is not None and part.is_scalar()]
         return ca.vertcat(*parts) if len(parts) == len(value) else None
-    if not isinstance(value, int | float | np.generic | np.ndarray | list | tuple) or np.ma.is_masked(value):
-        return None
-    try:
-        array = np.asarray(float(value) if isinstance(value, int) else value)
-    except (TypeError, ValueError, OverflowError):  # ragged, or beyond doubles
-        return None
-    return ca.SX(array.astype(float)) if array.dtype.kind in _REAL and array.ndim <= 2 else None
+    array = numbers_of(value)
+    return ca.SX(array) if array is not None and array.ndim <= 2 else None

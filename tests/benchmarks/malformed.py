@@ -1,16 +1,21 @@
 """Malformed calls of the API and of the command line: python tests/benchmarks/malformed.py [CALLS] [SEED] makes them.
 
-Each call takes good arguments and replaces one or two by nonsense. It must succeed, or raise one of symmb's errors,
-which the command line tells in one sentence with exit status 2 (1 if a run breaks down). No call may take 10 s.
+Each call, to a public name or method, takes good arguments and replaces one or two by nonsense. It must succeed, or
+raise one of symmb's errors, which the command line tells in one sentence with exit status 2 (1 if a run breaks down). No call may take 10 s.
 """
 
 # ruff: noqa: E501  (tables of arguments)
 
 import contextlib
+import datetime
+import decimal
+import fractions
 import io
+import math
 import os
 import random
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -22,8 +27,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import sympy
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parent))
+import _malformed_methods as methods
+
 import symmb as mb
 from symmb.cli.main import main
 
@@ -39,6 +48,18 @@ class Odd:
         return "Odd()"
 
 
+def pandas_things() -> list[Any]:
+    """Objects of pandas, where it is installed."""
+    try:
+        import pandas as pd
+    except ModuleNotFoundError:
+        return []
+    return [
+        pd.Series([1.0, 2.0]), pd.Series([1.0, 2.0], index=["l", "k"]), pd.Series(["a"]), pd.Series([], dtype=float), pd.Timestamp("2020-01-01"), pd.NaT, pd.NA, pd.Timedelta(1), pd.DataFrame({"l": [1.0]}),
+        pd.DataFrame(), pd.Index(["x"]), pd.Categorical(["a"]), pd.date_range("2020-01-01", periods=3), pd.Interval(0, 1), pd,
+    ]  # fmt: skip
+
+
 NONSENSE: list[Any] = [
     None, True, "1", "", "5%", "x" * 500, "\n", b"1", 0, -1, 1, 3, 1e308, 1e-320, -0.5, 1.5, 10**30, float("nan"),
     float("inf"), 1j, [], [1], [1, 2, 3], [[1, 2], [3]], (), (0.9, 1.1), ("a", "b"), (1.1, 0.9), {}, {"l": 1}, {1: 2}, {"a": None}, set(), object(),
@@ -46,6 +67,18 @@ NONSENSE: list[Any] = [
     np.array(["a"]), np.array([np.nan]), ca.SX.sym("z"), ca.SX.sym("z", 3), ca.MX.sym("z"), ca.DM(3), range(3), iter([1]),
     mb.Vertex, mb.Vertex(), mb.CVODES, mb.CVODES(), mb.Box(l=(0.9, 1.1)), mb.Box(k=(0, 1)), mb.Gauss(), mb.Sobol(), mb.Planar,
     mb.Parameters(q=1.0), Path("/nonexistent/file"), "/nonexistent/file.npz", "/", ".", "out.qqq",
+    # kinds of numbers and of arrays, of other libraries too
+    np.longdouble(1.5), np.float16(0.5), np.int8(3), np.uint64(2**63), np.complex64(1j), np.bool_(True), 10**400, -(10**400), decimal.Decimal("1.5"), fractions.Fraction(1, 3),
+    np.datetime64("2020-01-01"), np.timedelta64(3, "s"), datetime.datetime(2020, 1, 1), datetime.date(2020, 1, 1), datetime.timedelta(1),
+    np.array(["2020-01-01"], dtype="datetime64[D]"), np.array([1j, 2]), np.array([None, 1], dtype=object), np.array([True, False]), np.array([b"a"]), np.zeros((0, 2)), np.zeros((3, 0)),
+    np.ones((1, 1, 1)), np.ones((2, 3)), np.ones(7), np.arange(5), np.arange(5)[::-1], np.array([1.0, np.inf]), np.ma.masked_array([1.0, 2.0], [True, False]), np.zeros(3, dtype=[("a", float)]),
+    np.array([1, 2, 3], dtype=np.longdouble), np.matrix([[1.0, 2.0]]), np.random.default_rng(0), np, math, sys, contextlib, ca, mb, memoryview(b"12"), bytearray(b"12"), frozenset({1}),
+    [[[1.0]]], [[1, 2], [3, 4]], [None], ["x", "x"], [""], ["x", 3], [[]], [{}], {"x": 1.0, "y": None}, {"x": [1, 2]}, {"x": {"y": 1}}, {"": 1.0}, {None: 1.0}, {("a", "b"): 1.0}, {"l": "1"}, {"l": 1j},
+    {"l": np.ones(3)}, {"l": float("nan")}, {"l": (1.0, 0.5)}, {"rod.theta": "x"}, (k for k in range(3)), (c for c in "abc"), zip([1], [2], strict=True), map(abs, [1]), Ellipsis, NotImplemented, slice(1, 2),
+    ca.SX(3), ca.SX.zeros(2, 2), ca.MX.zeros(3), ca.DM.ones(2, 3), ca.DM(0, 1), ca.SX.sym("z") + 1, ca.Function("f", [], []), ca.Sparsity(2, 2), ca.SX(float("nan")), [ca.SX.sym("a"), ca.SX.sym("b")],
+    sympy.Symbol("w"), sympy.Matrix([1, 2]), sympy.pi, sympy.Symbol("w") ** 2 > 1, sympy.Interval(0, 1), sympy.S.NaN, sympy.oo, sympy.I, Exception("x"), ValueError, property(), staticmethod(len), type, int, float, str, list, dict,
+    lambda x: x, lambda: None, lambda *a, **k: None, lambda *a, **k: object(), lambda *a, **k: "a", lambda *a, **k: [1, 2, 3], lambda *a, **k: 1 / 0, lambda *a, **k: np.zeros((2, 2)), "\ud800", "a\0b", "x/y", "é", "..", "~", "nan", "inf", "None", "/dev/null", "/proc/self/mem", "a" * 300 + ".npz",
+    *pandas_things(),
 ]  # fmt: skip
 
 
@@ -197,14 +230,34 @@ CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
     (mb.compile_dae, (SCENE.system,), {}),
 ]  # fmt: skip
 
+MODES = mb.FiniteElements.beams(BEAM).modes(count=2, clamped=0)
+PIECES = {
+    "rod": ROD,
+    "ground": GROUND,
+    "hinge": HINGE,
+    "scene": SCENE,
+    "box": BOX,
+    "decay": DECAY,
+    "run": RUN,
+    "beam": [BEAM],
+    "reduction": None,
+}
+RECEIVERS = {
+    "scene": SCENE, "system": SCENE.system, "body": ROD, "point": A, "joint": HINGE, "box": BOX, "bounds": BOUNDS, "run": RUN, "comparison": COMPARISON, "function": DECAY,
+    "simulator": mb.DAESimulator(SCENE), "linearization": mb.linearize(SCENE), "modal": mb.ModalSimulator(SCENE), "mesh": mb.FiniteElements.beams(BEAM), "modes": MODES, "parameters": SCENE.system.parameters,
+    "table": mb.Table([0, 1], [0, 1]), "locus": mb.root_locus(SCENE, "k", (4.0, 5.0), count=3), "expansion": mb.Expansion(np.array([[0], [1]]), np.zeros((2, 1, 1)), ("l",)),
+    "stored": mb.StoredSimulator(DECAY, Path(tempfile.mkdtemp()) / "runs.db"), "rotation": mb.rotation(axis=(0, 0, 1), angle=0.3), "method": mb.MonteCarlo(10),
+}  # fmt: skip
+CALLS += methods.calls(RECEIVERS, methods.arguments(PIECES), methods.INTERNAL)
+
 WORDS = [
     "", "-", "--", "1", "nan", "-1", "1e999", "l=1", "l=", "=1", "l=a", "l==1", "k=1e-300", "pce", "pce:2", "pce:-1", "pce:2:paper", "pce:x", "taylor:99",
     "mc:0", "mc:1e3", "mc:999999999999", "scan:1", "vertex", "vertex:1", "cvodes", "cvodes:2", "cvodes:-1e-8", "idas:nan", "rk:0", "rk:1e-3",
     "dopri:1", "foo", "foo:1", "5%", "0%", "500%", "%", "five", "/nonexistent/x.json", "/", ".", "..", "x.txt", "x.npz", "x.png", "x.json", "x.csv",
     "scene.py", "broken.py", "empty.py", "double_pendulum", "no_such_scene", "--methods", "--solver", "--set", "--spread", "--json", "--csv", "--plot",
-    "--latex", "-o", "--help", "\x00", "a\nb", "é", "*/",
+    "--latex", "--urdf", "arm.urdf", "a.b=1", "arm.mass=1", "arm.mass=nan", "link.mass=-1", "--inputs", "-o", "--help", "\x00", "a\nb", "é", "*/",
 ]  # fmt: skip
-COMMANDS = ["simulate", "compare", "equations", "codegen", "cache", "stability", "fly"]
+COMMANDS = ["simulate", "compare", "equations", "codegen", "cache", "stability", "linearize", "runs", "fly"]
 FILES = {
     "scene.py": Path(__file__).read_text(encoding="utf-8").split("def rod_scene")[1].split("\n\n\nSCENE")[0],
     "broken.py": "def scene(:\n",
@@ -214,6 +267,9 @@ FILES = {
     "path.py": "import sys\nsys.path.clear()\ndef scene():\n    return None\n",
     "number.py": "def scene():\n    return 3\n",
     "list.py": "scene = []\n",
+    "arm.urdf": (Path(__file__).parents[1] / "data" / "urdf" / "branch.urdf").read_text(encoding="utf-8"),
+    "robot.urdf": '<robot name="r"><link name="a b"/><link name="\x01"/></robot>',
+    "odd.urdf": '<robot name="r"><link name="&#x202E;"/><link name="b"/><joint name="" type="revolute"><parent link="b"/><child link="&#x202E;"/></joint></robot>',
     "name.py": "def scene():\n    import symmb as mb\n    p = mb.Parameters(a=1.0)\n    return mb.Scene(mb.System(parameters=p), outputs={3: p.a})\n",
 }  # fmt: skip
 
@@ -254,7 +310,7 @@ def api_fault(choice: random.Random) -> str:
     try:
         with limited():
             f(*args, **options)
-    except (mb.SymmbError, OSError) as error:
+    except mb.SymmbError as error:
         return "" if len(str(error)) < 2000 else f"{text}: message of {len(str(error))} characters"
     except TooLong:
         return f"{text}: longer than {MOST:g} s"
@@ -322,10 +378,32 @@ def _scene_file(body: str) -> str:
     return f"import numpy as np\nimport symmb as mb\n\nT = np.linspace(0.0, 0.2, 5)\n\n\ndef scene{body}\n"
 
 
+def in_batches(calls: int, seed: int) -> list[str]:
+    """The faults of so many calls in processes of their own: one that crashes or hangs tells its seed."""
+    found = []
+    for first in range(0, calls, BATCH):
+        command = [sys.executable, __file__, str(min(BATCH, calls - first)), str(seed + first), "--here"]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=BATCH * MOST)
+        except subprocess.TimeoutExpired:
+            found.append(f"seed {seed + first}: no end")
+            continue
+        if done.returncode:
+            found.append(f"seed {seed + first}: exit status {done.returncode} {done.stderr[-300:]}")
+        found += [line for line in done.stdout.splitlines() if line.strip()]
+    return found
+
+
+BATCH = 100
+"""Calls in a process."""
+
 if __name__ == "__main__":
     CALLS_TO_MAKE = int(sys.argv[1]) if len(sys.argv) > 1 else 1500
-    begin = time.perf_counter()
-    found = study(CALLS_TO_MAKE, int(sys.argv[2]) if len(sys.argv) > 2 else 0)
-    print(f"{CALLS_TO_MAKE} calls in {time.perf_counter() - begin:.0f} s, {len(found)} faults")
-    for line in found:
-        print("   ", line)
+    FIRST = int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    if "--here" in sys.argv:
+        print(*study(CALLS_TO_MAKE, FIRST), sep="\n")
+    else:
+        begin = time.perf_counter()
+        lines = in_batches(CALLS_TO_MAKE, FIRST)
+        print(f"{CALLS_TO_MAKE} calls in {time.perf_counter() - begin:.0f} s, {len(lines)} faults")
+        print(*lines, sep="\n")
