@@ -18,8 +18,8 @@ T = np.linspace(0.0, 0.2, 5)
 RESULTS = {"Bounds", "Comparison", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Stability", "Trajectory"}
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "around", "bounds", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "response", "retract",
-    "run_seconds", "solve", "sign_faults", "solved_by", "tighter", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
+    "another_way", "around", "bounds", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "response", "retract",
+    "run_seconds", "solve", "sign_faults", "solved_by", "tighter", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
 INTERNAL = frozenset(RESULTS | BETWEEN_ROOMS | {"view", "stability"})
