@@ -301,10 +301,9 @@ class DAESimulator:
         SimulationError        if a run breaks down
         """
         with LOCK:
-            d = len(self.parameters)
-            p0 = require_numbers(f"{self!r}: jets", "p0", p0, d)
-            directions = np.atleast_2d(require_numbers(f"{self!r}: jets", "directions", directions, d, leading=True))
-            require_whole(f"{self!r}: jets", "order", order, 0)
+            p0 = require_numbers("jets", "p0", p0, len(self.parameters))
+            directions = np.atleast_2d(require_numbers("jets", "directions", directions, len(p0), leading=True))
+            require_whole("jets", "order", order, 0)
             runs = self._lanes(order) or self.integration(order)
             Y, failure = jets(self.formulation, runs, self.times, p0, directions, order, self.threads)
             if failure:
