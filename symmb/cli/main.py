@@ -113,7 +113,7 @@ def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
 def _stability(options: argparse.Namespace) -> None:
     json_file, picture = result_path(options.json, ".json"), result_path(options.plot, *PICTURES)
     scene = load_scene(options.scene)
-    result = mb.stability(scene)
+    result = mb.stability(scene, seconds=options.seconds)
     print(result)
     if json_file:
         save_json(json_file, result.to_json())
@@ -227,6 +227,10 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     stability = command("stability", "try every solver on the scene, as it is and under stress, and advise", _stability)
     stability.add_argument("--json", metavar="F", help="write everything to this file")
     stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
+
+    stability.add_argument(
+        "--seconds", metavar="S", type=float, default=70.0, help="time after which no run begins; default: 70"
+    )
 
     equations = command("equations", "print what was derived from the scene, and what fell away", _equations)
     equations.add_argument("--joint", action="store_true", help="in coordinates of the joints that carry the bodies")

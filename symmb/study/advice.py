@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from symmb.integrate import STIFF, Stiffness
 from symmb.study.ladders import FIXED
 from symmb.study.standard import Standard
@@ -29,13 +31,13 @@ def advice(
     Only settings are named whose error, with the uncertainty of what it is measured with, and whose drift of energy are
     small enough. Trials without time are left out.
     """
+    tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
-    standard = standards[""]
     good = _good(trials, standard)
     lines = [
         _choice(good, standard),
         _stiffness(fastest, span),
-        *(_steps(trials, standard) if not standard.fault else ()),
+        *(_steps(tried, standard) if not standard.fault else ()),
         *_drift(good),
         *_under_stress(stress, standards),
     ]
@@ -91,7 +93,15 @@ def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
     without = dict.fromkeys(t.family for t in fixed if t.family not in largest)
     lines = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {text}."] if text else []
-    return [*lines, f"No step of {', '.join(without)} was small enough."] if without else lines
+    ran = {name: min((t.setting for t in fixed if t.family == name and not t.slow), default=np.inf) for name in without}
+    cut = [name for name in without if any(t.slow and t.setting < ran[name] for t in fixed if t.family == name)]
+    if enough := [f"{name} (down to {ran[name]:.2g} s)" for name in without if name not in cut]:
+        lines.append(f"No step of {', '.join(enough)} was small enough.")
+    if cut:
+        lines.append(
+            f"Whether smaller steps of {', '.join(cut)} are small enough is not known: they had no time to end."
+        )
+    return lines
 
 
 def _drift(good: Sequence[Trial]) -> list[str]:
@@ -111,6 +121,10 @@ def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
         return []
     width = max(map(len, names))
     lines = [f"  {name:{width}}  {_verdict([t for t in stress if t.scene == name], standards[name])}" for name in names]
+    if not any(name.startswith("stiffness") for name in names):
+        lines.append(
+            "  Stiffer springs were not tried: no element has a stiffness, and laws of forces stay as they are."
+        )
     return [f"To {GOOD:g} of the motion under stress:", *lines]
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from symmb import _html as html
 from symmb import files, plot
-from symmb._errors import SimulationError
+from symmb._errors import DeclarationError, SimulationError
 from symmb._interrupts import carry
+from symmb._options import is_finite_number
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array
@@ -32,10 +33,12 @@ if TYPE_CHECKING:
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more of them would shorten steps."""
-_LIMIT, _REFERENCE_LIMIT = 3.0, 5.0
-"""Most time for a trial, and for a reference [s]."""
-_TRIALS_END, _STRESS_END = 35.0, 70.0
-"""Times after which no trial of the scene begins, and none of its harder variants [s]."""
+_SECONDS = 70.0
+"""Time after which no trial begins [s]."""
+_LIMIT, _REFERENCE_LIMIT = 3 / _SECONDS, 5 / _SECONDS
+"""Most time for a trial, and for a reference, over that of the study."""
+_TRIALS_END = 0.5
+"""Share of the time after which no trial of the scene itself begins: the rest is for its harder variants."""
 _STRESS_STEPS = 800
 """Fixed steps over the horizon of the scene, from which the steps under stress follow."""
 _WIDTHS = 0.1, 0.2, 0.5
@@ -192,7 +195,9 @@ class Stability:
         return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
 
 
-def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = None) -> Stability:
+def stability(
+    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = _SECONDS
+) -> Stability:
     """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
 
     The variants have springs 100 and 10,000 times as stiff, a lightest body 100 and 10,000 times as light, a time scale
@@ -207,28 +212,33 @@ def stability(scene: Scene, progress: Callable[[str, int, int], None] | None = N
     scene : Scene
     progress : callable, optional      called with the label of the work, the finished runs and all its runs; default: a
                                        bar, in notebooks and terminals
+    seconds : float                    time after which no run begins [s]; one run may take 3/70 of it
 
     Raises
     ------
+    DeclarationError           if seconds is not above 0
     AssemblyError              if the scene cannot be started
     SimulationError            if there is nothing to integrate, there are impacts, or no solver finishes
     KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
     require_scene(scene)
+    if not is_finite_number(seconds) or not seconds > 0:
+        raise DeclarationError(f"stability: seconds must be above 0, got {seconds!r}.")
     with shown(progress, f"trying solvers on {scene.name}") as progress:
-        return _studied(_Study(scene, progress))
+        return _studied(_Study(scene, progress), seconds)
 
 
-def _studied(study: "_Study") -> Stability:
-    study.collect(study.jobs(references()), _REFERENCE_LIMIT, _TRIALS_END)
+def _studied(study: "_Study", seconds: float) -> Stability:
+    study.collect(study.jobs(references()), _REFERENCE_LIMIT * seconds, _TRIALS_END * seconds)
     known = list(study.done)
     fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
     jobs = study.jobs(ladders(horizon, fastest.rate))
     harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, horizon)]
     study.announce(jobs, harder)
     try:
-        study.collect(jobs, _LIMIT, _TRIALS_END)
-        study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), _LIMIT, _STRESS_END)
+        limit = _LIMIT * seconds
+        study.collect(jobs, limit, _TRIALS_END * seconds)
+        study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), limit, seconds)
         corners = _corners(study.whole)
     except KeyboardInterrupt as interrupt:
         text = f"Interrupted after {len(study.done)} of {study.total} runs."

@@ -19,10 +19,12 @@ from symmb.files import Record
 from symmb.integrate import Solver
 from symmb.model import Scene
 from symmb.simulation import Trajectory, simulate
+from symmb.study.ladders import CONTROLLED
 
 LEFT_OUT = "left out for want of time"
-_TOO_LONG, _LONGER, _MANY_STEPS = "took longer than", "a longer step took too long", "has taken too many steps at"
-SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _MANY_STEPS)
+_TOO_LONG, _MANY_STEPS = "took longer than", "has taken too many steps at"
+_LONGER, _LARGER = "a longer step took too long", "a larger tolerance took too long"
+SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _MANY_STEPS)
 """How the reasons begin of runs that were not finished for want of time."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers whose number of steps is limited."""
@@ -223,9 +225,9 @@ class _Running:
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float, workers: int = 2) -> Iterator[Trial]:
     """The trials of all jobs, as they end.
 
-    A trial that takes longer than the limit [s], without its set-up, is stopped, and the slower ones of its job are
-    left out. After the deadline (`time.monotonic`) no job begins. Where processes cannot be forked, jobs run in this
-    process one after the other, without limits.
+    A trial that takes longer than the limit [s] with its set-up is stopped, and the slower ones of its job are left
+    out. The first of a job has more time, as it compiles the scene. After the deadline (`time.monotonic`) none begins.
+    Where processes cannot be forked, jobs run in this process one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
@@ -266,10 +268,11 @@ def _forked(
                     ended = True
                     yield from _left(r.job, r.done, "the process broke down")
             else:
-                most = f"{limit:g} s" if r.done else f"{limit + _SETUP:g} s with its set-up"
-                ended = time.monotonic() - r.since > (limit if r.done else limit + _SETUP)
+                most = limit if r.done else limit + _SETUP
+                ended = time.monotonic() - r.since > most
                 if ended:
-                    yield from _left(r.job, r.done, f"{_TOO_LONG} {most}", _LONGER)
+                    others = _LARGER if r.job.family in CONTROLLED else _LONGER
+                    yield from _left(r.job, r.done, f"{_TOO_LONG} {most:g} s with its set-up", others)
             if ended:
                 _end(r)
                 running.remove(r)
