@@ -57,6 +57,22 @@ def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[
     return (*own, *corner.doubts), [*remarks, *filter(None, [corner.unchecked])]
 
 
+def _linear_theory_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
+    """What a run at a corner of the box asks of flexible bodies, where the nominal one asks nothing of the kind."""
+    if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None:
+        return ()
+    theory, times = simulator.theory, simulator.times
+    if theory.doubts(simulator.dae.p_nominal, times):
+        return ()
+    d = len(box)
+    unit = grid(_ENDS, d) if d <= _FEW else np.repeat(_ENDS[:, None], d, axis=1)
+    for p in parameter_samples(simulator, box, unit):
+        where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
+        if doubts := theory.doubts(p, times):
+            return tuple(f"At {where}: {doubt}" for doubt in doubts)
+    return ()
+
+
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     """Whether laws of time have pulses at corners of the box that are shorter than those which steps follow."""
     if not isinstance(simulator, DAESimulator):
@@ -91,3 +107,5 @@ _LONG = 1e-2
 """Share of the horizon above which steps meet a pulse anyway."""
 _CORNERS, _ENDS = 64, np.array([-1.0, 1.0])
 """Most corners of the box at which laws are searched for pulses, and the ends of a parameter."""
+_FEW = 3
+"""Parameters up to which runs at all corners are asked about flexible bodies; of more, at the two extreme ones."""

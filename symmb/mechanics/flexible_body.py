@@ -27,6 +27,12 @@ _IN_PLANE = 1e-9
 """Share of the largest displacement of a mode up to which its part out of the plane is rounding."""
 
 
+_SHORT_ARM = 0.051
+"""Rigid arm between nodes over the size of the body up to which it is taken to bend little: half a tenth of a beam."""
+_ON_LINE = 1e-6
+"""Distance of a node from a line over its distance from another node, up to which it is on the line."""
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class FlexibleBody(Body):
     """A flexible body in modal coordinates `name.eta1`, ... of a floating frame; rigid where there are no modes.
@@ -123,11 +129,11 @@ class FlexibleBody(Body):
         return Point(self._carrier(number), ca.SX(3, 1))
 
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:
-        """Point at (x, y, z) [m] of the undeformed body in the mesh's axes, held by the nearest node.
+        """Point at (x, y, z) [m] of the undeformed body in the mesh's axes: a node, or the end of a rigid arm at one.
 
         Raises
         ------
-        DeclarationError       if the place is no number, or away from a node that has no rotations
+        DeclarationError       if the place is no number, lies between nodes, or away from a node that has no rotations
         """
         m = self.modes
         if not all(isinstance(part, Real) for part in (x, y, z)):
@@ -144,7 +150,27 @@ class FlexibleBody(Body):
                 f"point of {self.name!r}: no node at ({x:g}, {y:g}, {z:g}), and nodes without rotations hold no arm. "
                 f"The nearest is node {number} at {tuple((m.positions[number] + m.origin).tolist())}."
             )
+        if arm.any() and self._n and (other := self._beyond(number, arm)) is not None:
+            raise DeclarationError(
+                f"point of {self.name!r}: ({x:g}, {y:g}, {z:g}) lies between its nodes {number} and {other}, and "
+                "no node follows the deformation there. Take one of these, or a mesh with a node there: a second Beam."
+            )
         return Point(self._carrier(number), vector(arm.tolist()))
+
+    def _beyond(self, number: int, arm: Array) -> int | None:
+        """The other end of the element on which a long arm from a node ends; None if there is none."""
+        structure, size = self.modes.flexibility, np.linalg.norm(np.ptp(self.modes.positions, axis=0))
+        if structure is None or np.linalg.norm(arm) <= _SHORT_ARM * size:
+            return None
+        lines = self.modes.positions - self.modes.positions[number]
+        along, length = lines @ arm, float(np.linalg.norm(arm))
+        off = np.linalg.norm(lines - along[:, None] * arm / length**2, axis=1)
+        ahead = np.flatnonzero((along > length**2) & (off <= _ON_LINE * np.linalg.norm(lines, axis=1))).tolist()
+        return next((other for other in ahead if structure.joins(number, other)), None)
+
+    def number_of(self, carrier: AbstractBody) -> int | None:
+        """The number of the node that carries what is fixed to it; None if it is no node of this body."""
+        return next((number for number, own in self._nodes.items() if own is carrier), None)
 
     def _carrier(self, number: int) -> "_Carrier":
         if number not in self._nodes:

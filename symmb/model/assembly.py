@@ -68,6 +68,7 @@ class Collected:
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
     assembly_cosines: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # expressions that must be above 0 for all parameters, with their names
+    loads: tuple[Load, ...]
     decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates without force and constraint: name, x, name, vx
     n_declared_rows: int  # rows that the joints declare, with those that are zero
 
@@ -236,6 +237,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
         assembly_cosines=_vertcat([c.assembly_cosines() for c in equations.constraints]),
         positive=tuple(positive(inertial, equations.constraints, bind)),
+        loads=tuple(load for acts in equations.actions.values() for action in acts for load in action.loads),
         decoupled=(),
         n_declared_rows=equations.n_declared_rows,
     )

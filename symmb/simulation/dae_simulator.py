@@ -22,6 +22,7 @@ from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of
 from symmb.simulation.first_kink import first_kink
 from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.identity import digest
+from symmb.simulation.linear_theory import LinearTheory
 from symmb.simulation.lock import LOCK
 from symmb.simulation.outputs import jet_outputs, outputs_along
 from symmb.simulation.simulator import Progress, Reduction, Samples, checked_samples, stream
@@ -61,14 +62,14 @@ class DAESimulator:
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         require_instance("DAESimulator", scene, Scene, "a Scene")
         begin = time.perf_counter()
-        self.name = scene.name
+        self.name, self.box = scene.name, scene.box
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs = scene.output_names
         self.units = units_of(scene.system, scene.y)
-        self.box = scene.box
         self._bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
+        self.theory = LinearTheory.of(scene, self.dae, self.start)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._seconds = time.perf_counter() - begin
@@ -237,7 +238,8 @@ class DAESimulator:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted about runs at the nominal parameters, which are made in two ways."""
-        return (*self.start.doubts, *self.two_ways(self.dae.p_nominal).doubts)
+        p = self.dae.p_nominal
+        return (*self.start.doubts, *self.theory.doubts(p, self.times), *self.two_ways(p).doubts)
 
     @cached_property
     def noise(self) -> Array:

@@ -24,6 +24,7 @@ from symmb.events import Event, event_doubts, longest_step
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.examination import Examination, drift, energy
+from symmb.simulation.linear_theory import linear_theory_doubts
 from symmb.simulation.outputs import output_function
 from symmb.simulation.run_quality import drift_doubts, pulse_doubts, unexplained
 from symmb.simulation.trajectory_file import PLAIN, Drift, Energy, labelled, of_record, of_table
@@ -233,6 +234,7 @@ class Trajectory(Result):
             *event_doubts(self.events),
             *self.run_doubts,
             *drift_doubts(position, energy, is_singular, self._rtol),
+            *linear_theory_doubts(self._model[0], simulator.dae, self.x, self._p, self.t),
             *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
         ]
         return tuple(doubts)

@@ -124,7 +124,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     d, r = rigid.shape
-    locked = _determinate(rigid)
+    locked = determinate(rigid)
     free = np.setdiff1d(np.arange(d), locked)
     solve = factorized(K[free][:, free])
     shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
@@ -162,7 +162,7 @@ def _mass_orthonormal(X: Array, M: Sparse) -> Array:
     return X
 
 
-def _determinate(rigid: Array) -> Indices:
+def determinate(rigid: Array) -> Indices:
     """Degrees of freedom whose support prevents the rigid motions and nothing else."""
     from scipy.linalg import qr
 

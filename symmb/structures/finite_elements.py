@@ -11,6 +11,7 @@ from symmb._errors import DeclarationError
 from symmb._options import require_instance
 from symmb._types import Array, Indices
 from symmb.structures.beams import AxialForces, Beam, mesh
+from symmb.structures.flexibility import Flexibility
 from symmb.structures.foreshortening import foreshortening
 from symmb.structures.inertia_invariants import cleaned, deformed_inertia, rigid_inertia
 from symmb.structures.mass_samples import Samples, Sparse, at_nodes, joined, rigid_motions
@@ -193,7 +194,10 @@ class FiniteElements:
         D = None
         if stiffening and self.axial is not None:
             D = foreshortening(self.K, free, self.samples, self.axial, X)
-        return self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
+        supported = np.zeros((len(X), 0)) if clamped is not None else motions[:, moves]
+        flexibility = Flexibility(self.K, self.M, free, supported, X, stiffness, self.per_node)
+        modes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
+        return modes.of_structure(flexibility)
 
     def _modes(
         self, stiffness: Array, X: Array, origin: Array, zeta: Array, D: tuple[Array, Array] | None, free: Indices

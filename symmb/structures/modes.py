@@ -1,14 +1,17 @@
 """The modes of a flexible body: all data of its equations of motion, and their file."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from symmb import files
 from symmb._errors import DeclarationError
 from symmb._types import Array
+from symmb.structures.flexibility import Flexibility
 from symmb.structures.validation import numbers, positive
 
 LAYOUT = "symmb modes 1"
@@ -30,6 +33,11 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "rotations": ("k", 3, "n"),
     "shapes2": ("k", 3, "n", "n"),
 }
+
+_END_OVER_CHORD = 1.5
+"""Rotation of the end of a cantilever over that of its chord, under a load at its end."""
+_STILL = 1e-18
+"""Squared motion along a direction over that along the liveliest one, below which no mode moves along it."""
 
 
 def nearest(positions: Array, point: tuple[float, float, float]) -> int:
@@ -119,6 +127,57 @@ class Modes:
         """(n,) natural frequencies in the frame [Hz]."""
         return np.sqrt(self.stiffness) / (2 * np.pi)
 
+    @property
+    def flexibility(self) -> Flexibility | None:
+        """The structure, of which runs ask what its modes leave out; None where it is not known, as of a file."""
+        return _STRUCTURES.get(self)
+
+    def of_structure(self, structure: Flexibility) -> "Modes":
+        """These modes, which know their structure from now on. Their file does not."""
+        _STRUCTURES[self] = structure
+        return self
+
+    @property
+    def is_stiffening(self) -> bool:
+        """Whether the modes foreshorten, so that loads along the body stiffen it."""
+        return bool(self.S2.any() or self.shapes2.any())
+
+    def turns(self, eta: Array) -> Array:
+        """Largest rotation of a node against the frame (m,) [rad] for modal coordinates (m, n).
+
+        Where nodes have no rotations, it follows from the chords of the body.
+        """
+        if self.rotations.any() or len(self.positions) < 2:
+            turned = np.einsum("kan,mn->mka", self.rotations, eta)
+        else:
+            turned = np.einsum("kan,mn->mka", self._turning_lines, eta)
+        return np.linalg.norm(turned, axis=2).max(axis=1, initial=0.0)
+
+    def displacements(self, eta: Array, size: float) -> Array:
+        """Largest displacement of a node (m,) [m] for modal coordinates (m, n), or rotation times a size [m]."""
+        parts = [np.abs(np.einsum("kan,mn->mka", shapes, eta)) for shapes in (self.shapes, size * self.rotations)]
+        return np.max([part.max(axis=(1, 2), initial=0.0) for part in parts], axis=0)
+
+    @cached_property
+    def _turning_lines(self) -> Array:
+        """Rotations (k, 3, n) of the ends of a body whose chords, from nodes to one of two far ends, turn."""
+        s, first = self.positions, int(np.argmax(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1)))
+        ends = np.array([first, int(np.argmax(np.linalg.norm(s - s[first], axis=1)))])
+        other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
+        line, moved = s[other] - s, self.shapes[other] - self.shapes
+        squared = np.maximum((line**2).sum(axis=1), 1e-300)
+        return _END_OVER_CHORD * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
+
+    @cached_property
+    def lively(self) -> Array:
+        """Projection (6, 6) of forces and moments at a node on the directions in which some mode moves some node."""
+        projection = np.zeros((6, 6))
+        for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
+            sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
+            moving = axes[:, sizes > _STILL * sizes.max(initial=1e-300)]
+            projection[at, at] = moving @ moving.T
+        return projection
+
     def nearest(self, x: float, y: float, z: float = 0.0) -> int:
         """Number of the node nearest to (x, y, z) [m] in the frame, undeformed; the first of equals."""
         return nearest(self.positions, (x, y, z))
@@ -131,7 +190,7 @@ class Modes:
         DeclarationError
             If the name has another suffix.
         """
-        files.save(path, {"layout": LAYOUT, **vars(self)})
+        files.save(path, {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":
@@ -154,7 +213,8 @@ class Modes:
                 f"it lacks {missing} and has {unknown} too many. One array is needed for each of {', '.join(SHAPES)}."
             )
         shapes = _shapes(arrays["stiffness"], arrays["positions"])
-        return cls(float(record.array("mass")), *(record.array(name, *shapes[name]) for name in list(SHAPES)[1:]))
+        values: dict[str, Any] = {name: record.array(name, *shapes[name]) for name in list(SHAPES)[1:]}
+        return cls(mass=float(record.array("mass")), **values)
 
 
 def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:
@@ -162,3 +222,7 @@ def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:
     return {
         name: tuple(sizes[size] if isinstance(size, str) else size for size in shape) for name, shape in SHAPES.items()
     }
+
+
+_STRUCTURES: WeakKeyDictionary[Modes, Flexibility] = WeakKeyDictionary()
+"""Structures of modes, which are no part of their data."""

@@ -1,0 +1,177 @@
+"""Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.integrate import CVODES, EventDriven
+from symmb.mechanics import Constraint, FlexibleBody
+from symmb.model import DAE, Scene
+from symmb.simulation.outputs import output_function
+from symmb.start import Start
+from symmb.symbolic import batch
+
+TURN = 0.3
+"""Rotation of a cross section against the frame of its body [rad] up to which linear theory is taken to hold: a
+cantilever's deflection under a load at its end is then 4 % too large, and its shortening is 2 % of its length."""
+SPIN = 0.2
+"""Angular velocity over the first frequency of a body without geometric stiffening, from which centrifugal forces
+change this frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2."""
+SLENDER = 0.3
+"""Width over length of a body of nodes without rotations up to which it bends, so that tension makes it stiffer."""
+MISSING = 0.08
+"""Share of the deflections by static loads that modes may leave out."""
+STRETCH = 1e-3
+"""Displacement, over the size of a body, along directions in which no mode moves, from which these count."""
+
+
+@dataclass(frozen=True, eq=False)
+class AttachedLoads:
+    """Loads at the nodes of a flexible body where joints and forces act.
+
+    Parameters
+    ----------
+    body : FlexibleBody
+    nodes : tuple of int
+    wrenches : (6 m,) SX       force and moment at each node in the axes of the body's frame
+    """
+
+    body: FlexibleBody
+    nodes: tuple[int, ...]
+    wrenches: ca.SX
+
+
+def attached_loads(scene: Scene) -> Iterator[AttachedLoads]:
+    """The loads of all flexible bodies with modes, in the order of the bodies."""
+    begin = 0
+    for body in scene.system.bodies:
+        n = body.frame.v.numel()
+        if isinstance(body, FlexibleBody) and len(body.modes.stiffness):
+            rigid = list(range(begin, begin + n - len(body.modes.stiffness)))
+            wrenches: dict[int, ca.SX] = {}
+            for number, wrench in (*_of_forces(scene, body), *_of_constraints(scene, body, rigid)):
+                wrenches[number] = wrenches.get(number, ca.SX(6, 1)) + wrench
+            yield AttachedLoads(body, tuple(wrenches), ca.vertcat(*wrenches.values()) if wrenches else ca.SX(0, 1))
+        begin += n
+
+
+def _of_forces(scene: Scene, body: FlexibleBody) -> Iterator[tuple[int, ca.SX]]:
+    """Node and wrench of every load."""
+    R = body.frame.R
+    for load in scene.system.collected.loads:
+        number = body.number_of(load.body)
+        if number is not None:
+            yield number, ca.vertcat(R.T @ load.force, R.T @ load.body.frame.R @ load.torque)
+
+
+def _of_constraints(scene: Scene, body: FlexibleBody, rigid: list[int]) -> Iterator[tuple[int, ca.SX]]:
+    """Node and wrench of every constraint at one node, from its work in motions of the frame, columns `rigid` of G."""
+    system, frame = scene.system, body.frame
+    for element in system.elements:
+        rows = system.collected.rows.get(element.name)
+        if rows is None or not isinstance(element, Constraint):
+            continue
+        places = {number: some for some in element.bodies() if (number := body.number_of(some)) is not None}
+        for number, carrier in places.items() if len(places) == 1 else ():
+            rows_of = list(range(rows.start, rows.stop))
+            f = -(system.G[rows_of, rigid].T @ ca.SX(system.lam)[rows_of])
+            planar = len(rigid) == 3
+            force = frame.R.T @ (ca.vertcat(f[:2], 0) if planar else f[:3])
+            moment = ca.vertcat(0, 0, f[2]) if planar else f[3:]
+            yield number, ca.vertcat(force, moment - ca.cross(frame.R.T @ (carrier.frame.r - frame.r), force))
+
+
+def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
+    """What is doubtful about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
+    doubts: list[str] = []
+    known = np.isfinite(X).all(axis=1)
+    X, t = X[known], t[known]
+    for loads in attached_loads(scene) if len(t) else ():
+        body = loads.body
+        f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega, loads.wrenches))
+        values = batch(f, X, p, t[:, None])[0].reshape(len(t), -1)
+        n = len(body.modes.stiffness)
+        eta, omega, w = np.split(values, [n, n + 3], axis=1)
+        doubts += [*_turned(body, eta, t), *_spun(body, omega, t), *_unfollowed(loads, eta, w)]
+    return tuple(doubts)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearTheory:
+    """The linear theory of the flexible bodies of a scene, of which runs are made; None without such bodies."""
+
+    scene: Scene | None
+    dae: DAE
+    start: Start
+
+    @classmethod
+    def of(cls, scene: Scene, dae: DAE, start: Start) -> "LinearTheory":
+        """That of a scene in coordinates of its bodies."""
+        flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
+        return cls(scene if flexible else None, dae, start)
+
+    def doubts(self, p: Array, times: Array) -> tuple[str, ...]:
+        """Those of `linear_theory_doubts` about a run with parameters p (d,)."""
+        if self.scene is None:
+            return ()
+        solver = _STATES if self.dae.impacts is None else EventDriven()
+        run = solver.integration(self.dae, times).run(self.start.states(p[None])[0], p[None], 1)[0]
+        return linear_theory_doubts(self.scene, self.dae, run.X, p, times)
+
+
+_STATES = CVODES(rtol=1e-6, stiff=True)
+"""The solver of a run for its states: it compiles nothing, and stiffness is no burden."""
+
+
+def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
+    turn = body.modes.turns(eta)
+    first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
+    if turn.max() > TURN:
+        yield (
+            f"FlexibleBody {body.name!r}: its cross sections turn against its frame by more than {TURN:g} rad from "
+            f"t = {first:.3g} s on, by {turn.max():.2g} rad at t = {worst:.3g} s. Its modes are linear: deflections "
+            "become too large, and its ends do not come closer as they should. Divide it into several bodies."
+        )
+
+
+def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
+    modes = body.modes
+    J = modes.J0 - modes.mass * (modes.center @ modes.center * np.eye(3) - np.outer(modes.center, modes.center))
+    # Spin about the axis of a slender body stretches it little.
+    rate = np.sqrt(np.einsum("ti,ij,tj->t", omega, J, omega) / np.linalg.eigvalsh(J)[-1])
+    lowest, worst = float(np.sqrt(modes.stiffness.min())), t[int(rate.argmax())]
+    extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(modes.positions.T)), 0.0))  # of the nodes, in rising order
+    bends = modes.rotations.any() or extents[1] < SLENDER * extents[2]
+    if rate.max() > SPIN * lowest and bends and not modes.is_stiffening:
+        yield (
+            f"FlexibleBody {body.name!r}: it turns at {rate.max():.3g} rad/s at t = {worst:.3g} s, which is "
+            f"{rate.max() / lowest:.2g} of its first frequency of {lowest:.3g} rad/s. Centrifugal forces then change "
+            "its stiffness, and its modes do not. Use FiniteElements.modes(clamped=..., stiffening=True)."
+        )
+
+
+def _unfollowed(loads: AttachedLoads, eta: Array, w: Array) -> Iterator[str]:
+    modes, nodes = loads.body.modes, loads.nodes
+    if modes.flexibility is None or not nodes:
+        return
+    missing, size = modes.flexibility.missing(nodes), float(np.ptp(modes.positions, axis=0).max())
+    along = w @ np.kron(np.eye(len(nodes)), modes.lively)
+    units = np.repeat([1.0, size], 3)  # rotations count by the displacement at the other end of the body
+    left = np.abs((along @ missing).reshape(len(w), len(nodes), 6) * units).max(axis=(1, 2))
+    bent = modes.displacements(eta, size)
+    share = np.linalg.norm(left) / max(float(np.linalg.norm(left + bent)), 1e-300)
+    remedy = "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one."
+    if share > MISSING:
+        yield (
+            f"FlexibleBody {loads.body.name!r}: its modes lack {share:.0%} of the deflections by the loads at its "
+            f"nodes {', '.join(map(str, sorted(nodes)))}, so that it is too stiff. {remedy}"
+        )
+    moved = np.abs((w - along) @ missing).reshape(len(w), len(nodes), 6)[:, :, :3].max(initial=0.0)
+    if moved > STRETCH * size:
+        yield (
+            f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
+            f"none of its modes moves. {remedy}"
+        )

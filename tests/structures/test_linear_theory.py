@@ -1,0 +1,113 @@
+"""Doubts about flexible bodies beyond linear theory, and none where they follow it, against closed forms."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+
+import symmb as mb
+
+STEEL = mb.Material(E=210e9, density=7850.0, nu=0.3)
+GROUND = mb.Ground()
+
+
+def beam(length: float = 1.0, radius: float = 0.004, elements: int = 10) -> tuple[mb.FiniteElements, float]:
+    """A mesh and its bending stiffness [N m^2]."""
+    section = mb.Section.circle(radius).without_shear()
+    mesh = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (length, 0, 0)], section, STEEL, elements=elements))
+    return mesh, STEEL.E * section.Iz
+
+
+def quiet(scene: mb.Scene) -> mb.Trajectory:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        return mb.simulate(scene)
+
+
+def elastica(load: float) -> np.ndarray:
+    """Tip (x, y) over the length of a cantilever under P L^2 / EI at its end."""
+    solved = solve_bvp(
+        lambda s, y: [y[1], load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])],
+        lambda a, b: [a[0], b[1], a[2], a[3]],
+        np.linspace(0, 1, 101),
+        np.zeros((4, 101)),
+        tol=1e-8,
+    )
+    return solved.y[2:, -1]
+
+
+@pytest.mark.parametrize("stiffening", [False, True])
+@pytest.mark.parametrize("load", [0.05, 0.3, 0.8, 3.0, 10.0])
+def test_deflections_that_are_too_large_are_told(load: float, stiffening: bool) -> None:
+    length = 0.7
+    mesh, EI = beam(length, 0.002)
+    modes = mesh.modes(clamped=0, interfaces=[10], count=6, planar=True, stiffening=stiffening)
+    rod = mb.FlexibleBody("rod", modes, mb.Planar())
+    tip = rod.point(length, 0)
+    system = mb.System(
+        rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, -load * EI / length**2))
+    )
+    run = quiet(mb.Scene(system, times=[0, 0.01], outputs={"x": tip.x, "y": tip.y}, equilibrium=True))
+    off = np.abs(np.array([run["x"][0], -run["y"][0]]) / length - np.abs(elastica(load))).max()
+    told = any("'rod'" in doubt and "rad" in doubt for doubt in run.doubts)
+    assert told == (load > 0.6)  # half of it is the rotation of the end
+    assert told or off < 0.025
+    assert len(run.doubts) == told
+
+
+@pytest.mark.parametrize("share", [0.1, 0.18, 0.4, 1.5])
+@pytest.mark.parametrize("stiffening", [False, True])
+def test_spin_without_stiffening_is_told(share: float, stiffening: bool) -> None:
+    mesh, _ = beam()
+    modes = mesh.modes(clamped=0, count=2, planar=True, stiffening=stiffening, damping=0.02)
+    rod = mb.FlexibleBody("rod", modes, mb.Planar())
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0))
+    turn = share * 2 * np.pi * modes.frequencies[0] * mb.t
+    system = mb.System(rod, hinge, mb.Motion("drive", hinge.angle, turn))
+    run = quiet(mb.Scene(system, times=np.linspace(0, 0.1, 11)))
+    told = any("Centrifugal" in doubt and "'rod'" in doubt for doubt in run.doubts)
+    assert told == (share > 0.2 and not stiffening)
+
+
+@pytest.mark.parametrize(("count", "told"), [(3, True), (6, True), (10, True), (None, False)])
+def test_modes_without_static_shapes_are_told_with_what_they_lack(count: int | None, told: bool) -> None:
+    """A cantilever of free modes: the share that the doubt tells is that by which its deflection is too small."""
+    mesh, EI = beam()
+    modes = mesh.modes(count=count, planar=True) if count else mesh.modes(interfaces=[0, 10], planar=True)
+    rod = mb.FlexibleBody("rod", modes, mb.Planar())
+    tip = rod.point(1, 0)
+    system = mb.System(rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, -0.1)))
+    scene = mb.Scene(system, times=[0, 0.01], outputs={"y": tip.y}, equilibrium=True)
+    run = quiet(scene)
+    off = 1 - run["y"][0] / (-0.1 / 3 / EI)
+    (doubt,) = run.doubts if told else ("",)
+    assert told == (off > 0.05)
+    assert not told or "of the deflections by the loads at its nodes 0, 10" in doubt
+    assert not told or float(doubt.split("lack ")[1].split("%")[0]) == pytest.approx(100 * off, abs=1.1)
+    assert mb.DAESimulator(scene).doubts == run.doubts
+
+
+def test_a_study_tells_what_only_its_corners_ask() -> None:
+    mesh, EI = beam()
+    rod = mb.FlexibleBody("rod", mesh.modes(clamped=0, interfaces=[10], count=2, planar=True), mb.Planar())
+    p, tip = mb.Parameters(load=0.3), rod.point(1, 0)
+    system = mb.System(
+        rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), mb.Force("F", tip, (0, -p.load * EI)), parameters=p
+    )
+    scene = mb.Scene(system, times=[0, 0.01], outputs={"y": tip.y}, equilibrium=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)
+        wide = mb.propagate(scene, mb.Vertex(), mb.Box(load=(0.2, 0.9)))
+    assert not mb.propagate(scene, mb.Vertex(), mb.Box(load=(0.2, 0.4))).doubts
+    assert any("At load = 0.9: FlexibleBody 'rod'" in doubt for doubt in wide.doubts)
+
+
+@pytest.mark.parametrize("elements", [1, 3, 5])
+def test_points_between_nodes_are_refused(elements: int) -> None:
+    mesh, _ = beam(elements=elements)
+    rod = mb.FlexibleBody("rod", mesh.modes(clamped=0, count=2, planar=True), mb.Planar())
+    with pytest.raises(mb.DeclarationError, match=r"\(0\.48, 0, 0\) lies between its nodes"):
+        rod.point(0.48, 0)
+    assert rod.point(1, 0.1).body is rod.node(elements).body
+    assert rod.point(1.2, 0).body is rod.node(elements).body
