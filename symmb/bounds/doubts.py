@@ -19,6 +19,7 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     if bounds.kind == "enclosure":
         return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator)))
     own, remarks = _second_look(simulator, box, bounds.seconds)
+    own = (*own, *_linear_theory_doubts(simulator, box))
     doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
 
@@ -61,14 +62,13 @@ def _linear_theory_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     """What a run at a corner of the box asks of flexible bodies, where the nominal one asks nothing of the kind."""
     if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None:
         return ()
-    theory, times = simulator.theory, simulator.times
-    if theory.doubts(simulator.dae.p_nominal, times):
+    if simulator.theory.doubts():
         return ()
     d = len(box)
     unit = grid(_ENDS, d) if d <= _FEW else np.repeat(_ENDS[:, None], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
-        if doubts := theory.doubts(p, times):
+        if doubts := simulator.theory.doubts(p):
             return tuple(f"At {where}: {doubt}" for doubt in doubts)
     return ()
 

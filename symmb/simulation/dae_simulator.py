@@ -51,7 +51,6 @@ class DAESimulator:
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
-    box : Box                      that of the scene; None if it has none
     reason : str                   why symmb chose this solver and these coordinates; empty if they were given
     setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
     threads : int                  CasADi threads for samples; 1 in a pickled copy
@@ -238,8 +237,7 @@ class DAESimulator:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted about runs at the nominal parameters, which are made in two ways."""
-        p = self.dae.p_nominal
-        return (*self.start.doubts, *self.theory.doubts(p, self.times), *self.two_ways(p).doubts)
+        return (*self.start.doubts, *self.theory.doubts(), *self.two_ways(self.dae.p_nominal).doubts)
 
     @cached_property
     def noise(self) -> Array:

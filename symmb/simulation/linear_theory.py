@@ -113,10 +113,11 @@ class LinearTheory:
         flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
         return cls(scene if flexible else None, dae, start)
 
-    def doubts(self, p: Array, times: Array) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (d,)."""
+    def doubts(self, p: Array | None = None) -> tuple[str, ...]:
+        """Those of `linear_theory_doubts` about a run with parameters p (d,), the nominal ones if left out."""
         if self.scene is None:
             return ()
+        times, p = np.asarray(self.scene.times, dtype=float), self.dae.p_nominal if p is None else p
         solver = _STATES if self.dae.impacts is None else EventDriven()
         run = solver.integration(self.dae, times).run(self.start.states(p[None])[0], p[None], 1)[0]
         return linear_theory_doubts(self.scene, self.dae, run.X, p, times)
