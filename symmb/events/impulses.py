@@ -118,7 +118,9 @@ class ImpactLaws:
                 (int(i), f"Impact {name!r}: the gap is {gap[i, k]:g} at the start; start with a gap from 0 on")
             )
         for i, k in np.argwhere(~((e >= 0) & (e <= 1))):
-            faults.append((int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(number_text(e[i, k]))}"))
+            faults.append(
+                (int(i), f"Impact {self._impacts.names[k]!r}: {RESTITUTION.format(number_text(float(e[i, k])))}")
+            )
         return faults
 
     def __call__(self, x: Array, p: Array, t: Array, closing: Indices, released: Mask) -> PostImpactState:

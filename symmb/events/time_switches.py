@@ -1,5 +1,7 @@
 """Times at which equations of motion have kinks or jumps that depend on time, and perhaps on parameters, alone."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -73,10 +75,10 @@ class TimeSwitches:
         ends = self._begin + (self._end - self._begin) * (np.arange(_PARTS + 1) / _PARTS) ** _UNEVEN
         low, high = ends[:-1], ends[1:]
         at_low, at_high = self._values(p, low), self._values(p, high)
-        found: list[tuple[Array, ...]] = []
+        found: list[tuple[Any, ...]] = []
         for halvings in range(_HALVINGS + 1):
             with np.errstate(all="ignore"):
-                is_open = ~self._told(p, low, high, at_low, at_high).all(axis=1)
+                is_open: Mask = np.atleast_1d(~self._told(p, low, high, at_low, at_high).all(axis=1))
             is_open &= halvings < _HALVINGS and 2 * np.count_nonzero(is_open) <= _MOST_PARTS
             part, which = np.nonzero(~is_open[:, None] & ((at_low > 0) != (at_high > 0)))
             found.append((which, low[part], high[part], at_low[part, which], at_high[part, which]))

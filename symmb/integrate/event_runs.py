@@ -130,8 +130,10 @@ class EventRuns:
         self._steps = StepControl(t, np.full(N, self._span), ends, self._span, longest if np.isfinite(longest) else 0.0)
         self._steps.live = np.flatnonzero(np.isfinite(x0).all(axis=1))
         self._crowd_start, self._crowd = t.copy(), np.zeros(N, dtype=np.intp)
-        programs = (None if f is None else partial(_by_columns, f) for f in (integration.switches, integration.bounds))
-        self._switches = BlockSwitches(lambda _, p, __: p, *programs, integration.ends, times, x0.T, p.T, N, width=1)
+        values, bounds = (f and partial(_by_columns, f) for f in (integration.switches, integration.bounds))
+        self._switches = BlockSwitches(
+            lambda _, p, __: p, values, bounds, integration.ends, times, x0.T, p.T, N, width=1
+        )
 
     @property
     def n_steps(self) -> int:

@@ -148,7 +148,9 @@ class Solver(ABC):
                     faults.append(f"stabilization={value!r} is not a stabilization: use {allowed} or None")
             elif isinstance(value, bool) or (value is None and f.default is None):
                 continue
-            elif not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ())):
+            elif (
+                value is None or not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ()))
+            ):
                 below = " and below 1" if f.name == "rtol" else ""
                 within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above 0{below}"
                 faults.append(f"{f.name}={value!r} must be a number {within}")

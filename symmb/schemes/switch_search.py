@@ -1,7 +1,7 @@
 """The first switch that a step passes: the search of c/switches.h on NumPy arrays."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,12 +49,12 @@ def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, roun
     Values (m,) begin (m, L) may fall below 0 by rounding (m, 1) and rise again.
     """
     L = x.shape[1]
-    known, lane, low, high = np.ones(L), np.arange(L), np.zeros(L), np.ones(L)
+    known, lane, low, high = np.ones(L), np.arange(L, dtype=np.intp), np.zeros(L), np.ones(L)
     off = np.abs(F[3]) / 16 + 0.1875 * (np.abs(F[4]) + np.abs(F[5])) + 0.25 * np.abs(F[6])
     x_low, dx_low, u_low = x, interpolated_change(F, np.zeros(L)), begin
     x_high, dx_high = interpolated(x, F, high), interpolated_change(F, high)
     u_high = values(x_high, high, lane)
-    found: list[tuple[Array, ...]] = [(lane[:0], low[:0], high[:0], begin[:, :0], begin[:, :0])]
+    found: list[tuple[Any, ...]] = [(lane[:0], low[:0], high[:0], begin[:, :0], begin[:, :0])]
     while lane.size:
         share = high - low
         box = _box(x_low, share * dx_low, x_high, share * dx_high, share**4 * off[:, lane])
@@ -78,14 +78,15 @@ def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, roun
         u_middle = values(x_middle, middle, of)
         order = np.arange(2 * len(rows)).reshape(2, -1).T.ravel()  # both halves of each part in order
 
-        def halves(first: Array, second: Array, order: Indices = order) -> Array:
+        def halves(first: Any, second: Any, order: Indices = order) -> Any:
             return np.concatenate([first, second], axis=-1)[..., order]
 
         lane, low, high = halves(of, of), halves(low[rows], middle), halves(middle, high[rows])
         x_low, x_high = halves(x_low[:, rows], x_middle), halves(x_middle, x_high[:, rows])
         dx_low, dx_high = halves(dx_low[:, rows], dx_middle), halves(dx_middle, dx_high[:, rows])
         u_low, u_high = halves(u_low[:, rows], u_middle), halves(u_middle, u_high[:, rows])
-    lane, low, high, u_low, u_high = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
+    joined: Any = (np.concatenate(part, axis=-1) for part in zip(*found, strict=True))
+    lane, low, high, u_low, u_high = joined
     order = np.lexsort((low, lane))
     order = order[low[order] < known[lane[order]]]
     return Parts(lane[order], low[order], high[order], u_low[:, order], u_high[:, order], known)

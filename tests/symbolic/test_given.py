@@ -20,7 +20,7 @@ def test_numbers_of_every_type(kind):
      [[1], [1, 2]], np.datetime64("2020-01-01"), np.timedelta64(3, "s"), ca.MX.sym("x"), {},
      object(), float, [ca.SX.sym("a"), "b"],
      np.ma.masked_array([1.0, 2.0], [True, False])],
-    ids=str,
+    ids=lambda value: type(value).__name__,
 )  # fmt: skip
 def test_what_is_no_number(value):
     assert given(value) is None
