@@ -207,27 +207,27 @@ class DAESimulator:
         """The solver, and the coordinates in which it runs."""
         return f"{self.solver!r} in coordinates of {'joints' if self.coordinates == 'joint' else 'bodies'}"
 
-    def another_way(self, times: Array) -> "DAESimulator":
-        """The same simulator by a solver of another family, and in other coordinates if the scene has any.
-
-        With impacts, or drives whose rates jump, there is one family only: it takes a tenth of the tolerance.
-        """
+    def another_way(self, times: Array, finest: bool = False) -> "DAESimulator":
+        """The same simulator by a solver of another family, and in other coordinates if the scene has any."""
+        # With impacts, or drives whose rates jump, there is one family only.
         if self.dae.impacts is not None or self._contradiction or self._stateless:
             return self.tighter()
         joints = None if self.coordinates == "joint" else self._spare
         other = self._with(_joints=joints, times=times, _reason="")
-        other._use(solver := another(self.solver))
+        other._use(solver := another(self.solver, finest))
         if isinstance(solver, CVODES):
             other._integrations[0, False] = solver.independent_integration(other.formulation.dae, times)
         return other
 
     def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:
         """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way."""
-        if values is not None:
-            return TwoWays.of(self, self.another_way(self.times), p, values)
-        other, key = self._other, p.tobytes()
-        if key not in self._ways:
-            self._ways[key] = TwoWays.of(self, other, p, self.run(p[None]).Y[0])
+        other, key = self._other if values is None else self.another_way(self.times), p.tobytes()
+        if values is not None or key not in self._ways:
+            Y = self.run(p[None]).Y[0] if values is None else values
+            ways = TwoWays.of(self, other, p, Y)
+            if ways.lost.any():  # the errors of the other way may be the larger ones
+                ways = TwoWays.of(self, self.another_way(other.times, finest=True), p, Y)
+            self._ways[key] = ways
         return self._ways[key]
 
     @cached_property

@@ -24,7 +24,7 @@ from symmb.integrate import (
 from symmb.model import DAE, Impacts
 from symmb.simulation.simulator import Samples
 
-_FINE, _FINEST = 1e-9, 1e-13
+_FINE, _FINEST = 1e-9, 1e-12
 """Largest and smallest relative tolerance of a run that checks another one: its own error should not matter."""
 NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
 """Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
@@ -80,11 +80,11 @@ def for_one_run(stiff: bool, switches: bool) -> Candidates:
     return Candidates(first, implicit, (DormandPrince(), *_SINGULAR, through))
 
 
-def another(solver: Solver) -> Solver:
+def another(solver: Solver, finest: bool) -> Solver:
     """A solver of another family: those of SUNDIALS take the place of the others, and the others of them."""
     stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
     is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
-    rtol = min(max((getattr(solver, "rtol", None) or 1.0) / 10, _FINEST), _FINE)
+    rtol = _FINEST if finest else min(max((getattr(solver, "rtol", None) or 1.0) / 10, _FINEST), _FINE)
     through = getattr(solver, "stabilization", None)
     through = through if isinstance(through, AugmentedLagrangian) else None
     if not is_sundials:

@@ -120,7 +120,7 @@ class TwoWays:
         shares = np.where(lost, self.error / np.maximum(self._range, np.finfo(float).tiny), 0.0)
         k, i = np.unravel_index(int(shares.argmax()), lost.shape)
         both = zip((self.values, self.others), self.ways, strict=True)
-        value, other = (f"{values[k, i]:.6g} by {way}" for values, way in both)
+        value, other = (f"{values[k, i]:.9g} by {way}" for values, way in both)
         since = f"From t = {self.t[int(lost.any(axis=1).argmax())]:g} s on, errors of {listed} exceed a thousandth of"
         at = f"at t = {self.t[k]:g} s" + (self.parameters and f" and {self.parameters}")
         return (f"{since} their range: {at}, {self.names[i]} is {value}, and {other}.",)
