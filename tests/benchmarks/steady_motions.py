@@ -14,7 +14,7 @@ import numpy as np
 import symmb as mb
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from steady_motions import random_motions
+from steady_scenes import random_motions
 
 
 def main(first: int, last: int) -> None:

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from steady_motions import GROUND, SteadyMotion, random_motions
+from steady_scenes import GROUND, SteadyMotion, random_motions
 
 import symmb as mb
 

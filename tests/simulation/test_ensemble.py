@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from symmb import Box, DeclarationError, FunctionSimulator, MonteCarlo, PolynomialChaos, propagate
+from symmb import Box, DeclarationError, FunctionSimulator, MonteCarlo, PolynomialChaos
 from symmb.simulation.simulator import BLOCK, blocks, run_blocks, stream
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -28,15 +28,13 @@ def _bits(bounds):
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_threads_give_the_same_bits(method):
     with ThreadPoolExecutor(3) as threads:
-        assert _bits(propagate(SIMULATOR, method, BOX, executor=threads)) == _bits(propagate(SIMULATOR, method, BOX))
+        assert _bits(method.bounds(SIMULATOR, BOX, executor=threads)) == _bits(method.bounds(SIMULATOR, BOX))
 
 
 def test_processes_give_the_same_bits():
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as processes:
         for method in METHODS:
-            assert _bits(propagate(SIMULATOR, method, BOX, executor=processes)) == _bits(
-                propagate(SIMULATOR, method, BOX)
-            )
+            assert _bits(method.bounds(SIMULATOR, BOX, executor=processes)) == _bits(method.bounds(SIMULATOR, BOX))
 
 
 def test_dask_gives_the_same_bits():
@@ -44,9 +42,7 @@ def test_dask_gives_the_same_bits():
     with distributed.Client(processes=False, dashboard_address=":0") as client:
         executor = client.get_executor()
         for method in METHODS:
-            assert _bits(propagate(SIMULATOR, method, BOX, executor=executor)) == _bits(
-                propagate(SIMULATOR, method, BOX)
-            )
+            assert _bits(method.bounds(SIMULATOR, BOX, executor=executor)) == _bits(method.bounds(SIMULATOR, BOX))
 
 
 def test_blocks_follow_from_the_sample_number_alone():

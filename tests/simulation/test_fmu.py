@@ -92,8 +92,8 @@ def test_compare_runs_all_methods(version, kind, springs, scene):
 def test_units_reach_bounds(springs, folder):
     own = simulator(springs[2], outputs=["x", "damper.c", "passes"])
     stored = mb.StoredSimulator(own, folder / "units.db")
-    assert mb.propagate(own, mb.Vertex(), BOX).units == ("m", "N.s/m", "")
-    assert mb.propagate(stored, mb.Vertex(), BOX).units == ("m", "N.s/m", "")
+    assert mb.Vertex().bounds(own, BOX).units == ("m", "N.s/m", "")
+    assert mb.Vertex().bounds(stored, BOX).units == ("m", "N.s/m", "")
 
 
 def test_parameters_are_set_whatever_their_kind(springs):

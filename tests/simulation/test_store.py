@@ -62,12 +62,12 @@ METHODS = [mb.PolynomialChaos(budget=60), mb.MonteCarlo(40), mb.Scanning(5), mb.
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, tmp_path):
-    plain = mb.propagate(simulator(response), method, BOX)
+    plain = method.bounds(simulator(response), BOX)
     for expected in plain.evaluations, 0:
         counted = Counted()
         f = mb.FunctionSimulator(counted, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
         object.__setattr__(f, "identity", lambda: "response")
-        assert bits(mb.propagate(mb.StoredSimulator(f, tmp_path / "runs.db"), method, BOX)) == bits(plain)
+        assert bits(method.bounds(mb.StoredSimulator(f, tmp_path / "runs.db"), BOX)) == bits(plain)
         assert counted.calls <= expected and (counted.calls > 0) == (expected > 0)
 
 
@@ -75,11 +75,11 @@ def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, tmp_pat
 def test_a_finer_study_and_another_method_use_what_is_there(tmp_path):
     made, calls = counting()
     stored = mb.StoredSimulator(made, tmp_path / "runs.db")
-    mb.propagate(stored, mb.Vertex(), BOX)
+    mb.Vertex().bounds(stored, BOX)
     assert len(calls) == 4
-    mb.propagate(stored, mb.Scanning(3), BOX)
+    mb.Scanning(3).bounds(stored, BOX)
     assert len(calls) == 9
-    mb.propagate(stored, mb.Scanning(5), BOX)
+    mb.Scanning(5).bounds(stored, BOX)
     assert len(calls) == 25
 
 
@@ -95,11 +95,11 @@ def test_other_functions_times_outputs_and_versions_are_other_studies(tmp_path):
     for factor in (2, 3):
         many.append(simulator(lambda a, b, factor=factor: factor * response(a, b)))
     for k, one in enumerate(many):
-        mb.propagate(mb.StoredSimulator(one, path), mb.Vertex(), BOX)
+        mb.Vertex().bounds(mb.StoredSimulator(one, path), BOX)
         assert studies(path) == k + 1
-    mb.propagate(mb.StoredSimulator(many[0], path, version="2"), mb.Vertex(), BOX)
+    mb.Vertex().bounds(mb.StoredSimulator(many[0], path, version="2"), BOX)
     assert studies(path) == len(many) + 1
-    mb.propagate(mb.StoredSimulator(many[0], path), mb.Vertex(), BOX)
+    mb.Vertex().bounds(mb.StoredSimulator(many[0], path), BOX)
     assert studies(path) == len(many) + 1
 
 
@@ -140,9 +140,9 @@ def test_scenes_are_known_in_other_processes(tmp_path):
     made = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-10))
     assert told[0] == made.identity() != told[1]
     stored = mb.StoredSimulator(made, tmp_path / "runs.db")
-    first = mb.propagate(stored, mb.Scanning(3), scene.box)
-    assert bits(mb.propagate(stored, mb.Scanning(3), scene.box)) == bits(first)
-    plain = mb.propagate(made, mb.Scanning(3), scene.box)
+    first = mb.Scanning(3).bounds(stored, scene.box)
+    assert bits(mb.Scanning(3).bounds(stored, scene.box)) == bits(first)
+    plain = mb.Scanning(3).bounds(made, scene.box)
     assert np.abs(plain.upper - first.upper).max() < 1e-8
 
 
@@ -150,9 +150,9 @@ def test_scenes_are_known_in_other_processes(tmp_path):
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_executors_store_the_same(pool, tmp_path):
-    plain = mb.propagate(simulator(response), mb.MonteCarlo(60), BOX)
+    plain = mb.MonteCarlo(60).bounds(simulator(response), BOX)
     stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
-    assert bits(mb.propagate(stored, mb.MonteCarlo(60), BOX, executor=pool(2))) == bits(plain)
+    assert bits(mb.MonteCarlo(60).bounds(stored, BOX, executor=pool(2))) == bits(plain)
 
 
 STUDY = """
@@ -170,7 +170,7 @@ def response(a, b):
     return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
 
 f = mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
-bounds = mb.propagate(mb.StoredSimulator(f, sys.argv[1]), mb.MonteCarlo(400), mb.Box(a=(0.5, 1.5), b=(0.8, 1.2)))
+bounds = mb.MonteCarlo(400).bounds(mb.StoredSimulator(f, sys.argv[1]), mb.Box(a=(0.5, 1.5), b=(0.8, 1.2)))
 bounds.save(sys.argv[3])
 """
 
@@ -232,7 +232,7 @@ def test_what_is_no_store_is_told_in_a_sentence(make, tmp_path):
     path = tmp_path / "runs.db"
     make(path)
     with pytest.raises(mb.DeclarationError) as error:
-        mb.propagate(mb.StoredSimulator(simulator(response), path), mb.MonteCarlo(30), BOX)
+        mb.MonteCarlo(30).bounds(mb.StoredSimulator(simulator(response), path), BOX)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
     assert make is not text or path.read_text() == "x"
 
@@ -257,7 +257,7 @@ def test_what_has_no_identity_is_refused(tmp_path):
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_symmb_runs(tmp_path, capsys):
     path = tmp_path / "runs.db"
-    mb.propagate(mb.StoredSimulator(simulator(response), path), mb.Scanning(3), BOX)
+    mb.Scanning(3).bounds(mb.StoredSimulator(simulator(response), path), BOX)
     assert main(["runs", str(path)]) == 0
     titles, row = capsys.readouterr().out.splitlines()
     assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "lost", "parameters"]
@@ -273,7 +273,7 @@ def test_symmb_runs(tmp_path, capsys):
     assert "1 runs removed" in capsys.readouterr().out
     made, calls = counting()
     object.__setattr__(made, "identity", simulator(response).identity)
-    mb.propagate(mb.StoredSimulator(made, path), mb.Scanning(3), BOX)
+    mb.Scanning(3).bounds(mb.StoredSimulator(made, path), BOX)
     assert calls == [(1.5, 1.2)]
 
 
@@ -289,7 +289,7 @@ def test_symmb_runs(tmp_path, capsys):
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    mb.propagate(mb.StoredSimulator(simulator(response), "runs.db"), mb.Vertex(), BOX)
+    mb.Vertex().bounds(mb.StoredSimulator(simulator(response), "runs.db"), BOX)
     (tmp_path / "text.db").write_text("time,x")
     assert main(["runs", *arguments]) == 2
     error = capsys.readouterr().err
