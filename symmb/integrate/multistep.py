@@ -27,7 +27,7 @@ the next, and is lost, as at a singular position, when it has taken this share o
 CLOSE_TIMES = 1e-6
 """Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
 _SCALED = {"ode", "alg", "quad"}
-_WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_reverse": False, "enable_jacobian": False, "enable_fd": True}
+_WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
 _SHORT = 1e-3
 """Steps over the horizon if switches of the state are not located: longer ones may pass over two of them."""
 _FEW_STATES = 1_000_000
