@@ -10,12 +10,13 @@ from symmb.symbolic import Kind, Symbol, declare, triad
 
 
 def relative_angle(
-    name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX
+    name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX, parallel: bool = False
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:
     """Angle of body b relative to body a about an axis fixed in both [rad], and the records of its state.
 
     The angle is 0 where `alignment` (3, 3) turns vectors from axes of body a to those of body b. Where the axes do not
-    stay parallel, it is the twist: the least rotation that brings the axes together does not count.
+    stay parallel, it is the twist: the least rotation that brings the axes together does not count. Where a joint keeps
+    them parallel, that costs nothing.
 
     For bodies that turn about z alone it is a difference of coordinates. Quaternions determine an angle only up to
     whole turns. Therefore a first-order state named `name.angle` follows the angle. It only chooses the number of
@@ -26,10 +27,12 @@ def relative_angle(
     frame_a = triad(axis_a)
     A = a.frame.R @ frame_a
     B = b.frame.R @ alignment @ frame_a
-    sine = ca.dot(A[:, 1], B[:, 0]) - ca.dot(A[:, 0], B[:, 1])
-    wrapped = ca.atan2(sine, ca.dot(A[:, 0], B[:, 0]) + ca.dot(A[:, 1], B[:, 1]))
+    sine, cosine = ca.dot(A[:, 1], B[:, 0]), ca.dot(A[:, 0], B[:, 0])
+    if not parallel:
+        sine, cosine = sine - ca.dot(A[:, 0], B[:, 1]), cosine + ca.dot(A[:, 1], B[:, 1])
+    wrapped = ca.atan2(sine, cosine)
     omega = b.frame.R @ b.frame.omega - a.frame.R @ a.frame.omega
-    rate = ca.dot(turning_direction(a, axis_a, b, alignment), omega)
+    rate = ca.dot(A[:, 2] if parallel else turning_direction(a, axis_a, b, alignment), omega)
     state = ca.SX.sym(f"{name}.angle")
     records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
     return wrapped + 2 * math.pi * ca.floor((state - wrapped) / (2 * math.pi) + 0.5), records

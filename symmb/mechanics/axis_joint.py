@@ -199,7 +199,8 @@ class AxisJoint(Joint):
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
-        return relative_angle(self.name, self.point_a.body, self.axes[0], self.point_b.body, self.alignment)
+        bodies = self.point_a.body, self.point_b.body
+        return relative_angle(self.name, bodies[0], self.axes[0], bodies[1], self.alignment, parallel=True)
 
     @property
     def turn_states(self) -> tuple[Symbol, ...]:
