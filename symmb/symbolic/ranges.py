@@ -37,9 +37,9 @@ def ranges(f: ca.Function, inputs: Sequence[Sequence[Range]]) -> list[list[Range
 
     Examples
     --------
-    >>> x, low, high = (ca.SX.sym(name) for name in ("x", "a", "b"))
-    >>> ranges(ca.Function("f", [x], [x + 1]), [[Range(low, high)]])
-    [[Range(low=SX((1+a)), high=SX((1+b)), jumps=SX(0))]]
+    >>> x = ca.SX.sym("x")
+    >>> ranges(ca.Function("f", [x], [x + 1]), [[Range(ca.SX(2), ca.SX(5))]])
+    [[Range(low=SX(3), high=SX(6), jumps=SX(0))]]
     """
     return interpret(f, inputs, _operation, lambda number: _point(ca.SX(number)))
 
