@@ -12,6 +12,8 @@ from symmb.model import DAE, Impacts
 from symmb.schemes import interpolated, parts, roots
 from symmb.symbolic import ranges_along
 
+_TOUCHING = 1e-2
+"""Share of a step up to which gaps must be known at least: a step that is cut to less makes no progress."""
 _PARTS = 6
 """Equal parts of a step, in each of which the force in a closed contact may change sign once: its range over a part of
 a step is that of a linear system, too wide to tell more. tests/events/test_impacts.py"""
@@ -105,7 +107,13 @@ class Location:
         shares = np.repeat(found.known[:, None], counts.max(initial=0) + 1, axis=1)
         number = np.arange(len(found.lane)) - np.repeat(np.cumsum(counts) - counts, counts)
         shares[found.lane, number] = found.low
-        return shares, found.known
+        # A contact that has just opened leaves so slowly that ranges tell nothing near its start: equal parts, then.
+        touching = found.known < _TOUCHING
+        if touching.any():
+            shares = np.pad(shares, ((0, 0), (0, max(0, _PARTS + 1 - shares.shape[1]))), mode="edge")
+            equal = np.minimum(np.arange(shares.shape[1]) / _PARTS, 1.0)
+            shares[touching] = equal
+        return shares, np.where(touching, 1.0, found.known)
 
     def _at_shares(self, f: Callable[..., list[Array]], steps: Steps, shares: Array) -> list[Array]:
         """Values (N, k, n) of f at shares (N, k) of the steps."""
