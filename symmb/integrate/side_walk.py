@@ -15,6 +15,8 @@ Advance = Callable[[float, float, Array, Array], Array]
 _BREAKDOWNS = RuntimeError, np.linalg.LinAlgError
 _SHIFT = 1e-4
 """Share of the horizon by which times of passes may be off: a motion that is off by more takes branches as it goes."""
+_SLOW = 0.01
+"""Share of that time from which on a motion is not moved by the rounding of a switch: it hardly moves on the switch."""
 _CORRECTIONS = 5
 """Steps of Newton's method from the time of a pass to that of the run itself."""
 
@@ -108,6 +110,9 @@ class SideWalk:
         late, k = self._late(t, y, sides)
         if not late < np.inf:
             return y, sides
+        values, rates = self._equations.on_sides(y, self._p, sides, t)
+        if abs(late) > _SLOW * self._shift and abs(values[k]) <= self._margins(rates, t)[k]:
+            return y, self._behind(t, y, sides, k)
         new, to, parameters = y, t, np.concatenate([self._p, sides])
         for _ in range(_CORRECTIONS):
             new = self._shifted(to, to + late, new, parameters)

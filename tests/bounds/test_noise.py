@@ -1,6 +1,7 @@
 """Bounds of responses with noise, and of runs that fail: what they cost, and what is told."""
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -64,6 +65,24 @@ def test_scenes_tell_the_noise_of_their_runs():
     tighter = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-9)).noise
     assert 0 < noise[0] < 1e-5 and noise[1] == 0
     assert_allclose(noise, 1e3 * tighter)
+
+
+def test_a_simulator_takes_its_time_to_tell_its_noise():
+    """A scene is compiled for it: the study is not late then."""
+
+    quick = simulator(lambda a, b: T * np.exp(a + b), outputs=("x",))
+
+    class Slow:
+        times, outputs, parameters, run, stream = T, ("x",), quick.parameters, quick.run, quick.stream
+
+        @property
+        def noise(self):
+            begin = time.thread_time()
+            while time.thread_time() < begin + 0.3:
+                pass
+            return np.zeros(1)
+
+    assert not mb.propagate(Slow(), mb.PolynomialChaos(seconds=0.25), BOX).doubts
 
 
 @pytest.mark.parametrize("noise", [{"z": 1.0}, {"x": -1.0}, {"x": np.nan}, 1e-3])

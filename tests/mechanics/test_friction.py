@@ -92,6 +92,14 @@ def test_a_block_on_a_belt_moves_alike_by_every_solver(solver):
     assert run.energy_drift < 1e-6
 
 
+@pytest.mark.parametrize("rtol", [1e-8, 1e-9, 1e-10, 1e-11])
+@pytest.mark.parametrize("bristles", [3e3, 1e4])
+def test_the_belt_keeps_its_drive_where_the_block_sticks(rtol, bristles):
+    """A motion at rest near a switch is not moved along by the rounding of the switch."""
+    run = mb.simulate(stick_slip.scene(bristles=bristles), mb.CVODES(rtol=rtol, stiff=True))
+    assert run.position_drift < 1e-7
+
+
 def test_stick_and_slip_of_a_block_on_a_belt():
     m, k, V, N, static, kinetic = 1.0, 100.0, 0.1, 10.0, 0.4, 0.25
     A, w = (static - kinetic) * N / k, np.sqrt(k / m)

@@ -105,7 +105,8 @@ class Runs:
         self._largest = np.zeros(self.shape[1])
         self._widths: Array | None = None
         self._scale = np.full(self.shape[1], np.inf)  # root mean square (n_y,) of the extremes
-        self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
+        with self.clock.of_runs():  # that of a scene takes runs, for which it is compiled
+            self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
         self.rounding = ROUNDING_WIDTH if self._told is None else ROUNDING_OF_VALUES
