@@ -45,8 +45,8 @@ def unreached(t: Array, violation: Array, rtol: float | None) -> str:
     )
 
 
-def pulse_doubts(longest: float, rtol: float | None) -> tuple[str, ...]:
-    """A fixed step that may pass over a pulse of a law of time."""
-    if rtol is not None or not np.isfinite(longest):
+def pulse_doubts(longest: float, step: float) -> tuple[str, ...]:
+    """Whether fixed steps, which are 0 where steps are controlled, are longer than those that pass over no pulse [s]."""
+    if step <= longest:
         return ()
-    return (f"Steps of more than {longest:.2g} s may pass over a pulse in a law of time.",)
+    return (f"Steps of {step:.2g} s may pass over a pulse in a law of time: take less than {longest:.2g} s.",)

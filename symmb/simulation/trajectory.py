@@ -235,7 +235,7 @@ class Trajectory(Result):
             *self.run_doubts,
             *drift_doubts(position, energy, is_singular, self._rtol),
             *linear_theory_doubts(self._model[0], simulator.dae, self.x, self._p, self.t),
-            *pulse_doubts(longest_step(simulator.dae, self.t), self._rtol),
+            *pulse_doubts(longest_step(simulator.dae, self.t), simulator.solver.step_taken(self.t)),
         ]
         return tuple(doubts)
 
