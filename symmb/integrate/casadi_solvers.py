@@ -45,21 +45,22 @@ class _Multistep(Solver):
         return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        return self._integration_of(dae, times, order, work, located=True)
+        return self._integration_of(dae, times, order, work)
 
-    def independent_integration(self, dae: DAE, times: Array) -> Integration:
-        """The integration whose own step control follows switches of the state: no other solver locates them for it."""
-        return self._integration_of(dae, times, 0, False, located=False)
+    def independent_integration(self, dae: DAE, times: Array, of_state: bool = False) -> Integration:
+        """The integration whose own step control follows switches of the state.
 
-    def _integration_of(self, dae: DAE, times: Array, order: int, work: bool, located: bool) -> Integration:
+        Steps also end at those that DormandPrince locates if `of_state`: pulses shorter than all steps are met there.
+        """
+        return self._integration_of(dae, times, 0, False, independent=True, of_state=of_state)
+
+    def _integration_of(self, dae: DAE, times: Array, order: int, work: bool, **options: bool) -> Integration:
         def problem_of(dae: DAE) -> Problem:
             return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
 
-        options, units = _measures(self.tolerances(dae, order, int(work and dae.power is not None)))
-        method = partial(self._method, options)
-        return multistep_integration(
-            problem_of, dae, self.plugin, method, times, self.rtol, units, order, located=located
-        )
+        tolerances, units = _measures(self.tolerances(dae, order, int(work and dae.power is not None)))
+        method = partial(self._method, tolerances)
+        return multistep_integration(problem_of, dae, self.plugin, method, times, self.rtol, units, order, **options)
 
 
 @dataclass(frozen=True, repr=False)

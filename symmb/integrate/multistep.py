@@ -29,9 +29,9 @@ CLOSE_TIMES = 1e-6
 _SCALED = {"ode", "alg", "quad"}
 _WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
 _SHORT = 1e-3
-"""Steps over the horizon if switches of the state are not located: longer ones may pass over two of them."""
+"""Steps of an independent integration over the horizon: longer ones may pass over two switches of the state."""
 _FEW_STATES = 1_000_000
-"""Most steps times states if switches are not located: more take more than a second, and the run is only a check."""
+"""Most steps times states of an independent integration: more take more than a second, and it only checks another."""
 _SMOOTH_STEPS = 20_000
 """Most steps of a piece on one side of each switch: one that needs more is left to equations that follow the state."""
 _NOISE = 1e-15
@@ -48,25 +48,27 @@ def multistep_integration(
     units: Array | None = None,
     order: int = 0,
     first: float | None = None,
-    located: bool = True,
+    independent: bool = False,
+    of_state: bool = True,
 ) -> Integration:
     """Problems of DAEs compiled for CasADi's interface to SUNDIALS; options for an integration over a given time.
 
     Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of states and
     integrals (n_x + n_quad,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
-    If switches of the state are not located, the step control follows them, with steps of a thousandth of the horizon.
+    An independent integration follows switches of the state by its step control, with steps of a thousandth of the
+    horizon. They end at passes that runs of DormandPrince tell if `of_state`.
     """
     problem = problem_of(dae).jets(order)
     problem = problem if units is None else problem.in_units(units)
     guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
-    project, passes = problem.projection(), SwitchPasses(dae, times, rtol, of_state=located)
+    project, passes = problem.projection(), SwitchPasses(dae, times, rtol, of_state=of_state)
     n_x = problem.x.numel()
     if not n_x or len(times) < 2:
         return _MultistepIntegration(times, problem, guess, project, passes.stops, units)
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
-    most = min(MOST_STEPS, (MOST_STATES if located else _FEW_STATES) // n_x)
-    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), np.inf if located else _SHORT * horizon)}
+    most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
+    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), _SHORT * horizon if independent else np.inf)}
     steps = {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
     def limited(problem: Problem, length: float, unit: float, most: float) -> dict[str, Any]:
@@ -87,7 +89,7 @@ def multistep_integration(
         onward = Lazy(lambda: from_0_to_1("onward", problem, fine, LOST * most))
     if project is not None or passes.are_possible:
         between = from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
-    equations = one_sided(dae) if located and passes.are_possible and not order else None
+    equations = one_sided(dae) if passes.are_possible and not independent and not order else None
     if equations is not None:
         one = problem_of(equations.dae)
         integrator = from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)

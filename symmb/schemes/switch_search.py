@@ -118,6 +118,8 @@ def first_pass(
         when[lane] = np.inf
         for k in np.argsort(-theta, kind="stable"):  # the earliest comes last
             when[lane[k]], which[lane[k]] = theta[k], number[k]
+    jumped = (begin < 0).any(axis=0)  # with another switch, at the begin of the step
+    when[jumped], which[jumped] = np.finfo(float).eps, (begin < 0).argmax(axis=0)[jumped]
     return when, which
 
 

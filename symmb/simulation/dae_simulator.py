@@ -216,7 +216,7 @@ class DAESimulator:
         other = self._with(_joints=joints, times=times, _reason="")
         other._use(solver := another(self.solver, finest))
         if isinstance(solver, CVODES):
-            other._integrations[0, False] = solver.independent_integration(other.formulation.dae, times)
+            other._integrations[0, False] = solver.independent_integration(other.formulation.dae, times, finest)
         return other
 
     def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:

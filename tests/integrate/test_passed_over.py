@@ -117,3 +117,27 @@ def test_a_smooth_wall_turns_a_motion_back(law, width, height):
     wall = mb.Force("wall", ball.point(0, 0), (-height * law((ball.x - 0.48712) / width) / (2 * width), 0))
     scene = mb.Scene(mb.System(ball, wall), {"ball.vx": 1.0}, np.linspace(0, 1, 21), {"v": ball.vx})
     assert mb.simulate(scene, mb.CVODES())["v"][-1] == pytest.approx(-1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("start", [-3.8216, -0.4, -2.2, 1.1, 3.8216])
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES()], ids=repr)
+def test_switches_that_jump_together_at_the_end_of_a_period_all_change_their_sides(start, solver):
+    """Where a table's argument jumps from 0 to 1, or back, its four comparisons change at once, in any order."""
+    rate, width, turns = np.copysign(5.0 + abs(start), start), 0.007, 12
+    table = mb.Table([0.0, 0.3, 0.3 + width / 2, 0.3 + width, 1.0], [0, 0, 1, 0, 0])
+
+    def act(angle):
+        phase = (angle - start) / 0.5348
+        return table(phase - ca.floor(phase))
+
+    scene, exact = wheel(act, rate, turns * 0.5348 / abs(rate)), turns * width / 2 * 0.5348 / abs(rate)
+    run = mb.simulate(scene, solver)
+    assert run["v"][-1] == pytest.approx(exact, rel=1e-6) and not run.doubts
+
+
+def test_a_study_of_pulses_that_are_shorter_than_the_steps_of_its_check_is_not_doubted():
+    table = mb.Table([0.0, 0.3, 0.3005, 0.301, 1.0], [0, 0, 1, 0, 0])
+    bounds = mb.propagate(wheel(lambda a: table(a - ca.floor(a)), 3.0, 7.0), mb.Vertex())
+    exact = 21 * 0.0005 / 3.0 * np.array([0.9, 1.1])
+    np.testing.assert_allclose([bounds["v"][0][-1], bounds["v"][1][-1]], exact, rtol=1e-6)
+    assert not bounds.doubts

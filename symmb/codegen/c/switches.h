@@ -32,6 +32,7 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define BEYOND 1.002 /* length of the shorter step over that to the switch */
 
 #if N_S > 0
+#define AT_ONCE 2.220446049250313e-16 /* share of a step, 2^-52: its begin */
 #define LEAST_PART 9.094947017729282e-13 /* share of a step, 2^-40: shorter parts are judged by their ends */
 #define MOST_PARTS 256      /* of a step, in which ranges do not exclude a pass: the step then ends before the next one */
 #define LONG_PART 0.015625  /* share of a step, 2^-6: that of the first parts at least */
@@ -120,6 +121,7 @@ PRIVATE int may_pass(Block *b, int last) {
       const M beyond = (M)(u > a->raised[k]);
       a->u[k] = blend(beyond, u, a->u[k]);
       a->raised[k] = blend(beyond, zero(), a->raised[k]);
+      any |= (M)(a->u[k] < 0.0);
     }
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
     for (int k = 0; k < N_S; ++k) any |= (M)(a->u_new[k] < 0.0);
@@ -196,15 +198,21 @@ PRIVATE void bound_part(Part *a, double low, double high) {
   }
 }
 
-/* The first switch that each lane passes: the share of the step, and the switch. Parts of the step are halved until ranges
-   along the interpolant leave nothing open but what their ends tell. Returns the least share; if it is that of no lane,
-   nothing is known behind it, and 2 without a pass. */
+/* The first switch that each lane passes: the share of the step, and the switch. One that jumped below 0 at the begin of
+   the step is passed there. Parts of the step are halved until ranges along the interpolant leave nothing open but what
+   their ends tell. Returns the least share; if it is that of no lane, nothing is known behind it, and 2 without a pass. */
 PRIVATE double first_pass(Block *b) {
   double first = 2.0, low = 0.0, share = 1.0;
   int parts = 0;
   EACH_PART(b) {
     a->when = each(2.0);
-    for (int k = 0; k < N_S; ++k) a->u_low[k] = a->u[k];
+    for (int k = 0; k < N_S; ++k) {
+      const M jumped = (M)(a->u[k] < 0.0) & (M)(a->when > 1.0);
+      a->when = blend(jumped, each(AT_ONCE), a->when);
+      a->which = blend(jumped, each((double)k), a->which);
+      first = none(jumped) ? first : AT_ONCE;
+      a->u_low[k] = a->u[k];
+    }
     for (int j = 0; j < N_RANGED; ++j) {
       const int i = place[ranged[j]];
       a->x_low[j] = a->x[i];
