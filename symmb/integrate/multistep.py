@@ -68,7 +68,8 @@ def multistep_integration(
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
     most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
-    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), _SHORT * horizon if independent else np.inf)}
+    longest = _SHORT * horizon if independent else np.inf
+    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), longest)}
     steps = {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
     def limited(problem: Problem, length: float, unit: float, most: float) -> dict[str, Any]:

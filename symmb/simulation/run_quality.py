@@ -1,7 +1,5 @@
 """What cannot be trusted about a run: drift, positions that are not reached, pulses."""
 
-import numpy as np
-
 from symmb._types import Array
 
 _LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
@@ -46,7 +44,7 @@ def unreached(t: Array, violation: Array, rtol: float | None) -> str:
 
 
 def pulse_doubts(longest: float, step: float) -> tuple[str, ...]:
-    """Whether fixed steps, which are 0 where steps are controlled, are longer than those that pass over no pulse [s]."""
+    """Whether fixed steps, 0 where steps are controlled, are longer than those that pass over no pulse [s]."""
     if step <= longest:
         return ()
     return (f"Steps of {step:.2g} s may pass over a pulse in a law of time: take less than {longest:.2g} s.",)
