@@ -42,8 +42,8 @@ _FORMS = {
     ca.OP_IF_ELSE_ZERO: "choose({0} != 0.0, {1}, zero())",
     ca.OP_FABS: "v_fabs(each({0}))",
     ca.OP_SIGN: "truth({0} > 0.0) - truth({0} < 0.0)",
-    ca.OP_FMIN: "choose(({0} < {1}) | ({1} != {1}), {0}, {1})",
-    ca.OP_FMAX: "choose(({0} > {1}) | ({1} != {1}), {0}, {1})",
+    ca.OP_FMIN: "v_fmin(each({0}), each({1}))",
+    ca.OP_FMAX: "v_fmax(each({0}), each({1}))",
 }
 _CALLS = {
     getattr(ca, f"OP_{name.upper()}"): f"v_{name}"

@@ -165,6 +165,9 @@ def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float]) -
     nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
     for name in nodes.keys() & {"project", "start"}:
         nodes[name] = [nodes[name][i] for i in order]
+    if hysteresis:  # most evaluations need no rates
+        both, m = nodes["switches"], len(hysteresis)
+        nodes |= {"switches": both[:m], "changes": both[m:]}
     stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
     sizes = {"N_OWN": n_own, "N_K": stages * n_own}
     if fixed:

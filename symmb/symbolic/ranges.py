@@ -6,11 +6,12 @@ They are as exact as numbers are, without rounding outward.
 import math
 from collections.abc import Callable, Sequence
 from functools import reduce
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from symmb.symbolic.instructions import interpret
+from symmb.symbolic.switching import is_soft
 
 _INFINITE = ca.SX.inf()
 
@@ -18,12 +19,14 @@ _INFINITE = ca.SX.inf()
 class Range(NamedTuple):
     """From low to high, SX scalars. A range of one point holds the same expression twice.
 
-    `jumps` is 1 where the value may jump within the range of its arguments.
+    `jumps` is 1 where the value may jump within the range of its arguments. `chosen` are the ranges of a condition and
+    of what the value is where it holds, if it is 0 elsewhere.
     """
 
     low: ca.SX
     high: ca.SX
     jumps: ca.SX = ca.SX(0)
+    chosen: Any = None
 
     @property
     def is_point(self) -> bool:
@@ -39,7 +42,7 @@ def ranges(f: ca.Function, inputs: Sequence[Sequence[Range]]) -> list[list[Range
     --------
     >>> x = ca.SX.sym("x")
     >>> ranges(ca.Function("f", [x], [x + 1]), [[Range(ca.SX(2), ca.SX(5))]])
-    [[Range(low=SX(3), high=SX(6), jumps=SX(0))]]
+    [[Range(low=SX(3), high=SX(6), jumps=SX(0), chosen=None)]]
     """
     return interpret(f, inputs, _operation, lambda number: _point(ca.SX(number)))
 
@@ -86,7 +89,8 @@ def _operation(code: int, arguments: tuple[Range, ...]) -> Range:
         result = Range(*(ca.SX.unary(code, end) for end in ends))
     else:
         result = _RULES[code](*arguments) if code in _RULES else _ANYWHERE
-    own = ca.ne(result.low, result.high) if code in _STEPS else result.jumps
+    steps = code in _STEPS and not any(a.is_point and is_soft(a.low) for a in arguments)
+    own = ca.ne(result.low, result.high) if steps else result.jumps
     jumps = [jump for jump in (own, *(a.jumps for a in arguments)) if not jump.is_zero()]
     return result._replace(jumps=reduce(ca.logic_or, jumps, ca.SX(0)))
 
@@ -124,7 +128,18 @@ def _negative(a: Range) -> Range:
 
 
 def _sum(a: Range, b: Range) -> Range:
+    if a.chosen and b.chosen:
+        (condition, one), (other, two) = a.chosen, b.chosen
+        if ca.is_equal(other.low, ca.logic_not(condition.high), 1):
+            return _either(condition, one, two)
     return Range(a.low + b.low, a.high + b.high)
+
+
+def _either(condition: Range, a: Range, b: Range) -> Range:
+    """a where the condition holds, and b where not."""
+    some, every = condition.high, condition.low
+    low = ca.fmin(ca.if_else(some, a.low, _INFINITE), ca.if_else(every, _INFINITE, b.low))
+    return Range(low, ca.fmax(ca.if_else(some, a.high, -_INFINITE), ca.if_else(every, -_INFINITE, b.high)))
 
 
 def _product(a: Range, b: Range) -> Range:
@@ -220,7 +235,7 @@ def _chosen(condition: Range, a: Range) -> Range:
     if condition.is_point:
         return Range(*(ca.if_else(condition.low, end, 0) for end in a[:2]))
     either = Range(*(ca.if_else(condition.high, end, 0) for end in (ca.fmin(a.low, 0), ca.fmax(a.high, 0))))
-    return _where(condition.low, a, either)
+    return _where(condition.low, a, either)._replace(chosen=(condition, a))
 
 
 _RISING: dict[int, tuple[float, float]] = dict.fromkeys(

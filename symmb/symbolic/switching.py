@@ -185,7 +185,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         of = tuple(a.sx for a in arguments)
-        is_switch = code in _KINKS and not any(_is_guard(a) or _is_soft(a) for a in of)
+        is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
         if is_switch and on is On.TIME:
             switch = _KINKS[code][1](*of)
             times.setdefault((switch.element_hash(), 0.0), switch)
@@ -240,5 +240,6 @@ def _is_guard(value: ca.SX) -> bool:
     return value.is_constant() and SOFT < abs(float(value)) <= _GUARD
 
 
-def _is_soft(value: ca.SX) -> bool:
+def is_soft(value: ca.SX) -> bool:
+    """Whether a comparison with a value has no effect on a jump of an expression or of its slope."""
     return value.is_constant() and abs(float(value)) == SOFT

@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from symmb.symbolic import ranges_along
+from symmb import Table
+from symmb.symbolic import SOFT, ranges_along
 
 X, P, T = ca.SX.sym("x", 3), ca.SX.sym("p", 1), ca.SX.sym("t")
 _A, _B, _C = ca.vertsplit(X)
@@ -16,6 +17,7 @@ FORMULAS = {
     "angles": ca.atan2(_A, _B) + ca.tan(_C / 9) + ca.acos(ca.tanh(_A)),
     "fronts": ca.tanh(30 * _A) * ca.exp(-(_B**2)) + 1 / ca.cosh(_C) ** 2,
     "branches": ca.if_else(_A < _B, _C, -2 * _C) + ca.fmin(_A, _B) * ca.fmax(_B, 0.1) + ca.copysign(_B, _C),
+    "table": Table([-1.0, -0.2, 0.1, 0.5, 1.3], [0.3, 0.1, 0.6, 0.5, -0.2])(_A) + ca.if_else(_B < P, 5 + _C, 6.0),
     "whole numbers": ca.floor(_A) + ca.ceil(2 * _B) + ca.fmod(_C, 0.7) + ca.remainder(_A, 0.9),
 }
 
@@ -50,3 +52,16 @@ def test_ranges_of_short_parts_are_narrow():
         least, largest, fall, rise = np.split(np.array(of_box(ends, 1.3)).ravel(), 4)
         widths.append([largest - least, rise - fall])
     assert np.all(np.array(widths[1]) < 0.02 * np.array(widths[0]))
+
+
+@pytest.mark.parametrize("ends", [(-2.0, 0.5), (0.5, 1.5), (0.99, 1.01), (1.5, 3.0)])
+def test_a_choice_has_the_values_of_what_may_be_chosen(ends):
+    """Not those of a sum, one part of which is 0; and a comparison that marks no jump has none."""
+    low, high = ends
+    for condition, jumps in ((_A < 1, True), (_A - 1 < -SOFT, False)):
+        box, bounds = ranges_along(ca.if_else(condition, _A + 5, 6.0), X, P, T)
+        x = [low, 0, 0, high, 0, 0]
+        found = np.array(ca.Function("bounds", [box, P], [bounds])([*x, *[high - low, 0, 0] * 2, 0, 1, 1], 0)).ravel()
+        is_open, least = low < 1 < high, min(low + 5, 6)
+        assert found[0] == pytest.approx(least) and found[1] <= 5 + high + 1e-12
+        assert np.isfinite(found[2:]).all() == (not jumps or not is_open)

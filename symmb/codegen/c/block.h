@@ -42,7 +42,7 @@ typedef struct {
   V atol[SIZE(N_X)];                               /* by the largest value of each state so far */
   V p[SIZE(N_P)], scratch[2 * SIZE(N_X)];          /* parameters; errors of a step, or unknowns of the start */
 #if N_S > 0
-  V u[2 * N_S], u_new[2 * N_S], u_low[N_S], u_at[2 * N_S]; /* switches on their sides, and their rates, see switches.h */
+  V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches on their sides, and their rates, see switches.h */
   V raised[N_S], when, which;
   V box[4 * N_X + 3], x_low[SIZE(N_RANGED)], dx_low[SIZE(N_RANGED)], x_end[SIZE(N_RANGED)], dx_end[SIZE(N_RANGED)]; /* of a
                                                                 part of a step, see switches.h */

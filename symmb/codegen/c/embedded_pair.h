@@ -169,6 +169,9 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->h = first_step(b, s);
 }
 
+/* Whether a step that passes a switch at its share z is taken again, by a shorter one. */
+PRIVATE int is_early(const Block *b, double z, double shortest) { return z < LATE && z * b->h > 10.0 * shortest; }
+
 /* Runs the block from the first time to the last. Returns 0 if samples failed. */
 PRIVATE int run(Block *b, Study *s) {
   const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
@@ -179,6 +182,7 @@ PRIVATE int run(Block *b, Study *s) {
   find_stop(b, s);
   settle(b);
   restart(b, s);
+  int shortened = 0;
   while (b->next < s->n_t) {
     if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
@@ -198,8 +202,10 @@ PRIVATE int run(Block *b, Study *s) {
       shorten(b, missed);
       continue;
     }
-    const double z = searched ? first_pass(b) : 2.0;
-    if (z < LATE && z * b->h > 10.0 * shortest) { /* interpolants are as exact as steps near their ends only */
+    const double rough = searched && !shortened ? rough_pass(b) : 2.0;
+    const double z = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
+    shortened = is_early(b, z, shortest);
+    if (shortened) { /* interpolants are as exact as steps near their ends only */
       b->h *= z * BEYOND;
       continue;
     }

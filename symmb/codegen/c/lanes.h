@@ -92,6 +92,9 @@ BY_LANE_1(v_ceil, ceil)
 PRIVATE inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
 PRIVATE inline V v_larger(V a, V b) { return choose(a > b, a, b); }
 #endif
+/* As fmin and fmax: a number beside NaN is the result. */
+PRIVATE inline V v_fmin(V a, V b) { return choose(b != b, a, v_smaller(a, b)); }
+PRIVATE inline V v_fmax(V a, V b) { return choose(b != b, a, v_larger(a, b)); }
 
 /* Sine and cosine together, to an ulp: reduction by multiples of pi / 2 (Cody and Waite 1980) in parts whose products are
    exact, then the polynomials of FDLIBM (Sun Microsystems 1993) on [-pi/4, pi/4]. Lanes of large or infinite numbers go

@@ -3,8 +3,8 @@
    Switches of time have known places, where steps end. Within a step the equations keep their branches on one side of each
    switch of the state, so that all stages are smooth. u is a switch times its side. The switch is passed where u falls
    below 0. The step then ends there, and the side changes. u is raised by a hysteresis above rounding from then on until a
-   step begins beyond it. switches(x, c, t, u) gives the N_S switches and their rates. Sides, 1 or -1, are the last of the
-   parameters. */
+   step begins beyond it. switches(x, c, t, u) gives the N_S switches, and changes(x, c, t, u) their rates. Sides, 1 or -1,
+   are the last of the parameters. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
@@ -30,6 +30,7 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 
 #define LATE 0.99    /* share of a step before which a switch is passed again, by a shorter step */
 #define BEYOND 1.002 /* length of the shorter step over that to the switch */
+#define ROUGH 4e-3   /* share of that length by which it may be too long: the shorter step then ends behind LATE */
 
 #if N_S > 0
 #define AT_ONCE 2.220446049250313e-16 /* share of a step, 2^-52: its begin */
@@ -46,13 +47,16 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 
-/* The switches u on their sides at x, then their rates. */
+/* The switches u on their sides at x. */
 PRIVATE void on_sides(Part *a, const V *x, V t, V *u) {
   switches(x, a->c, t, u);
-  for (int k = 0; k < N_S; ++k) {
-    u[k] = u[k] * sides(a)[k] + a->raised[k];
-    u[N_S + k] *= sides(a)[k];
-  }
+  for (int k = 0; k < N_S; ++k) u[k] = u[k] * sides(a)[k] + a->raised[k];
+}
+
+/* The rates du of the switches on their sides at x. */
+PRIVATE void rates_on_sides(Part *a, const V *x, V t, V *du) {
+  changes(x, a->c, t, du);
+  for (int k = 0; k < N_S; ++k) du[k] *= sides(a)[k];
 }
 
 /* The sides at the start of a step. Where a switch is 0 its rate decides. */
@@ -61,9 +65,10 @@ PRIVATE void settle(Block *b) {
     M changed = (M)zero() == 0;
     for (int n = 0; n < SETTLINGS && !none(changed); ++n) { /* switches may depend on the sides of others */
       switches(a->x, a->c, each(between_stops(b, b->t)), a->u);
+      changes(a->x, a->c, each(between_stops(b, b->t)), a->du);
       changed = (M)zero();
       for (int k = 0; k < N_S; ++k) {
-        const V u = choose(v_fabs(a->u[k]) > hysteresis[k], a->u[k], a->u[N_S + k]);
+        const V u = choose(v_fabs(a->u[k]) > hysteresis[k], a->u[k], a->du[k]);
         const V side = choose(u > 0.0, each(1.0), choose(u < 0.0, each(-1.0), sides(a)[k]));
         changed |= (M)(side != sides(a)[k]);
         sides(a)[k] = side;
@@ -121,11 +126,12 @@ PRIVATE int may_pass(Block *b, int last) {
       const M beyond = (M)(u > a->raised[k]);
       a->u[k] = blend(beyond, u, a->u[k]);
       a->raised[k] = blend(beyond, zero(), a->raised[k]);
-      any |= (M)(a->u[k] < 0.0);
     }
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
-    for (int k = 0; k < N_S; ++k) any |= (M)(a->u_new[k] < 0.0);
-    if (!none(any)) return 1;
+    for (int k = 0; k < N_S; ++k) any |= (M)(a->u[k] < 0.0) | (M)(a->u_new[k] < 0.0);
+  }
+  if (!none(any)) return 1;
+  EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
       const int i = place[ranged[j]];
       const V d = a->x_new[i] - a->x[i], dx = b->h * slope(a->x, a->k, i), dx_end = b->h * slope(a->x_new, a->k + last * N_OWN, i);
@@ -157,18 +163,19 @@ PRIVATE V change_at(const Part *a, int i, double z) {
   return z * dy + y;
 }
 
-/* Number k of the switches and rates at shares z of the step. */
+/* Number k of the switches at shares z of the step. */
 PRIVATE V switch_at(Part *a, const Block *b, int k, V z) {
   state_at(a, z, a->x_at);
   on_sides(a, a->x_at, b->t + z * b->h, a->u_at);
   return a->u_at[k];
 }
 
-/* Where number k changes its sign between shares low and high of the step, in marked lanes: the end behind it. */
-PRIVATE V sign_change(Part *a, const Block *b, int k, M marked, V low, V high, V at_low, V at_high) {
+/* Where number k changes its sign between shares low and high of the step, in marked lanes: the end behind it, which is
+   off by a share of it at most. */
+PRIVATE V sign_change(Part *a, const Block *b, int k, M marked, V low, V high, V at_low, V at_high, double off) {
   V kept_low = at_low, kept_high = at_high; /* by the rule of Anderson and Bjoerck, which shrinks the end that stays */
   for (int n = 0; n < MOST_ROOT_STEPS; ++n) {
-    const M open = marked & (M)(high - low > 4.4e-16);
+    const M open = marked & (M)(high - low > off * high + 4.4e-16);
     if (none(open)) break;
     V z = low + (high - low) * (n % 3 == 2 ? each(0.5) : kept_low / (kept_low - kept_high));
     z = choose((z > low) & (z < high), z, low + 0.5 * (high - low));
@@ -183,6 +190,19 @@ PRIVATE V sign_change(Part *a, const Block *b, int k, M marked, V low, V high, V
     kept_low = blend(open, blend(is_low, at, new_low), kept_low);
   }
   return high;
+}
+
+/* About the first share of a step at which a switch is below 0 that is so at the end; 2 without one. */
+PRIVATE double rough_pass(Block *b) {
+  double first = 2.0;
+  EACH_PART(b)
+    for (int k = 0; k < N_S; ++k) {
+      const M passes = (M)(a->u[k] >= 0.0) & (M)(a->u_new[k] < 0.0);
+      if (none(passes)) continue;
+      const V when = sign_change(a, b, k, passes, zero(), each(1.0), a->u[k], a->u_new[k], ROUGH);
+      for (int l = 0; l < W; ++l) first = passes[l] && when[l] < first ? when[l] : first;
+    }
+  return first;
 }
 
 /* The box of a part of a step between shares low and high, at whose end the state is x_at. */
@@ -238,7 +258,7 @@ PRIVATE double first_pass(Block *b) {
         const V end = a->u_new[k];
         const M passes = (M)(end < 0.0);
         if (none(passes)) continue;
-        const V when = sign_change(a, b, k, passes, each(low), each(high), v_larger(a->u_low[k], zero()), end);
+        const V when = sign_change(a, b, k, passes, each(low), each(high), v_larger(a->u_low[k], zero()), end, 0.0);
         const M sooner = passes & (M)(when < a->when);
         a->when = blend(sooner, when, a->when);
         a->which = blend(sooner, each((double)k), a->which);
@@ -259,9 +279,11 @@ PRIVATE double first_pass(Block *b) {
 PRIVATE int change_sides(Block *b, Study *s, double z) {
   int moves = 1;
   EACH_PART(b) {
-    state_at(a, each(z), a->x_new);
-    on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
+    const V t = each(between_stops(b, b->t_new));
+    V before[SIZE(N_S)];
     M passed[SIZE(N_S)];
+    state_at(a, each(z), a->x_new);
+    rates_on_sides(a, a->x_new, t, before);
     for (int k = 0; k < N_S; ++k) {
       passed[k] = (M)(a->when <= z) & (M)(a->which == (double)k);
       sides(a)[k] = blend(passed[k], -sides(a)[k], sides(a)[k]);
@@ -270,10 +292,11 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     for (long l = 0; l < W && s->passes; ++l)
       if (a->when[l] <= z && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
     prepare(a->p, a->c);
-    on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u);
+    on_sides(a, a->x_new, t, a->u);
+    rates_on_sides(a, a->x_new, t, a->du);
     for (int k = 0; k < N_S; ++k) {
       const V margin = each(REVERSAL * hysteresis[k]);
-      const M turned = (M)(a->u_new[N_S + k] < 0.0) & (M)(0.1 * b->h * a->u[N_S + k] < -margin);
+      const M turned = (M)(before[k] < 0.0) & (M)(0.1 * b->h * a->du[k] < -margin);
       const M sticks = passed[k] & turned & (M)(a->u[k] < margin);
       for (int l = 0; l < W; ++l)
         if (sticks[l] && (a - b->part) * W + l < b->live) {
@@ -291,10 +314,13 @@ PRIVATE void raise_switches(Block *b) {
   EACH_PART(b) {
     V before[SIZE(N_S)];
     memcpy(before, a->u, sizeof before);
-    if (PROJECTED) on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
+    if (PROJECTED) {
+      on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
+      rates_on_sides(a, a->x, each(between_stops(b, b->t)), a->du);
+    }
     for (int k = 0; k < N_S; ++k) {
       const V least = each(hysteresis[k]);
-      const V aim = choose(a->u[N_S + k] > 0.0, least, v_smaller(before[k], least));
+      const V aim = choose(a->du[k] > 0.0, least, v_smaller(before[k], least));
       const V lift = choose(before[k] > -least, v_larger(aim - a->u[k], zero()), zero());
       a->raised[k] += lift;
       a->u[k] += lift;
@@ -310,6 +336,7 @@ PRIVATE void keep_switches(Block *b) {
 #else
 PRIVATE void settle(Block *b) { (void)b; }
 PRIVATE int may_pass(Block *b, int last) { (void)b, (void)last; return 0; }
+PRIVATE double rough_pass(Block *b) { (void)b; return 2.0; }
 PRIVATE double first_pass(Block *b) { (void)b; return 2.0; }
 PRIVATE int change_sides(Block *b, Study *s, double z) { (void)b, (void)s, (void)z; return 1; }
 PRIVATE void raise_switches(Block *b) { (void)b; }
