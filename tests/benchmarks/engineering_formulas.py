@@ -1,6 +1,7 @@
-"""Bounds of formulas of engineers, and of series that are nearly monotone, beside their true ranges.
+"""Bounds of formulas of engineers, of series that are nearly monotone, and of functions of few directions, beside their
+true ranges.
 
-    PYTHONPATH=. python tests/benchmarks/engineering_formulas.py [seeds] [formulas | series]
+    PYTHONPATH=. python tests/benchmarks/engineering_formulas.py [seeds] [formulas | series | directions] [tolerance]
 
 `seeds` is a range such as 0-9. Each seed has every formula once, with its own intervals and times. Errors are the
 largest ones over time, as shares of the largest width. A case is missed if its error is above MISS, silently if nothing
@@ -14,6 +15,7 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
+from _directions import directions
 from _engineering import Case, cases, monotone_series
 
 import symmb as mb
@@ -66,11 +68,12 @@ def outcome_of(case: Case, method: mb.PolynomialChaos) -> Outcome:
 
 if __name__ == "__main__":
     first, _, last = (sys.argv[1] if len(sys.argv) > 1 else "0-4").partition("-")
-    make = monotone_series if "series" in sys.argv else cases
+    make = {"series": monotone_series, "directions": directions}.get("".join(sys.argv[2:3]), cases)
+    method = mb.PolynomialChaos(tolerance=float(sys.argv[3]) if len(sys.argv) > 3 else 1e-2)
     outcomes: list[Outcome] = []
     for seed in range(int(first), int(last or first) + 1):
         for case in make(seed):
-            o = outcome_of(case, mb.PolynomialChaos())
+            o = outcome_of(case, method)
             outcomes.append(o)
             mark = "late " if o.is_late else ""
             mark += "SILENT" if o.error > MISS and not o.doubts else ""

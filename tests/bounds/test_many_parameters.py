@@ -12,6 +12,7 @@ import pytest
 import symmb as mb
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from _directions import directions
 from _engineering import cases, monotone_series
 
 T = np.linspace(0.0, 5.0, 11)
@@ -186,3 +187,54 @@ def test_products_are_bounded_by_all_corners(d, q):
     np.testing.assert_allclose(bounds.lower[:, 0], lower, atol=1e-6)
     np.testing.assert_allclose(bounds.upper[:, 0], upper, atol=1e-6)
     assert calls <= 2**d + 4 * d + 9 and not bounds.doubts
+
+
+@pytest.mark.parametrize(
+    ("kinds", "d"), [((1.6, 0.3), 7), ((2.1, -0.2), 6), ((1.8, 0.6), 7), ((1.9, 0.1), 5), ((1.4, -0.5), 8)]
+)
+def test_a_range_beyond_what_runs_attain_is_checked(kinds, d):
+    """Sines of three parameters and a sum of the others: an interpolant that is far off between its nodes."""
+    steepness, phase = kinds
+    t = np.linspace(0.0, 1.0, 101)
+    rng = np.random.default_rng(d)
+    weights = rng.uniform(-1, 1, (d, 1)) * np.cos(rng.uniform(0, 8, (d, 1)) * t + rng.uniform(-1, 1, (d, 1)))
+    half = [np.abs(part).sum(axis=0) for part in (weights[:3], weights[3:])]
+
+    def f(**p):
+        x = np.array(list(p.values()))
+        return np.sin(steepness * x[:3] @ weights[:3] + phase) + x[3:] @ weights[3:]
+
+    values = np.sin(steepness * np.linspace(-1, 1, 2001)[:, None] * half[0] + phase)
+    lower, upper = values.min(axis=0) - half[1], values.max(axis=0) + half[1]
+    bounds, _ = study(f, {f"x{i}": (-1.0, 1.0) for i in range(d)}, t)
+    error = np.maximum(np.abs(bounds.lower[:, 0] - lower), np.abs(bounds.upper[:, 0] - upper))
+    assert error.max() < 0.02 * (upper - lower).max() and not bounds.doubts
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_rough_responses_are_bounded_by_what_runs_attain(number):
+    """Resonances and kinks along directions: the extremes of an interpolant that does not converge are run."""
+    t, rng = np.linspace(0.0, 1.0, 41), np.random.default_rng([137, number])
+    d, middle, steepness = 4 + number % 3, rng.uniform(-0.5, 0.5), rng.uniform(1.5, 3)
+    weights = rng.uniform(-1, 1, (d, 1)) * np.cos(rng.uniform(0, 6, (d, 1)) * t)
+
+    def law(s):
+        return np.abs(s - middle) if number % 2 else 1 / (1 + (steepness * (s - middle)) ** 2)
+
+    values = law(np.linspace(-1, 1, 4001)[:, None] * np.abs(weights).sum(axis=0))
+    bounds, _ = study(
+        lambda **p: law(np.array(list(p.values())) @ weights), {f"x{i}": (-1.0, 1.0) for i in range(d)}, t
+    )
+    lower, upper = values.min(axis=0), values.max(axis=0)
+    error = np.maximum(np.abs(bounds.lower[:, 0] - lower), np.abs(bounds.upper[:, 0] - upper))
+    assert np.sqrt(np.mean(error**2)) < 0.05 * (upper - lower).max()
+    assert (bounds.outer[0][:, 0] <= lower + 0.02).all() and (bounds.outer[1][:, 0] >= upper - 0.02).all()
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_few_directions_of_many_parameters(number):
+    """A draw of the benchmark engineering_formulas.py: right to 2 % of the width, or doubted."""
+    case = list(directions(1138, number + 1, times=(1, 21), smooth=True))[number]
+    bounds, _ = study(lambda **p: case.f(case.t, **p), case.box, case.t)
+    error = np.maximum(np.abs(bounds.lower[:, 0] - case.lower), np.abs(bounds.upper[:, 0] - case.upper))
+    assert bounds.doubts or error.max() < 0.02 * (case.upper - case.lower).max()

@@ -9,6 +9,7 @@ from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.constants import (
+    FAR,
     MOST_NUMBERS,
     MOST_RUNS,
     NOISE_OF_SOLVERS,
@@ -64,8 +65,12 @@ def adaptive_bounds(
                 ) from None
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
     lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
-    cut = () if estimated.is_enough or not runs.clock.is_cut else (_CUT.format(tolerance=tolerance),)
-    remarks = (*_remarks(runs, estimate, tolerance, estimated.is_enough), *_of_rounding(runs, is_noise))
+    error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
+    is_reached = estimated.is_enough and bool((runs.noise <= tolerance * runs.rms_widths()).all())
+    cut = (_CUT.format(tolerance=tolerance),) if runs.clock.is_cut and not estimated.is_enough else ()
+    is_far = error > FAR * tolerance
+    remarks = () if is_reached else (_SHORT.format(tolerance=tolerance, error=error), *(() if is_far else cut))
+    remarks = (*remarks, *_of_rounding(runs, is_noise))
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
         t=simulator.times,
@@ -80,7 +85,7 @@ def adaptive_bounds(
         inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
         failed=runs.failed,
         failed_region=failed_region(box, runs.tried, ~runs.ok),
-        run_doubts=(*cut, *_of_noise(runs)),
+        run_doubts=(*(cut if is_far else ()), *_of_noise(runs)),
         remarks=remarks,
     )
     del runs  # the expansion is as large
@@ -107,15 +112,6 @@ def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
     return lower, upper, estimate
-
-
-def _remarks(runs: Runs, estimate: Array, tolerance: float, is_enough: bool) -> tuple[str, ...]:
-    """Whether the tolerance was reached, in a sentence if not: runs are too few, or noise and rounding too large."""
-    widths = runs.rms_widths()
-    if is_enough and (runs.noise <= tolerance * widths).all():
-        return ()
-    error = float(np.max(rms(estimate) / widths, initial=0.0))
-    return (f"The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width.",)
 
 
 def _of_noise(runs: Runs) -> tuple[str, ...]:
@@ -154,7 +150,9 @@ _CUT = (
     "The study was ended before it reached the tolerance {tolerance:g}, because it took more than 1 s and three times "
     "as long as its runs. PolynomialChaos(seconds=...) allows more."
 )
-"""What is doubtful where there was no time."""
+"""What is doubtful where there was no time, if the tolerance is far."""
+_SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
+"""A remark on runs that are too few, and on noise and rounding that are too large."""
 _NAMED = 4
 """Outputs that a sentence names."""
 

@@ -4,14 +4,18 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
+
 from symmb._threads import threads_as_before
+from symmb._types import Array
 from symmb.bounds.adaptive.constants import LEAST_SECONDS, SECONDS_OF_RUNS
 
 
 class Clock:
     """A clock that stands while runs are made.
 
-    Seconds beyond the runs are those of this thread on its processor: other programs do not count.
+    Seconds beyond the runs are those that pass, or those of all threads of this program on their processors if these
+    are less: other programs do not count.
 
     Attributes
     ----------
@@ -21,20 +25,26 @@ class Clock:
 
     def __init__(self, seconds: float | None) -> None:
         self.seconds, self.is_cut = seconds, False
-        self._begin, self._of_runs = time.thread_time(), 0.0
+        self._begin, self._of_runs = _now(), 0.0
 
     @property
     def is_late(self) -> bool:
         """Whether no seconds are left. A study that asks it ends when it is so."""
         allowed = LEAST_SECONDS + SECONDS_OF_RUNS * self._of_runs if self.seconds is None else self.seconds
-        self.is_cut |= time.thread_time() - self._begin > allowed
+        self.is_cut |= bool((_now() - self._begin).min() > allowed)
         return self.is_cut
 
     @contextmanager
     def of_runs(self) -> Iterator[None]:
         """A context for runs, which may use all threads of linear algebra."""
-        begin, on_processor = time.perf_counter(), time.thread_time()
+        begin = _now()
         with threads_as_before():
             yield
-        self._of_runs += time.perf_counter() - begin
-        self._begin += time.thread_time() - on_processor
+        of_runs = _now() - begin
+        self._of_runs += of_runs[0]
+        self._begin += of_runs
+
+
+def _now() -> Array:
+    """Seconds that have passed, and those of this program's threads on their processors (2,)."""
+    return np.array([time.perf_counter(), time.process_time()])

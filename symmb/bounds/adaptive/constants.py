@@ -127,6 +127,10 @@ EARLY = 5.0
 """Estimated error over the tolerance at which check runs may show that it is enough."""
 MOST_ROUNDS, LEAST_GAIN = 8, 0.9
 """Most rounds of check runs, and the share of the error that remains after a round above which they end."""
+MOST_SEARCHES, CORNERS_SHARE, STALLED_SHARE = 4, 0.1, 0.12
+"""Most searches for extremes of an interpolant that does not converge, the share that what corners attained beyond its
+nodes has in the error of what the last searches attain, and the least error over the width. Errors are 1 to 6 %, and
+nothing tells which (engineering_formulas.py, directions): it is above the share from which bounds are doubtful."""
 CHECKED_SHARE = 0.2
 """Least share of the estimated error that is left after check runs at extremes have corrected the expansion."""
 SPARSE_RANGE = 0.02
@@ -192,6 +196,8 @@ EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
 LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
 """Seconds that a study may take beyond its runs, unless more are asked for: nobody notices the first, and runs that
 take long are worth as much thought."""
+FAR = 4.0
+"""Estimated error over the tolerance from which it is doubtful that a study was ended early."""
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
 """Without a budget, the most runs, and the most numbers that are kept of them: 0.3 GB, and as many coefficients."""
 TENSOR_PARAMETERS = 3

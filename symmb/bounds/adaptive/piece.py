@@ -251,6 +251,5 @@ def _extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, A
 
 def _branch_and_bound(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """The range as `dense_extremes` gives it, without a compiler."""
-    extremes = Exact(TENSOR_RANGE, budget=300).search(alpha, coefficients)
-    lower, upper = extremes.lower + extremes.below, extremes.upper - extremes.above
-    return lower, upper, extremes.at_lower, extremes.at_upper
+    extremes = Exact(TENSOR_RANGE, budget=300).attained(alpha, coefficients)
+    return extremes.lower, extremes.upper, extremes.at_lower, extremes.at_upper

@@ -13,18 +13,22 @@ from symmb.bounds.adaptive.constants import (
     CHECKED_SHARE,
     CLOSE,
     CONTINUED_SHARE,
+    CORNERS_SHARE,
     EARLY,
     FEWEST_BOXES,
     GROWTH,
     LEAST_GAIN,
     LEAST_PROGRESS,
     MOST_ROUNDS,
+    MOST_SEARCHES,
     NOISE_RUNS,
     PATIENCE,
     RANGE_WORK,
+    SAFETY,
     SLOW,
     SPARSE_PROBES,
     SPARSE_RANGE,
+    STALLED_SHARE,
     SURFACE_RESPONSES,
     SURFACE_RUNS,
     SURPRISE,
@@ -79,7 +83,8 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
             most = runs.most if patient else SURFACE_RUNS[0] + SURFACE_RUNS[1] * d
             return surface_bounds(runs, grid.nodes, tolerance, most)
         if _is_stalled(errors, d, patient):
-            return _attained(runs, expansion, estimate, runs.left if patient else len(runs) // 2)
+            number = runs.left if patient else len(runs) // 2
+            return _attained(runs, grid, expansion, sizes, tolerance, estimate, number)
         is_last = not step or runs.clock.is_late
         if not is_last and errors[len(grid.row)] > EARLY * tolerance:  # check runs may show that much less
             continue
@@ -142,26 +147,30 @@ def _is_stalled(errors: dict[int, float], d: int, patient: bool) -> bool:
     return nodes >= PATIENCE * d and error > 1 and error > LEAST_PROGRESS * before
 
 
-def _attained(runs: Runs, expansion: Expansion, estimate: Array, number: int) -> EstimatedRange:
+def _attained(
+    runs: Runs, grid: Grid, base: Expansion, sizes: dict[Index, float], tolerance: float, estimate: Array, number: int
+) -> EstimatedRange:
     """What runs attain, after more of them at corners or, if these are too many, at some and at points near others.
 
-    An interpolant that does not converge says nothing beyond this, except of the outputs that it does resolve.
+    An interpolant that does not converge tells where extremes may be: runs there follow until they attain no more. The
+    estimated error is what the last two rounds of them still attained, and a share of what those at corners did.
     """
-    d = len(runs.box)
+    d, before = len(runs.box), runs.extremes
     spread = quasi_random_points(SPARSE_PROBES + number // 2, d)[SPARSE_PROBES:]
     points = np.concatenate([spread, np.sign(spread)]) if 2**d > number else corners(np.array([-1.0, 1.0]), d)
     runs.check(points[: runs.left])
+    error, gains = CORNERS_SHARE * runs.beyond(*before), list[Array]()
+    for _ in range(MOST_SEARCHES):
+        before = runs.extremes
+        _correct(runs, grid, base, sizes, tolerance, estimate, runs.rms_widths())
+        gains.append(runs.beyond(*before))
+        is_done = max(relative_rms(gain, runs.rms_widths()) for gain in gains[-2:]) <= tolerance and len(gains) > 1
+        if is_done or not runs.left or runs.clock.is_late:
+            break
     lowest, highest = runs.extremes
-    is_resolved = rms(estimate) <= rms(highest - lowest)
-    if not is_resolved.any():
-        return EstimatedRange(lowest, highest, np.minimum(estimate, highest - lowest), None)
-    lower, upper, _ = _Corrected(expansion, None, runs.points[:0], runs.checks[:0]).range(SPARSE_RANGE)
-    return EstimatedRange(
-        np.where(is_resolved, lower, lowest),
-        np.where(is_resolved, upper, highest),
-        np.where(is_resolved, estimate, np.minimum(estimate, highest - lowest)),
-        None,
-    )
+    error = np.maximum(error + SAFETY * np.max(gains[-2:], axis=0), STALLED_SHARE * (highest - lowest))
+    error = np.minimum(_spread_over_times(error, highest - lowest), highest - lowest)
+    return EstimatedRange(lowest, highest, error, None, is_enough=relative_rms(error, runs.rms_widths()) <= tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,10 +235,10 @@ class _Corrected:
         may exceed the range of the expansion anyway.
         """
         alpha, shape = self.alpha, self.base.coefficients.shape[1:]
-        search = Exact(tolerance, max(FEWEST_BOXES, RANGE_WORK // len(alpha))).search
-        ranges = [search(alpha, part) for _, part in self.parts()]
-        lower = np.concatenate([extremes.lower + extremes.below for extremes in ranges])
-        upper = np.concatenate([extremes.upper - extremes.above for extremes in ranges])
+        attained = Exact(tolerance, max(FEWEST_BOXES, RANGE_WORK // len(alpha))).attained
+        ranges = [attained(alpha, part) for _, part in self.parts()]
+        lower = np.concatenate([extremes.lower for extremes in ranges])
+        upper = np.concatenate([extremes.upper for extremes in ranges])
         places = np.stack([np.concatenate([f.at_lower for f in ranges]), np.concatenate([f.at_upper for f in ranges])])
         return lower.reshape(shape), upper.reshape(shape), places.reshape(2, *shape, -1)
 
@@ -241,7 +250,8 @@ def _correct(
 
     The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
     enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
-    error suggests the error e / s(x) elsewhere.
+    error suggests the error e / s(x) elsewhere. What the range has beyond all runs is an error by the share that runs
+    have not confirmed of what was predicted beyond former ones.
     """
     continuation, n_round = Continuation.of(grid, sizes), len(runs.box)
     corrected = _Corrected(base, continuation if len(runs.points) else None, runs.points, runs.checks)
@@ -254,25 +264,43 @@ def _correct(
         ratio = np.divide(error, typical, out=np.ones_like(error), where=error < typical)
         return CONTINUED_SHARE + (1 - CONTINUED_SHARE) * ratio
 
-    remaining, before = estimate, np.inf
+    remaining, before, doubted = estimate, np.inf, np.ones(runs.shape[1])
+    unconfirmed, foreseen = np.zeros((2, runs.shape[1]))
     for _ in range(MOST_ROUNDS):
         known = runs.points
-        weights = remaining_share(extremes, known) * estimate / widths
+        unattained = doubted * _unattained(runs, lower, upper)
+        weights = np.maximum(remaining_share(extremes, known) * estimate, unattained) / widths
+        extremes_before = runs.extremes
         points, Y = runs.check(select_dispersed(extremes, weights, min(n_round, runs.left)))
         if not len(points):
             break
-        errors = (Y - corrected.values(points)) / remaining_share(points, known)[:, None, None]
+        predicted = corrected.values(points)
+        errors = Y - predicted
+        beyond = np.maximum(np.maximum(extremes_before[0] - predicted, predicted - extremes_before[1]), 0.0)
+        foreseen += np.square(beyond).sum(axis=(0, 1))
+        unconfirmed += np.where(beyond > 0, np.square(errors), 0.0).sum(axis=(0, 1))
+        doubted = np.sqrt(np.divide(unconfirmed, foreseen, out=np.ones_like(foreseen), where=foreseen > 0))
+        doubted = np.minimum(doubted, 1.0)
+        errors /= remaining_share(points, known)[:, None, None]
         largest = (1 + 1 / len(points)) * inflated_error(np.mean(np.square(errors), axis=0))
         corrected = _Corrected(base, continuation, runs.points, runs.checks)
         lower, upper, extremes = corrected.range(SPARSE_RANGE * tolerance)
         share = remaining_share(extremes, runs.points).max(axis=0)
         remaining = share * np.maximum(largest, CHECKED_SHARE * estimate)
         widths = runs.rms_widths()
-        error = relative_rms(remaining, widths)
-        if len(known) >= n_round and (error <= tolerance or error > LEAST_GAIN * before):
+        error = relative_rms(np.maximum(remaining, doubted * _unattained(runs, lower, upper).max(axis=0)), widths)
+        is_done = error <= tolerance or error > LEAST_GAIN * before
+        if (len(known) >= n_round and is_done) or runs.clock.is_late:
             break
         before = error
-    return corrected, (lower, upper, extremes), _spread_over_times(remaining, upper - lower)
+    unattained = doubted * _unattained(runs, lower, upper).max(axis=0)
+    return corrected, (lower, upper, extremes), np.maximum(_spread_over_times(remaining, upper - lower), unattained)
+
+
+def _unattained(runs: Runs, lower: Array, upper: Array) -> Array:
+    """How far a range exceeds what runs attain at its minima and maxima (2, n_t, n_y), beyond noise."""
+    lowest, highest = runs.extremes
+    return np.maximum(np.stack([lowest - lower, upper - highest]) - runs.noise, 0.0)
 
 
 def _spread_over_times(error: Array, width: Array) -> Array:

@@ -35,6 +35,7 @@ class _Search(ctypes.Structure):
         ("tolerance", ctypes.c_double),
         ("budget", ctypes.c_long),
         ("depth", ctypes.c_long),
+        ("proves", ctypes.c_long),
         *(
             (name, ctypes.c_void_p)
             for name in ("stack", "values", "powers", "x", "z", "slope", "local", "terms", "changed", "next")
@@ -50,8 +51,13 @@ class _Tables:
     arrays: tuple[np.ndarray, ...]
 
 
-def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int) -> tuple[Array, ...]:
-    """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``."""
+def compiled_ranges(
+    terms: Terms, legendre: Array, tolerance: float, budget: int, proves: bool = True
+) -> tuple[Array, ...]:
+    """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``.
+
+    Unless it proves bounds, values at the points are given where the budget runs out.
+    """
     tables = _tables(terms.products)
     b, (n_given, m) = tables.basis, legendre.shape
     # The basis is changed in C: the threads of NumPy's matrix product would wait actively beside those below.
@@ -67,7 +73,7 @@ def compiled_ranges(terms: Terms, legendre: Array, tolerance: float, budget: int
         scratch = b.n_sums, 4 * b.d, 2 * (b.order + 1), b.padded
         own = [np.zeros(size) for size in (*boxes, *scratch)]
         addresses = *(a.ctypes.data for a in own), ctypes.addressof(next_polynomial)
-        search = _Search(ctypes.addressof(b), tolerance, budget, depth, *addresses)
+        search = _Search(ctypes.addressof(b), tolerance, budget, depth, proves, *addresses)
         library.ranges(ctypes.byref(search), ctypes.c_long(m), of, to, ctypes.c_long(n_given), *rest)
 
     on_threads(work, m, _SECONDS * legendre.size)

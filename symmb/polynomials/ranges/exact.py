@@ -95,8 +95,17 @@ class Exact:
 
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
         """Bounds with points that nearly attain them."""
+        return self._search(alpha, coefficients, True)
+
+    def attained(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
+        """Values at the best points found: without a proof the search ends when the budget is used up."""
+        found = self._search(alpha, coefficients, False)
+        lower, upper, none = found.lower + found.below, found.upper - found.above, np.zeros_like(found.below)
+        return Extremes(lower, upper, found.at_lower, found.at_upper, none, none)
+
+    def _search(self, alpha: MultiIndices, coefficients: Array, proves: bool) -> Extremes:
         terms, found = terms_of(LowerSet.of(alpha)), []
         for window in windows(max(coefficients.shape[1], 1), len(alpha)):
             arguments = terms, coefficients[:, window], self.tolerance, self.budget
-            found.append(with_compiler(partial(compiled_ranges, *arguments), partial(array_ranges, *arguments)))
+            found.append(with_compiler(partial(compiled_ranges, *arguments, proves), partial(array_ranges, *arguments)))
         return Extremes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
