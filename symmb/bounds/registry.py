@@ -106,9 +106,13 @@ METHODS: tuple[MethodEntry, ...] = (
         lambda d: [MonteCarlo(100), MonteCarlo(1000), MonteCarlo(10_000)],
         (MonteCarlo(2000), MonteCarlo(500, sampler=Sobol()), MonteCarlo(500, sampler=LatinHypercube())),
     ),
-    MethodEntry("vertex", "Vertex()", Vertex, examples=(Vertex(),)),
+    MethodEntry("vertex", "Vertex()", Vertex, lambda d: [Vertex()] if 2**d <= MOST_RUNS else [], (Vertex(),)),
     MethodEntry(
-        "opt[:RUNS]", "Optimization(budget=RUNS)", Optimization, examples=(Optimization(), Optimization(budget=30))
+        "opt[:RUNS]",
+        "Optimization(budget=RUNS)",
+        Optimization,
+        lambda d: [Optimization()] if 2 * (1 + d) <= Optimization().budget else [],
+        (Optimization(), Optimization(budget=30)),
     ),
     MethodEntry("swarm[:PARTICLES]", "Swarm(particles=PARTICLES)", Swarm, examples=(Swarm(particles=5, steps=10),)),
 )

@@ -167,8 +167,8 @@ def test_default_methods_suit_the_simulator():
     sim = simulator(lambda k: k * T)
     names = [repr(method) for method in default_methods(sim, BOX)]
     assert "PolynomialChaos()" in names and "PolynomialChaos.paper(order=4)" in names
-    assert "Scanning(21)" in names and "MonteCarlo(10000)" in names
-    assert not [name for name in names if name.startswith(("Taylor", "Interval"))]
+    assert "Scanning(21)" in names and "MonteCarlo(10000)" in names and "Vertex()" in names
+    assert not [name for name in names if name.startswith(("Taylor", "Interval", "Optimization"))]
 
 
 def test_default_grids_stay_affordable_in_many_parameters():
@@ -177,6 +177,9 @@ def test_default_grids_stay_affordable_in_many_parameters():
     assert [method for method in methods if isinstance(method, Scanning)] == [Scanning(3)]
     assert PolynomialChaos.paper(2) in methods
     assert PolynomialChaos.paper(3) not in methods
+    assert mb.Vertex() in methods
+    many = {f"k{i}": (0.5, 1.5) for i in range(11)}
+    assert mb.Vertex() not in default_methods(simulator(lambda **k: T), Box(**many))
 
 
 class WithJets(FunctionSimulator):
@@ -187,6 +190,7 @@ class WithJets(FunctionSimulator):
 def test_taylor_joins_where_there_are_jets():
     sim = WithJets(lambda k: k * T, {"k": 1.0}, T, ["y"])
     assert [m for m in default_methods(sim, BOX) if isinstance(m, Taylor)] == [Taylor(2), Taylor(3)]
+    assert mb.Optimization() in default_methods(sim, BOX)
 
 
 def test_the_first_run_that_fails_is_told():
