@@ -15,6 +15,9 @@ _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
 _SUSPECTS, _HALVINGS = 20, 30
 """Places where a law of time changes most, and bisections of each, which show whether the law jumps there."""
+_CLEAR, _NEAR = 1e-6, 2e-4
+"""Share of the largest value of a switch from which on it is clearly on a side, and share of the horizon by which the
+solver that locates passes may be off the motion: twice that in integrate/side_walk.py."""
 _HIGH, _LOW = 0.5, 0.25
 """Shares of a law's largest distance from its median: above the first a pulse begins, below the second it ends."""
 
@@ -28,12 +31,14 @@ class Kinks:
     names : tuple of str     operations that have them
     switches                 (x, p, t) -> what changes sign at each (m,)
     on_state : (m,) bool     which depend on the state; others depend on time
+    located : (m,) bool      those of the state where steps of solvers end
     moving : TimeSwitches    switches of time that parameters move; None if there are none
     """
 
     names: tuple[str, ...]
     switches: ca.Function
     on_state: Mask
+    located: Mask
     moving: TimeSwitches | None = None
 
     @property
@@ -45,6 +50,19 @@ class Kinks:
         """Number of sign changes between states X (n_t, n_x). Two that cancel between two times do not count."""
         (values,) = batch(self.switches, X, p, times[:, None])
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
+
+    def passed_over(self, X: Array, p: Array, times: Array, passes: Array) -> float:
+        """When states X (n_t, n_x) first change the side of a switch near which there is no pass; nan if they do not.
+
+        The passes (k,) [s] are those that the run itself noted. Values close to 0 are on no side.
+        """
+        (values,) = batch(self.switches, X, p, times[:, None])
+        sides = np.where(np.abs(values) > _CLEAR * np.abs(values).max(axis=0, initial=0.0), np.sign(values), 0.0)
+        changed = ((sides[1:] * sides[:-1] < 0) & self.located).any(axis=1)
+        near, passes = _NEAR * float(np.ptp(times) if len(times) else 0.0), np.sort(passes)
+        met = np.searchsorted(passes, times[1:] + near) > np.searchsorted(passes, times[:-1] - near)
+        missed = changed & ~met
+        return float(times[:-1][missed.argmax()]) if missed.any() else np.nan
 
     def first(self, X: Array, p: Array, times: Array) -> float:
         """The first of the times by which states X (n_t, n_x) have met one that parameters move; nan if none."""
@@ -73,7 +91,8 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
     _, p, t = symbols
     moved = [switch for switch in ca.vertsplit(of_time) if ca.depends_on(switch, p)]
     moving = TimeSwitches(ca.vertcat(*moved), p, t, times) if moved else None
-    return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state, moving)
+    located = on_state & np.array(expression.located, dtype=bool)
+    return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state, located, moving)
 
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:

@@ -13,6 +13,7 @@ from symmb.codegen import ArrayEngine, Engine, FixedStep, Tolerances, has_compil
 from symmb.events import longest_step
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.projection import sampled_jets
+from symmb.integrate.side_walk import stops_at
 from symmb.integrate.solver import Solver
 from symmb.model import DAE
 from symmb.start import Start
@@ -78,10 +79,13 @@ class CompiledIntegration(Integration):
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
         Y, failed_samples = self._engine.values(x0, p, threads)
-        return [
+        runs = [
             Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
             for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
         ]
+        if (passes := failed_samples.passes) is None:
+            return runs
+        return [replace(run, stops=stops_at(own)) for run, own in zip(runs, passes, strict=True)]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
         if self._fixed_steps is None:

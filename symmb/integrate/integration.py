@@ -36,13 +36,17 @@ Advance = Callable[[float, float, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Run:
-    """One run: X (n_t, n_x), quadratures (n_t, n_quad), where it broke down: nan or a time, with the reason; events."""
+    """One run: X (n_t, n_x), quadratures (n_t, n_quad), where it broke down: nan or a time, with the reason; events.
+
+    `stops` are the passes of switches that it made, None if it notes none.
+    """
 
     X: Array
     quad: Array
     t_failed: float = np.nan
     message: str = ""
     events: tuple[Event, ...] = ()
+    stops: Stops | None = None
 
     def at(self, which: Indices) -> "Run":
         """The run at some of its times, in order."""
@@ -165,7 +169,8 @@ class Integration:
         """One sample, whose steps begin anew at stops and at output times."""
         X, quad = np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad))
         X[0] = self._projected(x0, p, self.times[0])
-        return self._go_on(self._pieces(p, stops), Run(X, quad), self.times, 0, p, stops, interrupts)
+        run = Run(X, quad, stops=stops if stops.passes.size else None)
+        return self._go_on(self._pieces(p, stops), run, self.times, 0, p, stops, interrupts)
 
     def _pieces(self, p: Array, stops: Stops) -> Advance:
         """How one sample goes along one piece between its stops after the other."""

@@ -47,6 +47,13 @@ def no_stops(n: int) -> Stops:
     return Stops(np.empty((n, 0)), np.empty((n, 0)), np.full(n, np.inf), np.full(n, np.inf))
 
 
+def stops_at(passes: Array) -> Stops:
+    """Passes (m,) of one sample, nan behind the last one: if all are numbers, there may be more [s]."""
+    known = passes[~np.isnan(passes)]
+    until = np.array(known[-1] if len(known) == len(passes) else np.inf)
+    return Stops(known, known, until, np.array(np.inf))
+
+
 class SideWalk:
     """One sample's way along pieces of its run, y being its state and whatever is integrated along.
 

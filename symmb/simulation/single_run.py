@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
-from symmb.events import kinks
+from symmb.events import Kinks, kinks
 from symmb.integrate import Solver, SwitchPasses
 from symmb.model import Scene
 from symmb.simulation.pilot_runs import PilotRuns
@@ -17,7 +18,7 @@ from symmb.simulation.run_quality import unreached
 from symmb.simulation.solver_choice import choose, for_one_run
 from symmb.simulation.subject import require_scene, require_solver
 from symmb.simulation.trajectory import Trajectory
-from symmb.symbolic import has_kinks
+from symmb.symbolic import batch, has_kinks
 
 
 def simulate(
@@ -84,17 +85,19 @@ def simulate(
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
-    switches = kinks(runs.simulator.dae, runs.simulator.times) if reason or run.message else None
+    switches = kinks(runs.simulator.dae, runs.simulator.times)
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
-    count = switches.met(states.x, runs.p, states.t) if switches else 0
+    count = switches.met(states.x, runs.p, states.t) if switches and reason else 0
     reason = f"{reason}; {switches} met {count} times or more" if count else reason
     if runs.solver is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)
     _require_sound(runs, solver, trajectory)
-    trajectory = replace(trajectory, run_doubts=_switch_doubts(runs, solver))
+    doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver))
+    doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
+    trajectory = replace(trajectory, run_doubts=doubts)
     trajectory = _checked(runs, solver, trajectory) if check else trajectory
     warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
     return trajectory
@@ -157,6 +160,37 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     )
 
 
+def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
+    """Whether the states of a run are below the gap of an impact."""
+    dae, states = runs.simulator.dae, runs.done[solver][1].examination
+    if dae.impacts is None:
+        return ()
+    x, p, t = ca.SX.sym("x", states.x.shape[1]), ca.SX.sym("p", len(runs.p)), ca.SX.sym("t")
+    gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])
+    (values,) = batch(gaps, states.x, runs.p, states.t[:, None])
+    k, i = np.unravel_index(int(values.argmin()), values.shape)
+    if values[k, i] >= -_BELOW * dae.scales.length:
+        return ()
+    name = dae.impacts.names[i]
+    return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
+
+
+def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
+    """Whether the states of a run change the side of a switch near which it noted no pass."""
+    (run, trajectory), dae = runs.done[solver], runs.simulator.dae
+    states = trajectory.examination
+    if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
+        return ()
+    known = states.t < run.stops.until
+    missed = switches.passed_over(states.x[known], runs.p, states.t[known], run.stops.passes)
+    if np.isnan(missed):
+        return ()
+    return (
+        f"The equations have {switches}. The motion changes the side of one behind t = {missed:.6g} s, where no step "
+        "of the run ended: others may be passed over as well.",
+    )
+
+
 def _checked(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> Trajectory:
     """The trajectory with errors from a second run."""
     ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
@@ -196,5 +230,7 @@ states, a tenth of the error that default runs may have; and least size of a sta
 scene."""
 _SAME = 1e-12
 """Share of the horizon by which two switches at one time may differ by rounding."""
+_BELOW = 1e-6
+"""Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
 _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
 _STICKS = f"where it sticks to one, {_SMOOTH}"

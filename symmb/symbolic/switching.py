@@ -79,10 +79,12 @@ class Switching:
     ----------
     kinks : tuple of str   operations with a kink or a jump whose arguments depend on the state or on time
     switches : (m,) SX     what changes sign there
+    located : m bools      which of them `branches` makes switches too, where steps end
     """
 
     kinks: tuple[str, ...]
     switches: ca.SX
+    located: tuple[bool, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +104,7 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     ('fabs',)
     """
     switches: dict[int, ca.SX] = {}
+    located: dict[int, bool] = {}
     kinks: set[str] = set()
 
     def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
@@ -110,14 +113,16 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
             name, of = _KINKS[code]
             kinks.add(name)
             switch = of(*(a.sx for a in arguments))
-            switches.setdefault(switch.element_hash(), switch)
+            key = switch.element_hash()
+            switches.setdefault(key, switch)
+            located[key] = located.get(key, False) or (code in _ON_A_SIDE and not any(is_soft(a.sx) for a in arguments))
         if len(arguments) == 2:
             return _Value(ca.SX.binary(code, arguments[0].sx, arguments[1].sx), on)
         return _Value(ca.SX.unary(code, arguments[0].sx), on)
 
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
-    return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()))
+    return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()), tuple(located.values()))
 
 
 @dataclass(frozen=True, eq=False)
