@@ -11,7 +11,7 @@ from models import slider_crank
 from symmb.bounds.adaptive.check_runs import screening_corners
 
 
-def bounds_of(f, d, n_t, n_y=1):
+def bounds_of(f, d, n_t, n_y=1, probes=0):
     """Bounds of f(x) (n_t, n_y), d parameters from -1 to 1."""
     names = [f"p{i}" for i in range(d)]
     simulator = mb.FunctionSimulator(
@@ -22,7 +22,8 @@ def bounds_of(f, d, n_t, n_y=1):
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
-        return mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+        method = mb.PolynomialChaos(probes=probes)
+        return mb.propagate(simulator, method, mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
 
 
 @pytest.mark.parametrize("shape", ["same at all times", "some of the times", "swinging"])
@@ -34,6 +35,39 @@ def test_a_bump_of_few_shapes_is_seen(shape, seed):
     bounds = bounds_of(lambda x: np.exp(-np.square(x - at).sum() / (2 * sigma**2)) * of_time, 2, 101)
     highest = of_time.max() - 0.02
     assert bounds.outer[1].max() >= highest or bounds.doubts
+
+
+@pytest.mark.parametrize(
+    ("d", "width", "probes"), [(1, 0.05, 40), (2, 0.12, 150), (3, 0.25, 60), (4, 0.4, 60), (5, 0.45, 100)]
+)
+@pytest.mark.parametrize("seed", [3, 4])
+def test_probes_show_bumps_of_a_small_part_of_the_box(d, width, probes, seed):
+    rng = np.random.default_rng([seed, d])
+    at, slope = rng.uniform(-0.9, 0.9, d), rng.uniform(-0.1, 0.1, d)
+    bounds = bounds_of(lambda x: x @ slope + 2 * np.exp(-np.square(x - at).sum() / (2 * width**2)), d, 1, probes=probes)
+    top = 2 + at @ slope
+    assert bounds.outer[1][0, 0] >= top - 0.05 or bounds.doubts
+    assert bounds.evaluations > probes
+
+
+def test_probes_are_run_where_responses_are_simple():
+    bounds = bounds_of(lambda x: x.sum(), 5, 1, probes=70)
+    assert 70 < bounds.evaluations < 150 and not bounds.doubts
+    np.testing.assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], [-5, 5], atol=0.05)
+
+
+@pytest.mark.parametrize("options", [{"probes": -1}, {"probes": 1.5}, {"probes": 10, "order": 3}])
+def test_probes_are_a_whole_number_without_an_order(options):
+    with pytest.raises(mb.DeclarationError, match="probes"):
+        mb.PolynomialChaos(**options)
+
+
+def test_probes_beyond_the_budget_are_refused():
+    simulator = mb.FunctionSimulator(lambda a: np.array([[a]]), {"a": 1.0}, [0.0], ["y"])
+    with pytest.raises(
+        mb.PropagationError, match="first level and the probes take 55 runs, more than the budget of 50"
+    ):
+        mb.propagate(simulator, mb.PolynomialChaos(probes=50, budget=50), mb.Box(a=(0.0, 1.0)))
 
 
 def test_a_narrow_window_of_the_slider_crank_is_refined_or_doubtful():

@@ -33,6 +33,7 @@ def adaptive_bounds(
     tolerance: float,
     budget: int | None,
     seconds: float | None,
+    probes: int,
     simulator: Simulator,
     box: Box,
     executor: Executor | None,
@@ -47,10 +48,12 @@ def adaptive_bounds(
     d, tensor = len(box), len(box) <= TENSOR_PARAMETERS
     first = max(5, 3**d) if tensor else 2 * d + 1
     numbers = max(len(simulator.times) * len(simulator.outputs), 1)
+    first += probes
     most = max(min(MOST_RUNS, MOST_NUMBERS // numbers), 2 * first) if budget is None else budget
     if first > most:
-        raise PropagationError(f"{text}: the first level takes {first} runs, more than the budget of {most}.")
-    runs, estimated = Runs(simulator, box, most, executor, progress, Clock(seconds)), None
+        takes = "and the probes take" if probes else "takes"
+        raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
+    runs, estimated = Runs(simulator, box, most, executor, progress, Clock(seconds), probes), None
     while estimated is None:
         try:
             is_patient = budget is not None

@@ -50,8 +50,16 @@ def select_dispersed(places: Array, weights: Array, number: int) -> Array:
 def quasi_random_points(number: int, d: int) -> Array:
     """Points (number, d) of the unit box without symmetry, nearer to corners than to the middle.
 
-    They are x = sign(u) sqrt(0.25 + 0.7 |u|) of the points u of Roberts' sequence, the multiples of the powers of 1 / r
-    modulo 1, with r^(d + 1) = r + 1.
+    They are x = sign(u) sqrt(0.25 + 0.7 |u|) of evenly spread points u.
+    """
+    u = evenly_spread_points(number, d)
+    return np.asarray(np.sign(u) * np.sqrt(0.25 + 0.7 * np.abs(u)))
+
+
+def evenly_spread_points(number: int, d: int) -> Array:
+    """Points (number, d) of the unit box by Roberts' sequence.
+
+    They are the multiples of the powers of 1 / r modulo 1, with r^(d + 1) = r + 1.
 
     References
     ----------
@@ -60,8 +68,7 @@ def quasi_random_points(number: int, d: int) -> Array:
     ratio = 2.0
     for _ in range(60):  # the fixed-point iteration converges to all digits
         ratio = (1 + ratio) ** (1 / (d + 1))
-    u = 2 * np.modf(0.5 + np.outer(np.arange(1, number + 1), ratio ** -np.arange(1.0, d + 1)))[0] - 1
-    return np.asarray(np.sign(u) * np.sqrt(0.25 + 0.7 * np.abs(u)))
+    return 2 * np.modf(0.5 + np.outer(np.arange(1, number + 1), ratio ** -np.arange(1.0, d + 1)))[0] - 1
 
 
 def screening_corners(d: int) -> Array:

@@ -63,6 +63,7 @@ class Runs:
     Attributes
     ----------
     most : the runs that are allowed
+    probes : the number of further check runs that the study is asked for, evenly spread over the box
     clock : tells how long the study may take
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
     before : runs of the study before it began anew with larger powers
@@ -89,6 +90,7 @@ class Runs:
     ok: Mask = field(init=False)
     power: Indices = field(init=False)
     noise: Array = field(init=False)
+    probes: int = 0
     before: int = 0
     events: Indices | None = None
     failed: tuple[Failure, ...] = ()
@@ -124,7 +126,9 @@ class Runs:
 
     def anew(self) -> "Runs":
         """No runs, with the powers that were too small, and as many runs that are allowed as are left."""
-        runs = Runs(self.simulator, self.box, self.most, self.executor, self.progress, self.clock, before=len(self))
+        runs = Runs(
+            self.simulator, self.box, self.most, self.executor, self.progress, self.clock, self.probes, before=len(self)
+        )
         runs._least_power = self._least_power
         return runs
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import inflated_error, quasi_random_points, select_dispersed
+from symmb.bounds.adaptive.check_runs import evenly_spread_points, inflated_error, quasi_random_points, select_dispersed
 from symmb.bounds.adaptive.constants import (
     CHECKED_SHARE,
     CLOSE,
@@ -54,7 +54,7 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
     left to a response surface.
     """
     d = len(runs.box)
-    grid, expansion, n_checks, n_probes = Grid(d), None, 2 * d, SPARSE_PROBES
+    grid, expansion, n_checks, n_probes = Grid(d), None, 2 * d, SPARSE_PROBES + runs.probes
     errors: dict[int, float] = {}
     few = runs.shape[0] * runs.shape[1] <= SURFACE_RESPONSES
     step = grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)])
@@ -70,7 +70,7 @@ def sparse_bounds(runs: Runs, tolerance: float, patient: bool) -> EstimatedRange
             runs.measure_noise()
             sizes, estimate = _expected(runs, grid, expansion, n_probes)
             error = relative_rms(estimate, runs.rms_widths())
-        if error <= EARLY * tolerance and n_probes == SPARSE_PROBES and may_hide(runs):
+        if error <= EARLY * tolerance and n_probes == SPARSE_PROBES + runs.probes and may_hide(runs):
             screen(runs, runs.left - n_checks)
             n_probes = len(runs.points)
             sizes, estimate = _expected(runs, grid, expansion, n_probes)
@@ -105,7 +105,9 @@ def _interpolant(runs: Runs, grid: Grid, step: set[Index], before: Expansion | N
     grid.add(step)
     runs.at(grid.nodes[n_known:], before and before.values)
     if not n_known:
-        runs.check(quasi_random_points(SPARSE_PROBES, len(runs.box))[: runs.left])
+        d = len(runs.box)
+        probes = quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)
+        runs.check(np.concatenate(probes)[: runs.left])
     coefficients = grid.coefficients(runs.nodes.reshape(len(runs.nodes), -1)).reshape(runs.nodes.shape)
     return Expansion(grid.alpha, coefficients, runs.box.names)
 

@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import count_shapes, inflated_error, quasi_random_points, select_dispersed
+from symmb.bounds.adaptive.check_runs import (
+    count_shapes,
+    evenly_spread_points,
+    inflated_error,
+    quasi_random_points,
+    select_dispersed,
+)
 from symmb.bounds.adaptive.constants import (
     CERTAIN_SHARE,
     CHEAP_RUNS,
@@ -167,7 +173,8 @@ def _check(runs: Runs, union: Union, worst: Piece, widths: Array, number: int) -
     Piece                   the piece to refine next: that with the largest observed error, or else the worst
     """
     estimate = union.errors.max(axis=0)
-    n_known, probes = len(runs.points), quasi_random_points(_probes(runs), len(runs.box))
+    n_known, d = len(runs.points), len(runs.box)
+    probes = np.concatenate([evenly_spread_points(runs.probes, d), quasi_random_points(_probes(runs), d)])
     selected = select_dispersed(union.places, union.checkable_error / widths, number)
     runs.check(np.concatenate([probes, selected])[: runs.left])
     # Near a jump, errors of former check runs say nothing about the pieces that lie there now.
