@@ -37,19 +37,19 @@ _VALUES = 2**25
 
 def check_doubts(
     simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None = None
-) -> tuple[str, ...]:
-    """What check runs say against bounds without an estimate of their error, in sentences.
+) -> tuple[tuple[str, ...], int]:
+    """What check runs say against bounds without an estimate of their error, in sentences, and how many they are.
 
     Runs outside of the bounds show that these are too narrow. A surrogate that misses the runs, or whose values do not
     reach bounds that are not its exact range, shows that they are wrong to either side. Disagreements count from a
     share of the width on.
     """
     if bounds.kind == "enclosure" or bounds.estimate is not None:
-        return ()
+        return (), 0
     varied = np.flatnonzero(box.radius > 0)
     most = min(max(_RUNS, bounds.evaluations), _VALUES // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
-        return ()
+        return (), 0
     checks = _Checks(simulator, box, bounds, executor)
     candidates = _corners(len(box), varied)
     if 1 + 2 * len(varied) + _EXTREMES <= most:
@@ -60,11 +60,11 @@ def check_doubts(
             checks.run(extremes)
     else:
         checks.run(candidates[-_INSIDE - most // 2 :][:most])
-    return checks.doubts(candidates, share)
+    return checks.doubts(candidates, share), checks.n
 
 
 class _Checks:
-    """The largest disagreements over the check runs so far, and the scale (n_y,) of the outputs."""
+    """The largest disagreements over the n check runs so far, and the scale (n_y,) of the outputs."""
 
     def __init__(self, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
@@ -73,7 +73,7 @@ class _Checks:
         largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
         self.scale = np.where(largest > 0, largest, 1.0)
         self._floor = np.full(len(largest), ROUNDING) if noise is None else noise / self.scale
-        self._n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
+        self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
         self._failed = ""
 
     def run(self, points: Array) -> Array | None:
@@ -81,7 +81,7 @@ class _Checks:
         P = parameter_samples(self._simulator, self._box, points)
         bounds, (Y, bad) = self._bounds, gathered(self._simulator, P, self._executor)
         ok = np.flatnonzero(~which_failed(bad, len(P)))
-        self._n += len(ok)
+        self.n += len(ok)
         if len(ok):
             outside = bounds.lower - Y[ok].min(axis=0), Y[ok].max(axis=0) - bounds.upper
             self._outside = np.maximum(self._outside, outside)
@@ -95,9 +95,9 @@ class _Checks:
     def doubts(self, candidates: Array, share: float) -> tuple[str, ...]:
         """The disagreements in sentences. The range of the surrogate is looked for at candidates (N, d)."""
         bounds = self._bounds
-        parts = [(f"runs at {self._n} other points are outside of the bounds", self._outside, share)]
+        parts = [(f"runs at {self.n} other points are outside of the bounds", self._outside, share)]
         if bounds.surrogate is not None:
-            parts.append((f"the method's polynomial misses runs at {self._n} other points", self._missed, share))
+            parts.append((f"the method's polynomial misses runs at {self.n} other points", self._missed, share))
         if bounds.surrogate is not None and not bounds.surrogate.exact:
             low, high = _reached(bounds.surrogate, candidates)
             gap = np.maximum([low - bounds.lower, bounds.upper - high], 0.0)

@@ -27,10 +27,11 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
 def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> Bounds:
     """The bounds with what check runs say against them in ``run_doubts``, where the method does not estimate its error.
 
-    ``evaluations`` leaves these runs out.
+    ``evaluations`` leaves these runs out; a remark tells their number.
     """
-    doubts = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
-    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), surrogate=None)
+    doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
+    told = (f"{n} further runs checked these bounds: evaluations leave them out.",) if n else ()
+    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told), surrogate=None)
 
 
 def _doubts_of_proofs(simulator: Simulator) -> tuple[str, ...]:

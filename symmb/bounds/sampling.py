@@ -24,6 +24,9 @@ _RANDOM = Random()
 class MonteCarlo(Method):
     """Extremes over random samples of the box.
 
+    They lie inside the range of the responses, the farther the fewer the samples and the more the parameters. A few
+    check runs look for that: what goes beyond the bounds by more than a tenth of the width is a doubt.
+
     Parameters
     ----------
     samples : number of runs

@@ -1,5 +1,7 @@
 """Check runs: methods without an estimate of their error say where runs, their polynomial and their bounds disagree."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -139,3 +141,29 @@ def test_a_comparison_doubts_what_its_studies_doubt(budget):
     with pytest.warns(mb.SymmbWarning, match="The estimated error is above 10 % of the width"):
         found = mb.compare(scene, [method, mb.Scanning(21)])
     assert found.doubts == tuple(f"{method!r}: {doubt}" for doubt in own)
+
+
+@pytest.mark.parametrize("d", [1, 2, 4])
+@pytest.mark.parametrize(
+    "method", [mb.MonteCarlo(50), mb.Vertex(), mb.PolynomialChaos(order=2), mb.Scanning(3)], ids=repr
+)
+def test_the_number_of_check_runs_is_told(method, d):
+    calls = 0
+
+    def f(*x):
+        nonlocal calls
+        calls += 1
+        return sum(x) + 0.1 * x[0] ** 2
+
+    simulator, box = function(f, d)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.SymmbWarning)  # 50 samples end far before the corners of four parameters
+        bounds = mb.propagate(simulator, method, box)
+    assert bounds.evaluations == method.planned_runs(d) < calls
+    (told,) = [remark for remark in bounds.remarks if "checked these bounds" in remark]
+    assert told.startswith(f"{calls - bounds.evaluations} further runs")
+
+
+def test_methods_with_an_estimate_have_no_check_runs():
+    bounds = mb.propagate(*function(lambda a, b: a + b**2)[:1], mb.PolynomialChaos(), function(lambda a, b: a)[1])
+    assert not any("checked these bounds" in remark for remark in bounds.remarks)
