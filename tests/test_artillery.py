@@ -9,10 +9,7 @@ from scipy.linalg import eig, null_space
 import symmb as mb
 from models import artillery as gun
 
-# Loads turn cross sections at their nodes by more than modes do. The muzzle hardly feels that, as tests below show.
-LACKING = "ignore:.*its modes lack:symmb.SymmbWarning"
-
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings(LACKING)]
+pytestmark = pytest.mark.slow
 
 SOLVER = mb.DormandPrince(rtol=1e-6)
 

@@ -11,7 +11,6 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.mark.filterwarnings("ignore:.*its modes lack:symmb.SymmbWarning")  # of the gun: see test_artillery.py
 @pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
 def test_example(path):
     runpy.run_path(str(path), run_name="example")

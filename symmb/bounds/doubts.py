@@ -17,7 +17,7 @@ from symmb.simulation import DAESimulator, Noisy, Simulator
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
     if bounds.kind == "enclosure":
-        return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator)))
+        return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator, box)))
     own, remarks = _second_look(simulator, box, bounds.seconds)
     own = (*own, *_linear_theory_doubts(simulator, box))
     doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
@@ -34,9 +34,11 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told), surrogate=None)
 
 
-def _doubts_of_proofs(simulator: Simulator) -> tuple[str, ...]:
-    """Doubts about the start. Proofs make no runs, and errors of the solver are none of theirs."""
-    return simulator.start.doubts if isinstance(simulator, DAESimulator) else ()
+def _doubts_of_proofs(simulator: Simulator, box: Box) -> tuple[str, ...]:
+    """Doubts about the start and the equations. Errors of the solver are none of proofs, which make no runs."""
+    if not isinstance(simulator, DAESimulator):
+        return ()
+    return (*simulator.start.doubts, *simulator.theory.doubts(), *_linear_theory_doubts(simulator, box))
 
 
 def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[str, ...], list[str]]:

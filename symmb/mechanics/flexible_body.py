@@ -172,6 +172,11 @@ class FlexibleBody(Body):
         """The number of the node that carries what is fixed to it; None if it is no node of this body."""
         return next((number for number, own in self._nodes.items() if own is carrier), None)
 
+    @property
+    def used_nodes(self) -> tuple[int, ...]:
+        """Numbers of the nodes that something was fixed to, or that an expression was made of."""
+        return tuple(self._nodes)
+
     def _carrier(self, number: int) -> "_Carrier":
         if number not in self._nodes:
             m = self.modes

@@ -8,8 +8,9 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.integrate import CVODES, EventDriven
-from symmb.mechanics import Constraint, FlexibleBody
+from symmb.mechanics import FlexibleBody
 from symmb.model import DAE, Scene
+from symmb.simulation.missing_modes import AttachedLoads, along, attached_loads, left_out
 from symmb.simulation.outputs import output_function
 from symmb.start import Start
 from symmb.symbolic import batch
@@ -23,65 +24,9 @@ change this frequency by more than 2 %: Southwell's coefficient of a cantilever 
 SLENDER = 0.3
 """Width over length of a body of nodes without rotations up to which it bends, so that tension makes it stiffer."""
 MISSING = 0.08
-"""Share of the deflections by static loads that modes may leave out."""
+"""Share of what deformations add to an output that modes may leave out."""
 STRETCH = 1e-3
 """Displacement, over the size of a body, along directions in which no mode moves, from which these count."""
-
-
-@dataclass(frozen=True, eq=False)
-class AttachedLoads:
-    """Loads at the nodes of a flexible body where joints and forces act.
-
-    Parameters
-    ----------
-    body : FlexibleBody
-    nodes : tuple of int
-    wrenches : (6 m,) SX       force and moment at each node in the axes of the body's frame
-    """
-
-    body: FlexibleBody
-    nodes: tuple[int, ...]
-    wrenches: ca.SX
-
-
-def attached_loads(scene: Scene) -> Iterator[AttachedLoads]:
-    """The loads of all flexible bodies with modes, in the order of the bodies."""
-    begin = 0
-    for body in scene.system.bodies:
-        n = body.frame.v.numel()
-        if isinstance(body, FlexibleBody) and len(body.modes.stiffness):
-            rigid = list(range(begin, begin + n - len(body.modes.stiffness)))
-            wrenches: dict[int, ca.SX] = {}
-            for number, wrench in (*_of_forces(scene, body), *_of_constraints(scene, body, rigid)):
-                wrenches[number] = wrenches.get(number, ca.SX(6, 1)) + wrench
-            yield AttachedLoads(body, tuple(wrenches), ca.vertcat(*wrenches.values()) if wrenches else ca.SX(0, 1))
-        begin += n
-
-
-def _of_forces(scene: Scene, body: FlexibleBody) -> Iterator[tuple[int, ca.SX]]:
-    """Node and wrench of every load."""
-    R = body.frame.R
-    for load in scene.system.collected.loads:
-        number = body.number_of(load.body)
-        if number is not None:
-            yield number, ca.vertcat(R.T @ load.force, R.T @ load.body.frame.R @ load.torque)
-
-
-def _of_constraints(scene: Scene, body: FlexibleBody, rigid: list[int]) -> Iterator[tuple[int, ca.SX]]:
-    """Node and wrench of every constraint at one node, from its work in motions of the frame, columns `rigid` of G."""
-    system, frame = scene.system, body.frame
-    for element in system.elements:
-        rows = system.collected.rows.get(element.name)
-        if rows is None or not isinstance(element, Constraint):
-            continue
-        places = {number: some for some in element.bodies() if (number := body.number_of(some)) is not None}
-        for number, carrier in places.items() if len(places) == 1 else ():
-            rows_of = list(range(rows.start, rows.stop))
-            f = -(system.G[rows_of, rigid].T @ ca.SX(system.lam)[rows_of])
-            planar = len(rigid) == 3
-            force = frame.R.T @ (ca.vertcat(f[:2], 0) if planar else f[:3])
-            moment = ca.vertcat(0, 0, f[2]) if planar else f[3:]
-            yield number, ca.vertcat(force, moment - ca.cross(frame.R.T @ (carrier.frame.r - frame.r), force))
 
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
@@ -89,13 +34,21 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
     doubts: list[str] = []
     known = np.isfinite(X).all(axis=1)
     X, t = X[known], t[known]
-    for loads in attached_loads(scene) if len(t) else ():
+    some = attached_loads(scene) if len(t) else ()
+    for loads in some:
         body = loads.body
         f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega, loads.wrenches))
         values = batch(f, X, p, t[:, None])[0].reshape(len(t), -1)
         n = len(body.modes.stiffness)
         eta, omega, w = np.split(values, [n, n + 3], axis=1)
-        doubts += [*_turned(body, eta, t), *_spun(body, omega, t), *_unfollowed(loads, eta, w)]
+        doubts += [*_turned(body, eta, t), *_spun(body, omega, t), *_stretched(loads, w)]
+    for lack in left_out(scene, dae, some, X, p, t) if some else ():
+        if lack.share > MISSING:
+            doubts.append(
+                f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, told by {lack.output}, so that it is too "
+                f"stiff. {_REMEDY}"
+            )
     return tuple(doubts)
 
 
@@ -154,25 +107,16 @@ def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
         )
 
 
-def _unfollowed(loads: AttachedLoads, eta: Array, w: Array) -> Iterator[str]:
-    modes, nodes = loads.body.modes, loads.nodes
-    if modes.flexibility is None or not nodes:
+def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
+    if loads.responses is None:
         return
-    missing, size = modes.flexibility.missing(nodes), float(np.ptp(modes.positions, axis=0).max())
-    along = w @ np.kron(np.eye(len(nodes)), modes.lively)
-    units = np.repeat([1.0, size], 3)  # rotations count by the displacement at the other end of the body
-    left = np.abs((along @ missing).reshape(len(w), len(nodes), 6) * units).max(axis=(1, 2))
-    bent = modes.displacements(eta, size)
-    share = np.linalg.norm(left) / max(float(np.linalg.norm(left + bent)), 1e-300)
-    remedy = "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one."
-    if share > MISSING:
-        yield (
-            f"FlexibleBody {loads.body.name!r}: its modes lack {share:.0%} of the deflections by the loads at its "
-            f"nodes {', '.join(map(str, sorted(nodes)))}, so that it is too stiff. {remedy}"
-        )
-    moved = np.abs((w - along) @ missing).reshape(len(w), len(nodes), 6)[:, :, :3].max(initial=0.0)
+    size = float(np.ptp(loads.body.modes.positions, axis=0).max())
+    moved = np.abs((w - along(loads, w)) @ loads.responses[1].T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
     if moved > STRETCH * size:
         yield (
             f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
-            f"none of its modes moves. {remedy}"
+            f"none of its modes moves. {_REMEDY}"
         )
+
+
+_REMEDY = "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one."

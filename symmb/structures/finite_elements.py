@@ -194,8 +194,11 @@ class FiniteElements:
         D = None
         if stiffening and self.axial is not None:
             D = foreshortening(self.K, free, self.samples, self.axial, X)
-        supported = np.zeros((len(X), 0)) if clamped is not None else motions[:, moves]
-        flexibility = Flexibility(self.K, self.M, free, supported, X, stiffness, self.per_node)
+        held = self._dofs(fixed)
+        held = held[~np.isin(held % self.per_node, locked)]
+        flexibility = Flexibility(
+            self.K, self.M, np.union1d(free, held), motions[:, moves], held, X, stiffness, self.per_node
+        )
         modes = self._modes(stiffness, X, origin, zeta, D, moves if clamped is None else moves[:0])
         return modes.of_structure(flexibility)
 

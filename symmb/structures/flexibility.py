@@ -17,8 +17,9 @@ class Flexibility:
     Parameters
     ----------
     K, M : (d, d)        stiffness and mass matrix, sparse
-    free : (f,)          degrees of freedom that can move
-    rigid : (d, r)       rigid motions; r = 0 for a clamped structure
+    free : (f,)          degrees of freedom that can move, those of a clamped node among them
+    rigid : (d, r)       rigid motions
+    clamped : (c,)       degrees of freedom of the clamped node; c = 0 for a body in a floating frame
     X, stiffness : (d, n), (n,)
     per_node : int       degrees of freedom a node
     """
@@ -27,37 +28,44 @@ class Flexibility:
     M: Sparse
     free: Indices
     rigid: Array
+    clamped: Indices
     X: Array
     stiffness: Array
     per_node: int
+
+    @property
+    def clamped_node(self) -> int | None:
+        """The node on which the body's frame is fixed; None if this floats."""
+        return int(self.clamped[0]) // self.per_node if self.clamped.size else None
 
     def joins(self, a: int, b: int) -> bool:
         """Whether an element joins two nodes."""
         rows, columns = (slice(self.per_node * k, self.per_node * (k + 1)) for k in (a, b))
         return bool(self.K[rows][:, columns].nnz)
 
-    def missing(self, nodes: Sequence[int]) -> Array:
-        """Compliance (6 m, 6 m) of loads at m nodes, forces and moments, less that of the modes.
+    def responses(self, nodes: Sequence[int]) -> tuple[Array, Array]:
+        """Modal coordinates (n, 6 m) by slow forces and moments at m nodes, and displacements that these leave out.
 
-        A free structure accelerates as a rigid body under the loads, and deforms by them and by its inertia.
+        The latter (6 m, 6 m) are displacements and rotations of the nodes in the body's frame.
+
+        The body accelerates as a rigid one under the loads, and deforms by them and by its inertia.
         """
         dofs = (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
         moves = np.isin(dofs, self.free)
         unit = np.zeros((self.K.shape[0], len(dofs)))
         unit[dofs[moves], np.flatnonzero(moves)] = 1.0
-        loads = unit - self.M @ self._rigid_part(unit)
-        supported = np.setdiff1d(self.free, self.free[determinate(self.rigid[self.free])])
+        R, momenta = self.rigid, self.M @ self.rigid
+        loads = unit - momenta @ np.linalg.solve(R.T @ momenta, R.T @ unit)
+        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
+        supported = np.setdiff1d(self.free, self.free[determinate(R[self.free])])
         u = np.zeros_like(unit)
         u[supported] = factorized(self.K[supported][:, supported])(loads[supported])
-        u -= self._rigid_part(self.M @ u)
-        shapes = unit.T @ self.X
-        left = loads.T @ u - (shapes / self.stiffness) @ shapes.T
+        at_frame = [A[self.clamped] if self.clamped.size else momenta.T @ A for A in (R, u)]
+        u -= R @ np.linalg.solve(*at_frame)
+        eta = self.X.T @ loads / self.stiffness[:, None]
+        left = np.where(moves[:, None], (u - self.X @ eta)[dofs], 0.0)
         places = (6 * np.arange(len(nodes))[:, None] + np.arange(self.per_node)).ravel()
-        whole = np.zeros((6 * len(nodes),) * 2)
-        whole[np.ix_(places, places)] = (left + left.T) / 2
-        return whole
-
-    def _rigid_part(self, loads: Array) -> Array:
-        """Rigid acceleration by loads, or rigid displacement by momenta (d, m)."""
-        R = self.rigid
-        return R @ np.linalg.solve(R.T @ (self.M @ R), R.T @ loads) if R.size else np.zeros_like(loads)
+        whole = np.zeros((len(eta) + 6 * len(nodes), 6 * len(nodes)))
+        whole[:, places] = np.vstack([eta, np.zeros((6 * len(nodes), len(places)))])
+        whole[np.ix_(len(eta) + places, places)] = left
+        return whole[: len(eta)], whole[len(eta) :]

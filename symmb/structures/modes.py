@@ -12,6 +12,7 @@ from symmb import files
 from symmb._errors import DeclarationError
 from symmb._types import Array
 from symmb.structures.flexibility import Flexibility
+from symmb.structures.mass_samples import rigid_motions
 from symmb.structures.validation import numbers, positive
 
 LAYOUT = "symmb modes 1"
@@ -153,10 +154,9 @@ class Modes:
             turned = np.einsum("kan,mn->mka", self._turning_lines, eta)
         return np.linalg.norm(turned, axis=2).max(axis=1, initial=0.0)
 
-    def displacements(self, eta: Array, size: float) -> Array:
-        """Largest displacement of a node (m,) [m] for modal coordinates (m, n), or rotation times a size [m]."""
-        parts = [np.abs(np.einsum("kan,mn->mka", shapes, eta)) for shapes in (self.shapes, size * self.rotations)]
-        return np.max([part.max(axis=(1, 2), initial=0.0) for part in parts], axis=0)
+    def carried(self, nodes: list[int], eta: Array) -> Array:
+        """Displacements and rotations (6 m, 6) of m nodes by unit motions of the frame, for modal coordinates (n,)."""
+        return rigid_motions(self.positions[nodes] + self.shapes[nodes] @ eta, 6)
 
     @cached_property
     def _turning_lines(self) -> Array:
