@@ -1,15 +1,16 @@
-"""Random assemblies of flexible beams in the plane, with all their finite elements as a linear structure beside them."""
+"""Random assemblies of flexible beams in the plane, and all their finite elements as a linear structure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh, null_space
 
 import symmb as mb
+from symmb.mechanics import Point
 
 GROUND = mb.Ground()
-G = 9.81
 IN_PLANE = [0, 1, 5]
 
 
@@ -32,19 +33,18 @@ class Structure:
             setattr(self, name, np.block([[own, zero], [zero.T, part]]))
         return first
 
-    def deflections(self, gravity: bool) -> np.ndarray:
+    def deflections(self, gravity: float) -> np.ndarray:
         """Of all degrees of freedom, at rest."""
         f = np.zeros(len(self.K))
         f[list(self.loads)] = list(self.loads.values())
-        if gravity:
-            f -= G * self.M @ np.tile([0.0, 1.0, 0.0], len(f) // 3)
+        f -= gravity * self.M @ np.tile([0.0, 1.0, 0.0], len(f) // 3)
         Z = self._free
         return Z @ np.linalg.solve(Z.T @ self.K @ Z, Z.T @ f)
 
-    def frequencies(self, count: int) -> np.ndarray:
-        """The lowest ones [Hz]."""
+    def frequencies(self) -> np.ndarray:
+        """All [Hz], rising."""
         Z = self._free
-        squares = eigh(Z.T @ self.K @ Z, Z.T @ self.M @ Z, eigvals_only=True, subset_by_index=(0, count - 1))
+        squares = eigh(Z.T @ self.K @ Z, Z.T @ self.M @ Z, eigvals_only=True)
         return np.sqrt(squares) / (2 * np.pi)
 
     @property
@@ -57,7 +57,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A scene at rest, what its output must be [m], and its lowest frequencies [Hz]."""
+    """A scene at rest, what its output must be [m], and its frequencies [Hz]."""
 
     name: str
     scene: mb.Scene
@@ -71,11 +71,13 @@ class Builder:
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng, self.structure, self.elements, self.guess = rng, Structure(), [], {}
         self.words: list[str] = []
+        self.gravity, self.force = np.inf, np.inf  # those that bend the beams a little [m/s^2], [N]
         self.material = mb.Material(E=10 ** rng.uniform(10, 11.5), density=rng.uniform(1000, 8000), nu=0.3)
 
-    def beam(self, at: Sequence[float], to: Sequence[float], used: Sequence[int], n: int) -> "Beam":
+    def beam(self, at: ArrayLike, to: ArrayLike, used: Sequence[int], n: int) -> "Beam":
         """A beam of n elements between two places, whose `used` nodes carry joints and forces."""
         rng, name = self.rng, f"beam{len(self.words)}"
+        at = np.asarray(at, dtype=float)
         along = np.subtract(to, at)
         length = float(np.linalg.norm(along))
         section = mb.Section.circle(length * rng.uniform(0.005, 0.02))
@@ -86,7 +88,9 @@ class Builder:
         self.elements.append(body)
         self.guess |= {f"{name}.x": at[0] + modes.origin[0], f"{name}.y": at[1] + modes.origin[1]}
         EI = self.material.E * section.Iz
-        return Beam(body, self.structure.add(mesh), np.asarray(at, float), along, n, EI, length)
+        self.gravity = min(self.gravity, 2e-3 * EI / (self.material.density * section.area * length**3))
+        self.force = min(self.force, 1e-3 * EI / length**2)
+        return Beam(body, self.structure.add(mesh), at, along, n)
 
     def _modes(self, mesh: mb.FiniteElements, used: list[int], n: int) -> tuple[str, mb.Modes]:
         rng, kind = self.rng, int(self.rng.integers(6))
@@ -129,7 +133,7 @@ class Builder:
 
     def push(self, beam: "Beam", node: int, direction: Sequence[float]) -> None:
         """A force that bends the beam a little."""
-        size = 1e-3 * beam.EI / beam.length**2
+        size = self.force
         self.elements.append(mb.Force("push", beam.point(node), (size * direction[0], size * direction[1])))
         self.structure.loads |= {beam.first + 3 * node + k: size * direction[k] for k in range(2)}
 
@@ -137,31 +141,30 @@ class Builder:
         """The assembly whose output is the displacement of a node along a direction."""
         place, point = beam.place(node), beam.point(node)
         output = sum(c * (r - x) for c, r, x in zip(direction, (point.x, point.y), place, strict=True))
-        elements = [*self.elements, *([mb.Gravity(0, -G)] if gravity else [])]
+        g = self.gravity if gravity else 0.0
+        elements = [*self.elements, *([mb.Gravity(0, -g)] if gravity else [])]
         scene = mb.Scene(
-            mb.System(*elements), times=[0.0, 1e-6], outputs={"d": output}, guess=self.guess, equilibrium=True
+            mb.System(*elements), times=np.array([0.0, 1e-6]), outputs={"d": output}, guess=self.guess, equilibrium=True
         )
-        u = self.structure.deflections(gravity)[beam.first + 3 * node :][:2]
+        u = self.structure.deflections(g)[beam.first + 3 * node :][:2]
         words = "; ".join(self.words) + (", gravity" if gravity else "")
-        return Assembly(f"{name}: {words}", scene, float(np.dot(u, direction)), self.structure.frequencies(3))
+        return Assembly(f"{name}: {words}", scene, float(np.dot(u, direction)), self.structure.frequencies())
 
 
 @dataclass(frozen=True)
 class Beam:
-    """A beam of an assembly: its body, its first degree of freedom, its place and its bending stiffness."""
+    """A beam of an assembly: its body, its first degree of freedom, and its place."""
 
     body: mb.FlexibleBody
     first: int
     at: np.ndarray
     along: np.ndarray
     n: int
-    EI: float
-    length: float
 
     def place(self, node: int) -> np.ndarray:
         return self.at + self.along * node / self.n
 
-    def point(self, node: int) -> object:
+    def point(self, node: int) -> Point:
         return self.body.node(node)
 
 

@@ -7,16 +7,18 @@ from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
 from symmb.linear.linear_equations import Blocks, LinearEquations
 from symmb.linear.linearization import formulation_of, free_states
+from symmb.linear.missing_modes import doubts_of_loads
 from symmb.linear.point import LinearizationPoint, require_smooth, started
 from symmb.linear.steady import SteadyMotion
 from symmb.model import Scene
-from symmb.simulation import require_scene
+from symmb.simulation import attached_loads, require_scene, with_loads
 
 
 class LinearFamily:
     """The linearisation of a scene at its start as a function of its parameters.
 
-    A scene that starts neither in equilibrium nor in a steady motion is a SymmbWarning, and stands in `doubts`.
+    A scene that starts neither in equilibrium nor in a steady motion is a SymmbWarning, and stands in `doubts`. So do
+    frequencies that modes of flexible bodies make too high at the nominal parameters.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -28,8 +30,11 @@ class LinearFamily:
         self._formulation, self._equations = formulation, LinearEquations(formulation, often=True)
         point = started(scene, formulation, self.nominal, self.t, None)
         require_smooth(formulation, point, self._equations)
-        blocks = self._equations.blocks(point.x[None], self.nominal[None], self.t)
-        self.doubts = SteadyMotion(self._equations, point, blocks, free_states(self._equations, blocks)).doubts
+        loads = attached_loads(scene)
+        equations = LinearEquations(with_loads(scene, formulation, loads)) if loads else self._equations
+        blocks = equations.blocks(point.x[None], self.nominal[None], self.t)
+        motion = SteadyMotion(equations, point, blocks, free_states(equations, blocks))
+        self.doubts = (*motion.doubts, *doubts_of_loads(loads, motion, blocks))
         self._turns: bool | None = None
         warn_of(self.doubts, f"Linearisation of {scene.name}")
 

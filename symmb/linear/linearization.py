@@ -12,12 +12,13 @@ from symmb._options import require_names
 from symmb._types import Indices
 from symmb.linear.inputs import with_inputs, with_uniform
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent
+from symmb.linear.missing_modes import doubts_of_loads
 from symmb.linear.motion import Origin
 from symmb.linear.point import point_of, require_smooth, started
 from symmb.linear.result import Linearization
 from symmb.linear.steady import SteadyMotion
 from symmb.model import DAE, Scene
-from symmb.simulation import Formulation, Trajectory, formulations
+from symmb.simulation import Formulation, Trajectory, attached_loads, formulations, with_loads
 
 
 def linearize(
@@ -59,7 +60,8 @@ def linearize(
     chosen = _numbers(scene.output_names if outputs is None else outputs, scene.output_names)
     extended, input_numbers = with_inputs(scene, inputs)
     extended, starts, uniform = with_uniform(extended)
-    formulation = formulation_of(extended)
+    formulation, loads = formulation_of(extended), attached_loads(extended)
+    formulation = with_loads(extended, formulation, loads)
     p = np.array([*values.values(), *[0.0] * (len(extended.system.parameters) - len(values))])
     point = started(extended, formulation, p, t, of_bodies)
     equations = LinearEquations(formulation, (*input_numbers, *starts))
@@ -68,6 +70,7 @@ def linearize(
     _require_free_inputs(inputs, blocks)
     free = free_states(equations, blocks)
     motion = SteadyMotion(equations, point, blocks, free)
+    doubts = (*motion.doubts, *doubts_of_loads(loads, motion, blocks))
     n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
     lift = np.hstack([motion.lift, more])
     # Outputs deviate with uniform motions as they do with the starts of these.
@@ -87,7 +90,7 @@ def linearize(
         outputs=tuple(scene.output_names[k] for k in chosen),
         time=t,
         parameters=values,
-        doubts=motion.doubts,
+        doubts=doubts,
         shapes=blocks.bodies[0] @ lift,
         displacements=displacement_names((formulation.bodies or formulation).dae),
         origin=Origin(extended, formulation, point, lift),

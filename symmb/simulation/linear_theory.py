@@ -10,7 +10,7 @@ from symmb._types import Array
 from symmb.integrate import CVODES, EventDriven
 from symmb.mechanics import FlexibleBody
 from symmb.model import DAE, Scene
-from symmb.simulation.missing_modes import AttachedLoads, along, attached_loads, left_out
+from symmb.simulation.missing_modes import REMEDY, AttachedLoads, along, attached_loads, left_out
 from symmb.simulation.outputs import output_function
 from symmb.start import Start
 from symmb.symbolic import batch
@@ -46,8 +46,8 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
         if lack.share > MISSING:
             doubts.append(
                 f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
-                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, told by {lack.output}, so that it is too "
-                f"stiff. {_REMEDY}"
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, told by {lack.output}, so that it is "
+                f"too stiff. {REMEDY}"
             )
     return tuple(doubts)
 
@@ -111,12 +111,9 @@ def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
     if loads.responses is None:
         return
     size = float(np.ptp(loads.body.modes.positions, axis=0).max())
-    moved = np.abs((w - along(loads, w)) @ loads.responses[1].T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
+    moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
     if moved > STRETCH * size:
         yield (
             f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
-            f"none of its modes moves. {_REMEDY}"
+            f"none of its modes moves. {REMEDY}"
         )
-
-
-_REMEDY = "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one."

@@ -7,7 +7,7 @@ nothing else. What outputs lack is told by their slopes.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -17,9 +17,12 @@ import numpy as np
 from symmb._types import Array
 from symmb.mechanics import Constraint, FlexibleBody
 from symmb.model import DAE, Scene
+from symmb.simulation.formulation import Formulation
 from symmb.simulation.outputs import output_function
+from symmb.structures import Responses
 from symmb.symbolic import batch
 from symmb.symbolic import t as time_symbol
+
 
 @dataclass(frozen=True, eq=False)
 class AttachedLoads:
@@ -46,8 +49,8 @@ class AttachedLoads:
         return len(self.columns) - len(self.body.modes.stiffness)
 
     @cached_property
-    def responses(self) -> tuple[Array, Array] | None:
-        """Modal coordinates, and displacements that the modes leave out, by the wrenches; None where not known."""
+    def responses(self) -> Responses | None:
+        """Those of the structure to the wrenches; None where it is not known."""
         structure = self.body.modes.flexibility
         return None if structure is None or not self.loaded else structure.responses(self.nodes)
 
@@ -132,6 +135,17 @@ class LeftOut:
     share: float
 
 
+def with_loads(scene: Scene, formulation: Formulation, some: tuple[AttachedLoads, ...]) -> Formulation:
+    """The formulation whose outputs end with the wrenches of these loads."""
+    if not some:
+        return formulation
+    x, p, t = (ca.SX.sym(name, formulation.y.numel_in(k)) for k, name in enumerate("xpt"))
+    bodies = formulation.bodies
+    wrenches = output_function((bodies or formulation).dae, scene, ca.vertcat(*(loads.wrenches for loads in some)))
+    y = ca.vertcat(formulation.y(x, p, t), wrenches(x if bodies is None else bodies.states(x, p), p, t))
+    return replace(formulation, y=ca.Function("y", [x, p, t], [y], {"cse": True}))
+
+
 def left_out(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...], X: Array, p: Array, t: Array
 ) -> Iterator[LeftOut]:
@@ -146,9 +160,9 @@ def left_out(
     slopes = _slopes(scene, some, y)
     added = np.zeros((2, len(t), len(names)))  # by the modes as they are, and as they follow slow loads
     lacking = np.zeros((len(some), len(t), len(names)))
-    users: list[list[tuple[int, ...]] | None] = [None] * len(some)
+    users: list[list[tuple[int, ...]]] = [[] for _ in some]
     for i in range(len(t)):
-        M, G, J, *more = (np.array(part.full()) for part in slopes(*dae.arguments(X[i], p, t[i])))
+        M, G, J, *more = _numbers(slopes, X[i], p, t[i])
         moved = _Moved(some, M, G)
         at = len(names)
         for k, loads in enumerate(some):
@@ -159,7 +173,8 @@ def left_out(
             own = J[:, list(loads.columns)]
             own[:, : len(R)] = own[:, : len(R)] @ R
             users[k] = users[k] or _users(loads, own, eta)
-            slow, left = (r @ w for r in loads.responses) if loads.responses else (eta, np.zeros(m))
+            known = loads.responses
+            slow, left = (known.modal @ w, known.left @ w) if known else (eta, np.zeros(m))
             lacking[k, i] = J @ moved.by(B.T @ left) + _direct(loads, own, eta, users[k]) @ left
             for kind, modal in enumerate((eta, slow)):
                 bent = J @ moved.by(B.T @ (loads.shapes @ modal)) + own[:, loads.rigid :] @ modal
@@ -197,12 +212,17 @@ def _judged(scene: Scene, some: tuple[AttachedLoads, ...]) -> tuple[tuple[str, .
 def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Function:
     """State -> M, G, slopes of outputs along the velocities, and for each body its rotation and slopes of its loads."""
     system, lam = scene.system, ca.SX(scene.system.lam)
-    states = [system.q, system.v, *([system.s] if system.s.numel() else []), system.p, time_symbol]
+    states = [ca.vertcat(system.q, system.v, system.s), system.p, time_symbol]
     parts = [system.M, system.G, ca.jacobian(y, system.q) @ system.N]
     for loads in some:
         R = loads.body.frame.R
         parts += [R[:2, :2] if loads.rigid == 3 else R, ca.jacobian(loads.wrenches, lam)]
     return ca.Function("slopes", states, [ca.densify(part) for part in parts], {"cse": True})
+
+
+def _numbers(f: ca.Function, x: Array, p: Array, t: float) -> list[Array]:
+    """The results of a Function (x, p, t)."""
+    return [part.full() for part in f.call([ca.DM(x), ca.DM(p), ca.DM(t)])]
 
 
 class _Moved:
@@ -269,4 +289,9 @@ _REDUNDANT = 1e-9
 _NOTHING = 1e-9
 """Change of an output over its size up to which it is rounding."""
 _EXPLAINED = 0.05
-"""Part of the slopes of an output up to which nodes explain them: nodes are displaced by deformations, slopes are not."""
+"""Share of the slopes of an output that nodes need not explain: it rests on places of the deformed body."""
+REMEDY = (
+    "Compute its modes with interfaces=[...]: the nodes where joints and forces act, but for a clamped one. With them, "
+    "a larger count= follows inertia."
+)
+"""What to do against modes that leave something out."""

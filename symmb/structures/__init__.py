@@ -3,4 +3,5 @@
 A structure becomes `Modes`, which `mechanics.FlexibleBody` takes.
 """
 
+from symmb.structures.flexibility import Responses
 from symmb.structures.modes import Modes

@@ -11,6 +11,22 @@ from symmb.structures.mass_samples import Sparse
 
 
 @dataclass(frozen=True, eq=False)
+class Responses:
+    """What slow forces and moments at m nodes do to a structure and to its modes.
+
+    Attributes
+    ----------
+    modal : (n, 6 m)       modal coordinates
+    left : (6 m, 6 m)      displacements and rotations of the nodes in the body's frame that the modes leave out
+    energy : (6 m, 6 m)    twice the strain energy that they leave out, as a quadratic form
+    """
+
+    modal: Array
+    left: Array
+    energy: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Flexibility:
     """A structure with its modes, of which loads at nodes deform the one more than the others.
 
@@ -43,13 +59,8 @@ class Flexibility:
         rows, columns = (slice(self.per_node * k, self.per_node * (k + 1)) for k in (a, b))
         return bool(self.K[rows][:, columns].nnz)
 
-    def responses(self, nodes: Sequence[int]) -> tuple[Array, Array]:
-        """Modal coordinates (n, 6 m) by slow forces and moments at m nodes, and displacements that these leave out.
-
-        The latter (6 m, 6 m) are displacements and rotations of the nodes in the body's frame.
-
-        The body accelerates as a rigid one under the loads, and deforms by them and by its inertia.
-        """
+    def responses(self, nodes: Sequence[int]) -> Responses:
+        """Those to loads at m nodes: the body accelerates as a rigid one, and deforms by them and by its inertia."""
         dofs = (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
         moves = np.isin(dofs, self.free)
         unit = np.zeros((self.K.shape[0], len(dofs)))
@@ -63,9 +74,8 @@ class Flexibility:
         at_frame = [A[self.clamped] if self.clamped.size else momenta.T @ A for A in (R, u)]
         u -= R @ np.linalg.solve(*at_frame)
         eta = self.X.T @ loads / self.stiffness[:, None]
+        energy = loads.T @ u - eta.T @ (self.stiffness[:, None] * eta)
         left = np.where(moves[:, None], (u - self.X @ eta)[dofs], 0.0)
         places = (6 * np.arange(len(nodes))[:, None] + np.arange(self.per_node)).ravel()
-        whole = np.zeros((len(eta) + 6 * len(nodes), 6 * len(nodes)))
-        whole[:, places] = np.vstack([eta, np.zeros((6 * len(nodes), len(places)))])
-        whole[np.ix_(len(eta) + places, places)] = left
-        return whole[: len(eta)], whole[len(eta) :]
+        spread = np.eye(6 * len(nodes))[:, places]
+        return Responses(eta @ spread.T, spread @ left @ spread.T, spread @ (energy + energy.T) @ spread.T / 2)
