@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE, Scene
 from symmb.start.consistency import check_accelerations, check_velocities
@@ -25,6 +26,7 @@ from symmb.start.rank import (
 )
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import VIOLATION, Start
+from symmb.start.unstretched import unstretched
 from symmb.start.velocities import start_velocities
 from symmb.symbolic import batch
 
@@ -54,7 +56,10 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     listed, rates = of_positions(prescribed), of_rates(prescribed)
     placed = with_coarse_scales(with_position_rows(scene.system, dae, listed), q0, t0) if listed else dae
     moved = with_coarse_scales(with_rate_rows(scene.system, dae, rates), q0, t0) if rates else dae
-    rows = independent_rows(dae, q0, t0, sizes)
+    try:
+        rows = independent_rows(dae, q0, t0, sizes)
+    except AssemblyError as error:
+        raise AssemblyError(" ".join(unstretched(scene)) or str(error)) from None
     is_redundant, sufficient, nullities = len(rows) < dae.n_r, None, (0, 0)
     position_rows, _ = independent_rows_and_columns(G[: dae.n_c], sizes[: dae.n_c])
     if is_redundant:

@@ -38,3 +38,14 @@ def test_a_welded_beam_of_free_modes_has_frequencies_that_are_too_high(count: in
     exact = 1.8751040687**2 * np.sqrt(steel.E * section.Iz / steel.density / section.area) / (2 * np.pi)
     assert lin.frequencies[0] / exact - 1 == pytest.approx(high, abs=2e-3)
     assert float(re.findall(r"Hz by (\d+)%", lin.doubts[0])[0]) == pytest.approx(100 * high, abs=1.5)
+
+
+@pytest.mark.parametrize(("planar", "options"), [(True, {"count": 4}), (False, {"count": 8}), (True, {"clamped": 0})])
+def test_two_hinges_and_no_axial_mode_are_told(planar: bool, options: dict[str, int]) -> None:
+    steel, section = mb.Material(E=210e9, density=7850.0, nu=0.3), mb.Section.rectangle(0.02, 0.01)
+    mesh = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (0.8, 0, 0)], section, steel, elements=8))
+    rod = mb.FlexibleBody("rod", mesh.modes(**{"count": 3, **options}, planar=planar), mb.Planar() if planar else None)
+    hinges = [mb.Revolute(f"h{x > 0:d}", mb.Ground().point(x, 0), rod.point(x, 0), axis=(0, 0, 1)) for x in (0, 0.8)]
+    guess = {} if "clamped" in options else {"rod.x": 0.4}
+    with pytest.raises(mb.AssemblyError, match=r"'rod': joints hold its nodes 0 and 8, and none of its modes changes"):
+        mb.simulate(mb.Scene(mb.System(rod, *hinges), guess=guess, times=[0.0, 0.01]))
