@@ -3,9 +3,17 @@
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
+
+Handler = Callable[[int, FrameType | None], Any]
+
+_SWALLOW = {"casadi.py", "weakref.py"}
+"""Files with functions that C code calls. It drops what they raise: CasADi asks numbers for their shape in this way."""
+_AGAIN = 1e-3
+"""Time after which an interrupt that met such a function is sent again [s]."""
 
 
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
@@ -28,6 +36,45 @@ def runs_of(interrupt: KeyboardInterrupt) -> list[Any]:
     return getattr(interrupt, "runs", [])
 
 
+@contextmanager
+def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Handler]]:
+    """A context in which other handlers of SIGINT and SIGTERM act. It knows those that act outside."""
+    previous: dict[int, Handler] = {}
+    if threading.current_thread() is threading.main_thread():  # only there do handlers run
+        for number in (signal.SIGINT, signal.SIGTERM):
+            handler = signal.getsignal(number)
+            if callable(handler):
+                previous[number] = handler
+                signal.signal(number, replaced(handler))
+    try:
+        yield previous
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+class _Repeated:
+    """A handler that sends an interrupt again if it meets code that swallows it."""
+
+    def __init__(self, handler: Handler) -> None:
+        self.handler = handler.handler if isinstance(handler, _Repeated) else handler
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if Path(frame.f_code.co_filename).name in _SWALLOW:
+                threading.Timer(_AGAIN, signal.raise_signal, (number,)).start()
+                return
+            frame = frame.f_back
+        self.handler(number, frame)
+
+
+@contextmanager
+def kept_interrupts() -> Iterator[None]:
+    """A context, or a decorator, for work with CasADi's expressions, which would lose every tenth interrupt."""
+    with _handlers(_Repeated):
+        yield
+
+
 class Interrupts:
     """A context for calls that swallow interrupts, such as those of CasADi's integrators.
 
@@ -38,23 +85,18 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.noticed = False
-        self._previous: dict[int, Callable[[int, FrameType | None], Any]] = {}
+        self._entered: list[AbstractContextManager[object]] = []
 
     def __enter__(self) -> "Interrupts":
-        if threading.current_thread() is threading.main_thread():  # only there do handlers run
-            for number in (signal.SIGINT, signal.SIGTERM):
-                handler = signal.getsignal(number)
-                if callable(handler):
-                    self._previous[number] = handler
-                    signal.signal(number, self._notice)
+        context = _handlers(self._noticing)
+        context.__enter__()
+        self._entered.append(context)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for number, handler in self._previous.items():
-            signal.signal(number, handler)
-        self._previous = {}
+        self._entered.pop().__exit__(None, None, None)
 
     def raise_with(self, runs: list[Any]) -> None:
         """KeyboardInterrupt that carries runs, if an interrupt arrived."""
@@ -63,26 +105,24 @@ class Interrupts:
             carry_runs(interrupt, runs)
             raise interrupt
 
-    def _notice(self, number: int, frame: FrameType | None) -> None:
-        self.noticed = True
-        self._previous[number](number, frame)  # what it raises may end the call at once
+    def _noticing(self, handler: Handler) -> Handler:
+        own = handler.handler if isinstance(handler, _Repeated) else handler
+
+        def notice(number: int, frame: FrameType | None) -> None:
+            self.noticed = True
+            own(number, frame)  # what it raises may end the call at once
+
+        return notice
 
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
     """A context for short work that must not be interrupted: an interrupt that arrives is raised at its end."""
     arrived: list[tuple[int, FrameType | None]] = []
-    previous: dict[int, Callable[[int, FrameType | None], Any]] = {}
-    if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            handler = signal.getsignal(number)
-            if callable(handler):
-                previous[number] = handler
-                signal.signal(number, lambda *arguments: arrived.append(arguments))
+    previous: dict[int, Handler] = {}
     try:
-        yield
+        with _handlers(lambda _: lambda *arguments: arrived.append(arguments)) as previous:
+            yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
         for number, frame in arrived:
             previous[number](number, frame)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from symmb._errors import warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._progress import shown_runs
 from symmb._types import Executor
 from symmb.bounds.doubts import checked, doubted
@@ -58,7 +59,7 @@ def propagate(
     array([1.   , 0.607])
     """
     require_method("propagate", method)
-    with shown_runs(progress, repr(method)) as progress:
+    with kept_interrupts(), shown_runs(progress, repr(method)) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
         bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._types import Array
 from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
@@ -99,6 +100,7 @@ class Formulations(NamedTuple):
     free: Formulation | None
 
 
+@kept_interrupts()
 def formulations(scene: Scene) -> Formulations:
     """A scene in coordinates of its bodies and, as far as it has them, in others.
 

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
@@ -70,7 +71,16 @@ def simulate(
         scene = scene.with_times(times)
     if outputs is not None:
         scene = scene.with_outputs(outputs)
-    runs = PilotRuns(scene, parameter_values(scene, {} if parameters is None else parameters), solver)
+    values = parameter_values(scene, {} if parameters is None else parameters)
+    with kept_interrupts():
+        solver, trajectory = _simulated(scene, solver, values, check)
+    warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
+    return trajectory
+
+
+def _simulated(scene: Scene, solver: Solver | None, values: dict[str, float], check: bool) -> tuple[Solver, Trajectory]:
+    """The solver that was chosen, and its run with all that is told about it."""
+    runs = PilotRuns(scene, values, solver)
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
         raise SimulationError(f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}.")
@@ -98,9 +108,7 @@ def simulate(
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     trajectory = replace(trajectory, run_doubts=doubts)
-    trajectory = _checked(runs, solver, trajectory) if check else trajectory
-    warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
-    return trajectory
+    return solver, _checked(runs, solver, trajectory) if check else trajectory
 
 
 def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from symmb._errors import warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_callable
 from symmb._progress import shown
 from symmb._types import Array, Executor, Expr
@@ -66,7 +67,7 @@ def compare(
     require_callable("compare: progress", progress, "label", "done", "all")
     if reference is not None and not isinstance(reference, Bounds):
         require_method("compare: reference", reference)
-    with shown(progress, "comparing methods") as progress:
+    with kept_interrupts(), shown(progress, "comparing methods") as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
         if isinstance(simulator, DAESimulator):

@@ -13,7 +13,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError
-from symmb._interrupts import carry
+from symmb._interrupts import carry, kept_interrupts
 from symmb._options import is_finite_number
 from symmb._progress import shown
 from symmb._table import aligned
@@ -224,7 +224,7 @@ def stability(
     require_scene(scene)
     if not is_finite_number(seconds) or not seconds > 0:
         raise DeclarationError(f"stability: seconds must be above 0, got {seconds!r}.")
-    with shown(progress, f"trying solvers on {scene.name}") as progress:
+    with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
         return _studied(_Study(scene, progress), seconds)
 
 

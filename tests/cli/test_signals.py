@@ -10,12 +10,14 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from mechanisms import double_pendulum
 
 import symmb as mb
 from symmb import _cleanup
+from symmb._interrupts import kept_interrupts
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import interrupts
@@ -106,6 +108,32 @@ def test_an_integrator_of_casadi_does_not_swallow_an_interrupt(solver):
     with interrupt_after(0.3), pytest.raises(KeyboardInterrupt):
         mb.simulate(scene, solver)
     assert time.monotonic() - begin < 2.0 and signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypatch):
+    """CasADi drops what Python raises while it converts its arguments."""
+    asked = []
+
+    def shape(matrix):
+        if not asked:
+            asked.append(matrix)
+            signal.raise_signal(number)
+        return matrix.size1(), matrix.size2()
+
+    def stop(number, frame):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ca.SX, "shape", property(shape))
+    before = signal.signal(number, stop)
+    x = ca.SX.sym("x", 2, 2)
+    try:
+        with pytest.raises(KeyboardInterrupt), kept_interrupts():
+            x @ x
+            assert asked
+            time.sleep(1.0)
+    finally:
+        signal.signal(number, before)
 
 
 @pytest.mark.parametrize(("d", "order", "m"), [(6, 4, 8), (3, 12, 10_000)])
