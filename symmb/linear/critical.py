@@ -56,6 +56,7 @@ class CriticalSimulator(BlackBox):
         require_scene(scene)
         lower, upper = require_range("critical", scene, parameter, range)
         self._family = LinearFamily(scene)
+        self.doubts = self._family.doubts
         names = list(scene.system.parameters)
         self._number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
         self.name, self._parameter = scene.name, parameter

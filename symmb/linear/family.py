@@ -4,10 +4,10 @@ import numpy as np
 
 from symmb._errors import SimulationError, warn_of
 from symmb._types import Array
+from symmb.linear.doubts import doubts_of
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
 from symmb.linear.linear_equations import Blocks, LinearEquations
 from symmb.linear.linearization import formulation_of, free_states
-from symmb.linear.missing_modes import doubts_of_loads
 from symmb.linear.point import LinearizationPoint, require_smooth, started
 from symmb.linear.steady import SteadyMotion
 from symmb.model import Scene
@@ -34,7 +34,7 @@ class LinearFamily:
         equations = LinearEquations(with_loads(scene, formulation, loads)) if loads else self._equations
         blocks = equations.blocks(point.x[None], self.nominal[None], self.t)
         motion = SteadyMotion(equations, point, blocks, free_states(equations, blocks))
-        self.doubts = (*motion.doubts, *doubts_of_loads(loads, motion, blocks))
+        self.doubts = doubts_of(scene, motion, blocks, loads)
         self._turns: bool | None = None
         warn_of(self.doubts, f"Linearisation of {scene.name}")
 

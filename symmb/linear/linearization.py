@@ -9,10 +9,10 @@ import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
 from symmb._options import require_names
-from symmb._types import Indices
+from symmb._types import Array, Indices
+from symmb.linear.doubts import doubts_of
 from symmb.linear.inputs import with_inputs, with_uniform
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent
-from symmb.linear.missing_modes import doubts_of_loads
 from symmb.linear.motion import Origin
 from symmb.linear.point import point_of, require_smooth, started
 from symmb.linear.result import Linearization
@@ -68,9 +68,10 @@ def linearize(
     require_smooth(formulation, point, equations)
     blocks = equations.blocks(point.x[None], p[None], t)
     _require_free_inputs(inputs, blocks)
+    _require_slopes_of_outputs([scene.output_names[k] for k in chosen], blocks.C[0][chosen], blocks.D[0][chosen])
     free = free_states(equations, blocks)
     motion = SteadyMotion(equations, point, blocks, free)
-    doubts = (*motion.doubts, *doubts_of_loads(loads, motion, blocks))
+    doubts = doubts_of(extended, motion, blocks, loads)
     n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
     lift = np.hstack([motion.lift, more])
     # Outputs deviate with uniform motions as they do with the starts of these.
@@ -111,6 +112,16 @@ def formulation_of(scene: Scene) -> Formulation:
 
 def _numbers(names: Sequence[str], known: Sequence[str]) -> list[int]:
     return [list(known).index(name) for name in require_names("outputs", "output", names, known)]
+
+
+def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
+    """DeclarationError if an output has no derivative, as a norm at 0."""
+    for name, *rows in zip(names, *parts, strict=True):
+        if not all(np.isfinite(row).all() for row in rows):
+            raise DeclarationError(
+                f"linearize: output {name!r} has no finite derivative at this state, as a square root or a norm at 0. "
+                "Leave it out, or linearise a state beside it."
+            )
 
 
 def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:

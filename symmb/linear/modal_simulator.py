@@ -45,6 +45,7 @@ class ModalSimulator(BlackBox):
         if not isinstance(count, int) or isinstance(count, bool) or count < 1:
             raise DeclarationError(f"ModalSimulator: count must be a whole number from 1 on, got {count!r}.")
         self._family = LinearFamily(scene)
+        self.doubts = self._family.doubts
         self._start = self._family.eigen(self._family.nominal)
         self._modes = np.flatnonzero(self._start[0].oscillating)[:count]
         if not len(self._modes):

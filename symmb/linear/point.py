@@ -11,7 +11,7 @@ from symmb._options import is_finite_number
 from symmb._types import Array
 from symmb.events import kinks
 from symmb.linear.linear_equations import LinearEquations
-from symmb.model import Scene
+from symmb.model import DAE, Scene
 from symmb.simulation import Formulation, Trajectory, parameter_values, require_scene
 
 _ON = 1e-9
@@ -20,6 +20,9 @@ _ASIDE = 1e-7
 """Distance on both sides of a switch, in the same sizes, at which derivatives are compared."""
 _SAME = 1e-4
 """Relative difference up to which they agree: a force with a continuous slope changes it by 1e-7 and a factor."""
+_SHRINKS, _NOISE = 0.9, 1e-12
+"""Share of a difference that may be left at half the distance: a continuous force leaves half, a jump all of it. And a
+share of the rates at displacements of the scene's size that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +79,7 @@ def started(scene: Scene, formulation: Formulation, p: Array, t: float, of_bodie
 def require_smooth(formulation: Formulation, point: LinearizationPoint, equations: LinearEquations) -> None:
     """DeclarationError if the equations have no derivative at a point."""
     dae, x = formulation.dae, point.x
+    _require_slopes(equations, point)
     if dae.sampling is not None:
         raise DeclarationError(
             "linearize: the scene has Sampled values, which change at instants. Write the law of the controller as an "
@@ -100,8 +104,32 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
     for k in np.flatnonzero((np.abs(values) <= _ON * steep) & (steep > 0)):
         aside = _ASIDE * sizes * slopes[k] / steep[k]
         blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
-        if np.abs(blocks.A[1] - blocks.A[0]).max() > _SAME * np.abs(blocks.A).max():
+        near, far = (np.abs(_jump(dae, point, share * aside)) for share in (0.5, 1.0))
+        noise = _NOISE * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
+        jumps = bool((near > _SHRINKS * far + noise).any())
+        if jumps or np.abs(blocks.A[1] - blocks.A[0]).max() > _SAME * np.abs(blocks.A).max():
+            how = "jump there" if jumps else "have different slopes on both sides"
             raise DeclarationError(
                 f"linearize: a switch of the equations ({', '.join(switches.names)}) lies at this very state, and the "
-                "forces have different slopes on both sides. Linearise a state beside it."
+                f"forces {how}. Linearise a state beside it."
             )
+
+
+def _require_slopes(equations: LinearEquations, point: LinearizationPoint) -> None:
+    """DeclarationError where a derivative is infinite or not a number, as that of a square root at 0."""
+    blocks = equations.blocks(point.x[None], point.p[None], point.t)
+    if not all(np.isfinite(block).all() for block in (blocks.A, blocks.B, blocks.rows)):
+        raise DeclarationError(
+            "linearize: a derivative of the equations is infinite at this state, or 0/0, as that of a square root or "
+            "of a norm at 0. Linearise a state beside it."
+        )
+
+
+def _jump(dae: DAE, point: LinearizationPoint, aside: Array) -> Array:
+    """Differences of accelerations and rates (n,) on two sides of a point."""
+    sides = []
+    for x in (point.x - aside, point.x + aside):
+        parts = np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)]
+        _, *rates = (rate.full().ravel() for rate in dae.rhs(*parts, point.p, point.t))
+        sides.append(np.concatenate(rates))
+    return sides[1] - sides[0]

@@ -21,7 +21,7 @@ from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
 from symmb.linear.linear_equations import Blocks, LinearEquations, lifts
 from symmb.linear.point import LinearizationPoint
 
-_DOUBT = (
+DOUBT = (
     "The state is neither an equilibrium nor a steady motion: A changes along the motion. Its eigenvalues tell nothing "
     "about what comes later."
 )
@@ -114,7 +114,7 @@ class SteadyMotion:
     @property
     def doubts(self) -> tuple[str, ...]:
         """That A changes along the motion."""
-        return (_DOUBT,) if self.turning is None else ()
+        return (DOUBT,) if self.turning is None else ()
 
     def best_turning(self) -> Array | None:
         """X with the least change of exp(-X t) A exp(X t) and of the constraints; None if no coordinates can turn."""

@@ -8,6 +8,7 @@ from symmb.simulation.black_box import BlackBox
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.executors import WorkerPool
 from symmb.simulation.formulation import Formulation, formulations
+from symmb.simulation.linear_theory import deformation_doubts
 from symmb.simulation.missing_modes import REMEDY, AttachedLoads, attached_loads, with_loads
 from symmb.simulation.run_database import STATES, RunDatabase, opened
 from symmb.simulation.simulator import (

@@ -31,17 +31,13 @@ STRETCH = 1e-3
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
     """What is doubtful about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
-    doubts: list[str] = []
     known = np.isfinite(X).all(axis=1)
     X, t = X[known], t[known]
     some = attached_loads(scene) if len(t) else ()
+    doubts = [*deformation_doubts(scene, dae, X, p, t)] if some else []
     for loads in some:
-        body = loads.body
-        f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega, loads.wrenches))
-        values = batch(f, X, p, t[:, None])[0].reshape(len(t), -1)
-        n = len(body.modes.stiffness)
-        eta, omega, w = np.split(values, [n, n + 3], axis=1)
-        doubts += [*_turned(body, eta, t), *_spun(body, omega, t), *_stretched(loads, w)]
+        f = output_function(dae, scene, loads.wrenches)
+        doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
     for lack in left_out(scene, dae, some, X, p, t) if some else ():
         if lack.share > MISSING:
             doubts.append(
@@ -50,6 +46,15 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
                 f"too stiff. {REMEDY}"
             )
     return tuple(doubts)
+
+
+def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
+    """Which flexible bodies bend or spin too much for linear theory in such states."""
+    for body in scene.system.bodies:
+        if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
+            f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega))
+            eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
+            yield from (*_turned(body, eta, t), *_spun(body, omega, t))
 
 
 @dataclass(frozen=True, eq=False)
