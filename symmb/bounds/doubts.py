@@ -1,5 +1,6 @@
 """Doubts about bounds: one way for studies and for comparisons of methods."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,9 @@ from symmb.simulation import DAESimulator, Noisy, Simulator
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
     if bounds.kind == "enclosure":
-        return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator, box)))
+        return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator, box, bounds.seconds)))
     own, remarks = _second_look(simulator, box, bounds.seconds)
-    own = (*own, *_linear_theory_doubts(simulator, box))
+    own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
     doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
 
@@ -34,11 +35,11 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told), surrogate=None)
 
 
-def _doubts_of_proofs(simulator: Simulator, box: Box) -> tuple[str, ...]:
+def _doubts_of_proofs(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
     """Doubts about the start and the equations. Errors of the solver are none of proofs, which make no runs."""
     if not isinstance(simulator, DAESimulator):
         return ()
-    return (*simulator.start.doubts, *simulator.theory.doubts(), *_linear_theory_doubts(simulator, box))
+    return (*simulator.start.doubts, *simulator.theory.nominal_doubts, *_linear_theory_doubts(simulator, box, seconds))
 
 
 def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[str, ...], list[str]]:
@@ -61,16 +62,22 @@ def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[
     return (*own, *corner.doubts), [*remarks, *filter(None, [corner.unchecked])]
 
 
-def _linear_theory_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """What a run at a corner of the box asks of flexible bodies, where the nominal one asks nothing of the kind."""
+def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
+    """What runs at corners of the box ask of flexible bodies, where the nominal one asks nothing of the kind.
+
+    No further run begins when they have taken as long as the study and a second.
+    """
     if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None:
         return ()
-    if simulator.theory.doubts():
+    if simulator.theory.nominal_doubts:
         return ()
+    end = time.perf_counter() + seconds + _PATIENCE
     d = len(box)
     unit = grid(_ENDS, d) if d <= _FEW else np.repeat(_ENDS[:, None], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
+        if time.perf_counter() > end:
+            break
         if doubts := simulator.theory.doubts(p):
             return tuple(f"At {where}: {doubt}" for doubt in doubts)
     return ()

@@ -237,7 +237,7 @@ class DAESimulator:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted about runs at the nominal parameters, which are made in two ways."""
-        return (*self.start.doubts, *self.theory.doubts(), *self.two_ways(self.dae.p_nominal).doubts)
+        return (*self.start.doubts, *self.theory.nominal_doubts, *self.two_ways(self.dae.p_nominal).doubts)
 
     @cached_property
     def noise(self) -> Array:

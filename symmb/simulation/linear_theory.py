@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -71,11 +72,16 @@ class LinearTheory:
         flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
         return cls(scene if flexible else None, dae, start)
 
-    def doubts(self, p: Array | None = None) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (d,), the nominal ones if left out."""
+    @cached_property
+    def nominal_doubts(self) -> tuple[str, ...]:
+        """Those about the run at the nominal parameters."""
+        return self.doubts(self.dae.p_nominal)
+
+    def doubts(self, p: Array) -> tuple[str, ...]:
+        """Those of `linear_theory_doubts` about a run with parameters p (d,)."""
         if self.scene is None:
             return ()
-        times, p = np.asarray(self.scene.times, dtype=float), self.dae.p_nominal if p is None else p
+        times = np.asarray(self.scene.times, dtype=float)
         solver = _STATES if self.dae.impacts is None else EventDriven()
         run = solver.integration(self.dae, times).run(self.start.states(p[None])[0], p[None], 1)[0]
         return linear_theory_doubts(self.scene, self.dae, run.X, p, times)
