@@ -6,8 +6,6 @@ _LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
 """Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
 Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
 tests/test_problems.py"""
-_OF_STEPS = 0.01
-"""Drift of energy by fixed steps that is visible in the motion."""
 _UNREACHED = 1e-2
 """Violation of positions, over the size of the scene, that no solver leaves where positions can be reached."""
 
@@ -23,10 +21,6 @@ def drift_doubts(position: float, energy: float, is_singular: bool, rtol: float 
         return (
             f"The run leaves its constraints by {position:.0e} of its size: they contradict each other, or a position "
             "is nearly singular.",
-        )
-    if rtol is None and energy > _OF_STEPS:
-        return (
-            f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Take shorter ones.",
         )
     if not unexplained(energy, rtol, _NEAR if is_singular else _USUAL):
         return ()
