@@ -67,11 +67,11 @@ def test_constrained_motions_through_a_zone(solver, width):
     times = np.linspace(0, 0.4, 5)
     outputs = {"y": bob.y, "energy": (bob.vx**2 + bob.vy**2) / 2 + 9.81 * bob.y, "x": bob.x}
     scene = mb.Scene(system, {"bob.x": 0.0, "bob.y": -1.0, "bob.vx": 2.0}, times, outputs)
-    if isinstance(solver, mb.StabilizedIndex2) and width < 1e-8:  # its positions are no more exact than that
-        with pytest.raises(mb.SimulationError, match="breaks down"):
-            mb.simulate(scene, solver)
+    try:
+        run = mb.simulate(scene, solver)
+    except mb.SimulationError as error:  # its positions are no more exact than that: it may break down, or be right
+        assert isinstance(solver, mb.StabilizedIndex2) and width < 1e-8 and "breaks down" in str(error)
         return
-    run = mb.simulate(scene, solver)
     gain = np.where(run["x"] > 0.3, 4.0, 0.0)
     assert gain.any()
     assert_allclose(run["energy"], 2 - 9.81 + gain, rtol=0, atol=1e-5 + 16 * ULP / width)
