@@ -9,7 +9,7 @@ from symmb.model import Scene
 from symmb.simulation import AttachedLoads, deformation_doubts
 
 _TIMES, _GOLDEN = 21, 0.6180339887
-"""Later times at which A is compared, and the share by which they are dispersed: no period hides from them."""
+"""Later times at which A is compared, and the share of the horizon between them: they do not fall on whole periods."""
 _CHANGE = 1e-3
 """Change of an entry of A, over its largest one, from which it is not constant."""
 
