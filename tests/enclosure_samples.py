@@ -212,7 +212,7 @@ def exact(problem, p):
 
 def _in_mpmath(f, x, p, t):
     def operation(code, arguments):
-        name = {"OP_CONSTPOW": "OP_POW"}.get(operation_name(code), operation_name(code))
+        name = f"OP_{operation_name(code).upper()}".replace("CONSTPOW", "POW")
         return arguments[0] if code == ca.OP_ASSIGN else EXACT[name](*arguments)
 
     return interpret(f, [list(x), list(p), [mpmath.mpf(t)]], operation, mpmath.mpf)[0]

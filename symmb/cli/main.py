@@ -138,6 +138,8 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
             doubts = run.doubts
         else:
             result = mb.linearize(scene, parameters=parameters)
+            if not 1 <= options.mode <= len(result.modes):
+                raise DeclarationError(f"--mode {options.mode}: {scene.name} has {len(result.modes)} modes, from 1 on.")
             run, doubts = result.motion(options.mode - 1), result.doubts
         mb.view(run, path)
     print(path)

@@ -23,6 +23,9 @@ AHEAD = 1.0
 """Time over which slopes at the start tell the sizes to come, over that of the fastest part. Without it, runs from rest
 take seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
 
+_LEAST_RTOL = 1e-15
+"""Numbers are rounded to 1.1e-16 of their size."""
+
 
 class Solver(ABC):
     """An integration method for the index-reduced DAE.
@@ -113,6 +116,8 @@ class Solver(ABC):
         changes: dict[str, Any] = {}
         if self.controls_step:
             changes = {name: values[name] / factor for name in ("rtol", "atol") if values.get(name)}
+            if "rtol" in changes:
+                changes["rtol"] = max(changes["rtol"], 2 * _LEAST_RTOL)
         shorter = factor ** (1 / self.order)
         horizon = 1.0 if times is None else float(times[-1] - times[0])
         if "steps" in values:
@@ -137,7 +142,7 @@ class Solver(ABC):
         faults = []
         for f in fields(self):  # pyright: ignore[reportArgumentType]
             value = getattr(self, f.name)
-            low, high = self.limits.get(f.name, (0.0, 1.0 if f.name == "rtol" else np.inf))
+            low, high = self.limits.get(f.name, (_LEAST_RTOL, 1.0) if f.name == "rtol" else (0.0, np.inf))
             if f.name == "stabilization":
                 if isinstance(value, AugmentedLagrangian) and AugmentedLagrangian not in self.stabilizations:
                     faults.append(
@@ -152,7 +157,7 @@ class Solver(ABC):
                 value is None or not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ()))
             ):
                 below = " and below 1" if f.name == "rtol" else ""
-                within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above 0{below}"
+                within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above {low:g}{below}"
                 faults.append(f"{f.name}={value!r} must be a number {within}")
         if faults:
             raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))

@@ -93,9 +93,9 @@ class BlackBox(ABC):
             bad = ~np.isfinite(Y[i]).all(axis=1)
             if bad.any():
                 first = int(bad.argmax())
-                Y[i, first:] = np.nan
                 t_failed[i] = self.times[first]
-                messages.append(f"not finite at t = {t_failed[i]:g} ({_text(values)})")
+                messages.append(f"{self._irregular(Y[i])} ({_text(values)})")
+                Y[i, first:] = np.nan
         return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
 
     def stream(
@@ -111,10 +111,14 @@ class BlackBox(ABC):
     def _finite(self, result: Any) -> Array:
         """A result (n_t, n_y) of which all values are finite."""
         values = self._shaped(result)
-        bad = ~np.isfinite(values).all(axis=1)
-        if bad.any():
-            raise SimulationError(f"not finite at t = {self.times[bad.argmax()]:g}")
+        if not np.isfinite(values).all():
+            raise SimulationError(self._irregular(values))
         return values
+
+    def _irregular(self, values: Array) -> str:
+        """Which output is not finite first, of values (n_t, n_y)."""
+        k, i = np.argwhere(~np.isfinite(values))[0]
+        return f"{self.outputs[i]} is not finite at t = {self.times[k]:g}"
 
     def _shaped(self, result: Any) -> Array:
         if hasattr(result, "columns") and hasattr(result, "to_numpy"):

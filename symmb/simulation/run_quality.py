@@ -6,6 +6,8 @@ _LEAST, _USUAL, _NEAR = 1e-6, 3e3, 1e2
 """Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
 Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
 tests/test_problems.py"""
+_OF_STEPS = 0.01
+"""Drift of energy by fixed steps that is visible in the motion."""
 _UNREACHED = 1e-2
 """Violation of positions, over the size of the scene, that no solver leaves where positions can be reached."""
 
@@ -15,12 +17,21 @@ def unexplained(drift: float, rtol: float | None, usual: float = _USUAL) -> bool
     return rtol is not None and drift > max(_LEAST, usual * rtol)
 
 
-def drift_doubts(position: float, energy: float, is_singular: bool, rtol: float | None) -> tuple[str, ...]:
-    """What drifts above the tolerance suggest. Energy drifts also at singular positions, where branches meet."""
+def drift_doubts(
+    position: float, energy: float, is_singular: bool, rtol: float | None, is_driven: bool
+) -> tuple[str, ...]:
+    """What drifts above the tolerance suggest. Energy drifts also at singular positions, where branches meet.
+
+    A drive may ask for velocities that jump: fixed steps keep them, and do not see their work.
+    """
     if unexplained(position, rtol):
         return (
             f"The run leaves its constraints by {position:.0e} of its size: they contradict each other, or a position "
             "is nearly singular.",
+        )
+    if rtol is None and energy > _OF_STEPS and not is_driven:
+        return (
+            f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Take shorter ones.",
         )
     if not unexplained(energy, rtol, _NEAR if is_singular else _USUAL):
         return ()

@@ -233,7 +233,7 @@ class Trajectory(Result):
             *simulator.start.doubts,
             *event_doubts(self.events),
             *self.run_doubts,
-            *drift_doubts(position, energy, is_singular, self._rtol),
+            *drift_doubts(position, energy, is_singular, self._rtol, simulator.dae.Phi_t is not None),
             *linear_theory_doubts(self._model[0], simulator.dae, self.x, self._p, self.t),
             *pulse_doubts(longest_step(simulator.dae, self.t), simulator.solver.step_taken(self.t)),
         ]

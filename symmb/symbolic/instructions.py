@@ -14,7 +14,7 @@ from symmb._errors import DeclarationError
 
 T = TypeVar("T")
 
-_NAMES = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
+_NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
 
 
 def operation_name(code: int) -> str:
@@ -24,7 +24,7 @@ def operation_name(code: int) -> str:
     --------
     >>> import casadi as ca
     >>> operation_name(ca.OP_ATAN2)
-    'OP_ATAN2'
+    'atan2'
     """
     return _NAMES.get(code, f"operation {code}")
 

@@ -59,7 +59,7 @@ TOLD = {
     "crash": "was killed by SIGSEGV",
     "hang": "timed out: the program had not ended after",
     "nonsense": "out.csv cannot be read",
-    "NaN": "not finite at t = 0 ",
+    "NaN": " is not finite at t = 0 ",
 }
 """What the text of a failed run holds, by its kind."""
 

@@ -1,7 +1,7 @@
 """What no node of a grid shows: bumps of fields, narrow windows, dead zones. Bounds are right, or they are doubtful."""
 
 import warnings
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -96,6 +96,19 @@ def test_corners_that_are_screened_combine_all_signs_of_three_parameters():
         assert len(corners) == 12
         for three in combinations(range(d), 3):
             assert len(np.unique(corners[:, three], axis=0)) == 8
+
+
+@pytest.mark.parametrize("d", [4, 5])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hinge_that_acts_in_few_corners_is_bounded(d, seed):
+    """A linear response and a contact with slopes of other signs: it is convex, so that its maximum is at a corner."""
+    rng = np.random.default_rng([d, seed])
+    slope, own = rng.uniform(0.2, 1.0, (2, d)) * rng.choice([-1.0, 1.0], (2, d))
+    gap = np.abs(own).sum() * rng.uniform(0.5, 0.85)
+    corners = np.array(list(product([-1.0, 1.0], repeat=d)))
+    highest = (corners @ slope + 8 * np.maximum(corners @ own - gap, 0.0)).max()
+    bounds = bounds_of(lambda x: slope @ x + 8 * max(own @ x - gap, 0.0), d, 1)
+    assert bounds.outer[1][0, 0] >= highest * 0.98 or bounds.doubts
 
 
 @pytest.mark.parametrize("place", [0.9, 0.95, 0.99])

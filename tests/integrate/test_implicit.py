@@ -89,6 +89,7 @@ def test_controlled_steps_follow_the_tolerance(make):
     assert steps[0] < steps[1] < steps[2]
 
 
+@pytest.mark.filterwarnings("ignore:.*energy drifts:symmb.SymmbWarning")
 def test_a_step_that_newton_cannot_take_is_cut():
     """x'' = -1e6 x^3 from x = 1 in steps of a fifth of a second: thirty times the time it takes to turn."""
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
@@ -106,6 +107,7 @@ def test_newton_s_failure_is_told(solver):
 
 @pytest.mark.parametrize("solver", [mb.NSTIFFSI2(step=1e-2), mb.GeneralizedAlpha(step=1e-2), mb.Rosenbrock(step=1e-2)])
 @pytest.mark.parametrize("scene", [double_pendulum, spinning_body])
+@pytest.mark.filterwarnings("ignore:.*energy drifts:symmb.SymmbWarning")
 def test_without_a_compiler_casadi_takes_the_same_steps(solver, scene, monkeypatch):
     def none():
         raise NoCompilerError
@@ -118,6 +120,7 @@ def test_without_a_compiler_casadi_takes_the_same_steps(solver, scene, monkeypat
         mb.simulate(scene, mb.Rosenbrock())
 
 
+@pytest.mark.filterwarnings("ignore:.*energy drifts:symmb.SymmbWarning")
 def test_lanes_are_the_runs_of_each_sample():
     scene = double_pendulum(np.linspace(0, 1, 6))
     for solver in (mb.NSTIFFSI2(step=1e-2), mb.GeneralizedAlpha(step=1e-2), mb.Rosenbrock(step=1e-2)):

@@ -63,7 +63,7 @@ def test_value_that_is_not_finite_fails_from_its_time_on():
     ensemble = _simulator(lambda a: np.stack([TIMES, [0, np.inf, 1]], axis=1), ["x", "y"]).run(np.array([[1.0]]))
     assert not ensemble.ok[0] and ensemble.t_failed[0] == 1.0
     assert ensemble.Y[0, 0].tolist() == [0, 0] and np.isnan(ensemble.Y[0, 1:]).all()
-    assert ensemble.messages == ("not finite at t = 1 (a=1)",)
+    assert ensemble.messages == ("y is not finite at t = 1 (a=1)",)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_value_that_is_not_finite_fails_from_its_time_on():
 )
 def test_a_masked_value_fails_from_its_time_on(masked):
     ensemble = _simulator(lambda a: masked).run(np.array([[1.0]]))
-    assert ensemble.messages == ("not finite at t = 1 (a=1)",)
+    assert ensemble.messages == ("x is not finite at t = 1 (a=1)",)
     assert ensemble.Y[0, 0, 0] == 0 and np.isnan(ensemble.Y[0, 1:]).all()
 
 

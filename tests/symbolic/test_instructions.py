@@ -41,7 +41,7 @@ def test_order_of_operands():
 
 
 def test_operations_have_names():
-    assert operation_name(ca.OP_IF_ELSE_ZERO) == "OP_IF_ELSE_ZERO"
+    assert operation_name(ca.OP_IF_ELSE_ZERO) == "if_else_zero"
     assert operation_name(12345) == "operation 12345"
 
 
