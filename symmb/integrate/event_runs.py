@@ -33,6 +33,9 @@ CROWD_SPAN, CROWD = 1e-12, 1000
 """More events than this within this share of the run's time are an endless sequence. tests/events/test_impacts.py"""
 MOST_EVENTS = 50_000
 """Events of a run: more take minutes, and mean a motion that bounces faster and faster."""
+_SHORTER = 0.37
+"""Longest step of a run that checks another one, over the mean step of that: no simple fraction, so that it rounds
+otherwise."""
 CONTACT_STEP = 1e-13
 """Share of the run's time: the least step after an event. Shorter ones are lost in rounding."""
 
@@ -46,6 +49,7 @@ class EventIntegration(Integration):
     rates : Function         (y, p, t) -> y', y = (x, work); the last parameters are the sides of switches
     switches : Function      (x, p, t) -> switches of the state and their rates (2 m,); None if there are none
     bounds : Function        (box, p, t) -> their ranges, see `ranges_along`
+    mean_steps : float       steps of one of the last runs, in the mean
     """
 
     def __init__(self, dae: DAE, impacts: Impacts, times: Array, tolerances: Tolerances, work: bool) -> None:
@@ -71,6 +75,12 @@ class EventIntegration(Integration):
         self.time_switches, self.longest = time_switches(dae, times), longest_step(dae, times)
         self.locate = Location(dae, impacts, self.laws)
         self._steps = self._events = 0
+        self.mean_steps = 0.0
+
+    def round_otherwise(self, other: "EventIntegration") -> None:
+        """Take steps that are shorter than the mean one of the last runs of another integration."""
+        span = float(self.times[-1] - self.times[0])
+        self.longest = min(self.longest, _SHORTER * span / max(other.mean_steps, 1.0))
 
     def statistics(self) -> dict[str, int]:
         return {"steps": self._steps, "events": self._events}
@@ -91,6 +101,7 @@ class EventIntegration(Integration):
             carry_runs(interrupt, self._results(runs, x0))
             raise
         self._steps, self._events = runs.n_steps, sum(map(len, runs.events))
+        self.mean_steps = runs.n_steps / max(len(x0), 1)
         return self._results(runs, x0)
 
     def _results(self, runs: "EventRuns", x0: Array) -> list[Run]:

@@ -15,7 +15,7 @@ from symmb._options import require_instance, require_numbers, require_whole
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
-from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, Integration, Solver
+from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, EventIntegration, Integration, Solver
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import noise_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs, jets
@@ -68,6 +68,7 @@ class DAESimulator:
         self.units = units_of(scene.system, scene.y)
         self._bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
+        self._stateless = self.y.numel_in(0) == 0
         self.theory = LinearTheory.of(scene, self.dae, self.start)
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
@@ -166,6 +167,9 @@ class DAESimulator:
         P = self.dae.p_nominal[None]
         nominal = self.run(P)
         finer = self.solved_by(self.solver.tighter(times=self.times))
+        if self.dae.impacts is not None:
+            cast(EventIntegration, finer.integration()).round_otherwise(cast(EventIntegration, self.integration()))
+            return finer
         for _ in range(_TIGHTENINGS if nominal.ok.all() and not self._stateless else 0):
             if not np.array_equal(finer.run(P).Y, nominal.Y):
                 break
@@ -288,10 +292,6 @@ class DAESimulator:
         n_x, values = self.formulation.y.numel_in(0), len(self.times) * len(self.outputs)
         block = block_size(n_x, values, self.compiled, reduction.trajectories)
         return stream(self, P, reduction, executor, progress, block)
-
-    @property
-    def _stateless(self) -> bool:
-        return self.y.numel_in(0) == 0
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
         """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), by larger runs.
