@@ -55,7 +55,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
         later = valid and _later(valid, times[0])
         problem = replace(problem, rates=_later(rates, times[0]), outputs=_later(outputs, times[0]), valid=later)
     starts = [Tape(problem.start.residual), Tape(problem.start.states)]
-    for tape in (problem.jacobian_tape, problem.sensitivity_tape, *starts):
+    of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
+    for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
         _require_remainders(method, ", ".join(tape.unknown(OPERATIONS)))
     return problem
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
@@ -208,3 +209,21 @@ def test_output_times_may_be_close_together(solver):
         run = mb.simulate(mb.Scene(mb.System(ball, push), {}, times, {"x": ball.x, "v": ball.vx}), solver)
         assert_allclose(run["x"], (times / end) ** 3, atol=1e-9)
         assert_allclose(np.diff(run["x"]), np.diff((times / end) ** 3), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "solver", [mb.CVODES(), mb.CVODES(stiff=True), mb.IDAS(), mb.DormandPrince(), mb.Rosenbrock()], ids=repr
+)
+@pytest.mark.parametrize("rectified", [False, True])
+@pytest.mark.parametrize("begin", [0.25, 10.25])
+def test_forces_that_start_at_their_rounding_tell_no_size(solver, rectified, begin):
+    """sin(4 pi t) is 1e-16 at t = 0.25 s, which is no size of the motion. The integral is known."""
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    force = ca.sin(4 * np.pi * mb.t)
+    push = mb.Force("push", ball.point(0, 0), (ca.fmax(force, 0) if rectified else force, 0))
+    times = begin + np.linspace(0, 3.25, 14)
+    run = mb.simulate(mb.Scene(mb.System(ball, push), times=times, outputs={"v": ball.vx}), solver)
+    cycles, phase = np.divmod(2 * (times - begin), 1)  # the force is -sin(2 pi phase)
+    swing = (np.cos(2 * np.pi * phase) - 1) / (4 * np.pi)
+    exact = cycles / (2 * np.pi) + np.where(phase > 0.5, 1 / (2 * np.pi) + swing, 0) if rectified else swing
+    assert_allclose(run["v"], exact, atol=1e-5)
