@@ -12,6 +12,7 @@ from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._options import require_callable
 from symmb._types import Array, Executor
+from symmb.bounds.possible_values import possible_values
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
@@ -67,7 +68,11 @@ class Method(ABC):
             except KeyboardInterrupt as interrupt:
                 carry(interrupt, self._partial(simulator, box, attained, time.perf_counter() - start))
                 raise
-        return replace(result, seconds=time.perf_counter() - start, units=units_of(simulator), box=box)
+        lower, upper = result.lower, result.upper
+        if result.kind == "estimate":
+            lower, upper = np.clip((lower, upper), *possible_values(simulator, box))
+        seconds = time.perf_counter() - start
+        return replace(result, lower=lower, upper=upper, seconds=seconds, units=units_of(simulator), box=box)
 
     def planned_runs(self, d: int) -> int | None:
         """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""

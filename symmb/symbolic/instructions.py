@@ -61,7 +61,7 @@ def interpret(
     >>> x = ca.SX.sym("x", 2)
     >>> f = ca.Function("f", [x], [x[0] * x[1] + 3])
     >>> interpret(f, [["x0", "x1"]], lambda code, a: f"{operation_name(code)}({', '.join(a)})", str)
-    [['OP_ADD(OP_MUL(x0, x1), 3.0)']]
+    [['add(mul(x0, x1), 3.0)']]
     """
     if not f.is_a("SXFunction"):
         raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")

@@ -168,7 +168,7 @@ def test_vectorised_over_times_and_sparse_outputs():
 
 
 def test_operation_without_extension_is_named():
-    with pytest.raises(PropagationError, match="no interval extension of OP_ERFINV"):
+    with pytest.raises(PropagationError, match="no interval extension of erfinv"):
         _bounds(ca.erfinv, x=(0, 0.5))
 
 
