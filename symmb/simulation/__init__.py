@@ -6,7 +6,6 @@
 from symmb.simulation.attained import Attained, attained_by_runs, note_attained
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.dae_simulator import DAESimulator
-from symmb.simulation.executors import WorkerPool
 from symmb.simulation.formulation import Formulation, formulations
 from symmb.simulation.linear_theory import deformation_doubts
 from symmb.simulation.missing_modes import REMEDY, AttachedLoads, attached_loads, with_loads
@@ -27,3 +26,4 @@ from symmb.simulation.single_run import parameter_values, simulate
 from symmb.simulation.stored_simulator import StoredSimulator
 from symmb.simulation.subject import require_scene, simulator_of
 from symmb.simulation.trajectory import Trajectory
+from symmb.simulation.worker_pool import WorkerPool

@@ -1,15 +1,20 @@
 """Work on other threads, processes and machines: tasks go out one by one, and come back as they end."""
 
 import queue
+import secrets
 import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from itertools import islice
+from typing import Any, NoReturn
 
-from symmb._cleanup import end_with_parent
 from symmb._errors import DeclarationError, SimulationError, SymmbError, text_of
+from symmb._options import shown
+from symmb.simulation.replies import Numbered, opened, reply, reply_to
+from symmb.simulation.worker_pool import WorkerPool
 
 _TRIES = 3
 """Times that a task is tried whose worker dies: at first among others, then alone."""
@@ -22,10 +27,20 @@ _FEW_WORKERS = 8
 beside: the cluster may get more workers, and how long tasks take tells how much one should hold."""
 _KILLED = "KilledWorker"
 """What Dask raises for a task after it has tried it on several workers."""
-_GRACE = 0.5
-"""Time for processes to end what they have started [s]."""
+_LOCAL = "LocalCluster"
+"""Dask's cluster of one machine. Where a worker dies twice within 15 s, it ends the process that would start the next
+one, and may come to be without workers for ever, until it is told again how many it should have."""
 _TICK = 0.02
 """Time between looks at futures that do not call back [s]."""
+_LOOK = 1.0
+"""The same of those that should call back, and of results of Dask that do not arrive [s]."""
+_PATIENCE = 30.0
+"""Time in which an executor must begin one of its first tasks, if its futures tell what runs [s]. Processes of MPI take
+some seconds to start. Dask may wait for hours for workers, and its futures do not tell."""
+
+
+_BITS = 60
+"""Of the number at which those of the tasks begin."""
 
 
 class _RefusedError(BrokenExecutor):
@@ -37,29 +52,6 @@ class Lost:
     """A task whose worker died each time that it was tried."""
 
     reason: str
-
-
-class WorkerPool(ProcessPoolExecutor):
-    """Processes of symmb's own: they end with this one, and leave nothing behind.
-
-    Parameters
-    ----------
-    workers : how many
-    """
-
-    def __init__(self, workers: int) -> None:
-        super().__init__(workers, initializer=end_with_parent)
-
-    def stop(self) -> None:
-        """End the processes, whatever they do."""
-        processes = list((self._processes or {}).values())
-        self.shutdown(wait=False)
-        for process in processes:
-            process.terminate()
-        deadline = time.monotonic() + _GRACE
-        for process in processes:
-            process.join(max(deadline - time.monotonic(), 0.0))
-            process.kill()  # it may be in compiled code, which notices no signals
 
 
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[tuple[int, Any]]:
@@ -75,13 +67,13 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     Raises
     ------
     DeclarationError        if it is none of these, or what it has to run cannot be pickled
-    SimulationError         if an executor that was handed in as an object breaks, or if a function makes broken ones
+    SimulationError         if an executor that was handed in as an object breaks, or if a function makes broken ones;
+                            if it returns other results than those of its tasks, or raises
     """
+    first = secrets.randbits(_BITS)  # so that results of one call are not taken for those of another
     with _pool(executor) as pool:
-        if pool.submits:
-            yield from _submitted(f, items, pool)
-        else:
-            yield from enumerate(pool.executor.map(f, items))
+        for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):
+            yield k - first, result
 
 
 class _Pool:
@@ -94,9 +86,18 @@ class _Pool:
     def _start(self, given: Any) -> None:
         self.executor = given if self._make is None else _made(self._make)
         self._at_first: int | None = None
-        if hasattr(self.executor, "get_executor"):  # a client of Dask
-            self._at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
-            self.executor = self.executor.get_executor(pure=False)
+        self.has_begun, self._since = False, time.monotonic()
+        self._options: dict[str, Any] = {}
+        if hasattr(getattr(self.executor, "_client", None), "get_executor"):
+            # Dask's executor: futures that it makes from those of its client may never end where workers die.
+            self._options, self.executor = getattr(self.executor, "_kwargs", {}), self.executor._client
+        self.is_dask = hasattr(self.executor, "get_executor")
+        if self.is_dask:
+            self._options = {"pure": False, **self._options}
+            try:
+                self._at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
+            except Exception as error:  # it is closed
+                raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None
         self.submits = callable(getattr(self.executor, "submit", None))
         maps = callable(getattr(self.executor, "map", None))
         is_pool = hasattr(self.executor, "apply_async")  # of multiprocessing: no futures
@@ -109,7 +110,7 @@ class _Pool:
 
     def submit(self, f: Callable[[Any], Any], item: Any) -> Any:
         try:
-            return self.executor.submit(f, item)
+            return self.executor.submit(f, item, **self._options)
         except BrokenExecutor:
             raise
         except Exception as error:  # shut down, or its cluster is gone
@@ -127,6 +128,16 @@ class _Pool:
         """How many there are when the first tasks go out. A cluster may get more."""
         return self._at_first or self.workers
 
+    def look(self, futures: Sequence[Any]) -> None:
+        """SimulationError if the executor has begun no task yet, and has had the time."""
+        cluster: Any = getattr(self.executor, "cluster", None)
+        if type(cluster).__name__ == _LOCAL and len(cluster.requested) < len(cluster.plan):
+            cluster.scale(len(cluster.plan))
+        states = [getattr(future, "running", None) for future in futures]
+        self.has_begun = self.has_begun or any(not callable(runs) or runs() for runs in states)
+        if not self.has_begun and time.monotonic() - self._since > _PATIENCE:
+            raise SimulationError(f"executor: it has begun none of its tasks in {_PATIENCE:.0f} s. Has it no workers?")
+
     def renew(self, error: BaseException) -> None:
         """Make another executor in the place of a broken one."""
         if self._make is None:
@@ -138,7 +149,7 @@ class _Pool:
         self.end()
         self._start(self._make)
         try:  # a task that harms no worker
-            _result(self.submit(int, 0))
+            _outcome(self.submit(int, 0), self)
         except BrokenExecutor as fault:
             raise _made_broken(fault) from None
 
@@ -163,7 +174,7 @@ def _made(make: Callable[[], Any]) -> Any:
 def _maps_in_order(executor: Any) -> bool:
     """Whether its map is that of a function over items: tables and modules have others of that name."""
     try:
-        return list(executor.map(abs, [-1, 2])) == [1, 2]
+        return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
     except Exception:
         return False
 
@@ -191,60 +202,95 @@ class _Task:
     future: Any
 
 
-def _submitted(f: Callable[[Any], Any], items: Iterable[Any], pool: _Pool) -> Iterator[tuple[int, Any]]:
-    waiting, most = iter(enumerate(items)), _AHEAD * pool.workers_at_first
+def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: _Pool) -> Iterator[tuple[int, Any]]:
+    sent: set[int] = set()
+
+    def numbered() -> Iterator[Numbered]:
+        for task in tasks:
+            sent.add(task[0])
+            yield task
+
+    waiting = numbered()
+    try:
+        for answer in pool.executor.map(partial(reply_to, f), waiting):
+            k, result = opened(answer, sent)
+            sent.remove(k)
+            yield k, result
+        if next(waiting, None) is not None or sent:
+            raise SimulationError("executor: its map has ended without the results of all its tasks.")
+    except Exception as error:
+        _raise_told(error)
+
+
+def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: _Pool) -> Iterator[tuple[int, Any]]:
+    most = _AHEAD * pool.workers_at_first
     running: dict[int, _Task] = {}
+    killed: dict[int, tuple[Any, Lost]] = {}
     done: queue.SimpleQueue[int] = queue.SimpleQueue()
     try:
         while True:
             try:
-                while len(running) < most and (following := next(waiting, None)) is not None:
+                while len(running) < most and (following := next(tasks, None)) is not None:
                     k, item = following
                     running[k] = _Task(item, None)  # if the executor is broken already, it is tried again
                     running[k] = _begun(f, item, k, pool, done)
                 if not running:
-                    return
-                k = _next(running, done)
+                    break
+                k = _next(running, done, pool)
                 most = min(most + 2, _AHEAD * pool.workers)
-                result = _result(running[k].future)
-                del running[k]
-                yield k, result
+                result = _result(running[k].future, k, pool)
+                task = running.pop(k)
+                if isinstance(result, Lost):
+                    killed[k] = task.item, result
+                else:
+                    yield k, result
             except BrokenExecutor as error:
                 suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
                 running.clear()
                 pool.renew(error)
                 for k, task in suspects.items():
-                    yield k, _alone(f, task.item, pool)
+                    yield k, _alone(f, k, task.item, pool)
+        for k, (item, lost) in killed.items():  # Dask blames all tasks of a worker, also those that it had not begun
+            yield k, lost if len(killed) == 1 else _alone(f, k, item, pool)
     finally:  # where it is interrupted, or an error ends it
         for task in running.values():
             if task.future is not None:
-                task.future.cancel()
+                with suppress(Exception):
+                    task.future.cancel()
 
 
 def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: _Pool, done: "queue.SimpleQueue[int]") -> _Task:
-    future = pool.submit(f, item)
+    future = pool.submit(partial(reply, f, k), item)
+    if not callable(getattr(future, "done", None)) or not callable(getattr(future, "result", None)):
+        raise SimulationError(f"executor: its submit has returned {shown(future)}, which is no future.")
     if hasattr(future, "add_done_callback"):
         future.add_done_callback(lambda _: done.put(k))
     return _Task(item, future)
 
 
-def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]") -> int:
+def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: _Pool) -> int:
     """The number of a task that has ended."""
-    if all(hasattr(task.future, "add_done_callback") for task in running.values()):
-        return done.get()
     while True:
+        calls_back = all(hasattr(task.future, "add_done_callback") for task in running.values())
+        with suppress(queue.Empty):
+            k = done.get(timeout=_LOOK if calls_back else _TICK)
+            if k in running:  # it is not if a look has found it
+                return k
         for k, task in running.items():
             if task.future.done():
                 return k
-        time.sleep(_TICK)
+        pool.look([task.future for task in running.values()])
 
 
-def _alone(f: Callable[[Any], Any], item: Any, pool: _Pool) -> Any:
+def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: _Pool) -> Any:
     """The result of a task during which a worker died, tried alone."""
     last = BrokenExecutor()
     for _ in range(_TRIES - 1):
         try:
-            return _result(pool.submit(f, item))
+            done: queue.SimpleQueue[int] = queue.SimpleQueue()
+            task = _begun(f, item, k, pool, done)
+            _next({k: task}, done, pool)
+            return _result(task.future, k, pool)
         except BrokenExecutor as error:
             last = error
             pool.renew(error)
@@ -258,8 +304,21 @@ def _made_broken(error: BrokenExecutor) -> SimulationError:
     return SimulationError(f"executor: the function makes executors that do not run tasks ({reason}).")
 
 
-def _result(future: Any) -> Any:
+def _result(future: Any, k: int, pool: _Pool) -> Any:
+    """The result of the task k, or `Lost`."""
+    outcome = _outcome(future, pool)
+    return outcome if isinstance(outcome, Lost) else opened(outcome, (k,))[1]
+
+
+def _outcome(future: Any, pool: _Pool) -> Any:
+    """What the future of a task returns, or `Lost`."""
     try:
+        seconds = _LOOK
+        while pool.is_dask:  # a result may be lost with its worker, and then has to be made again
+            with suppress(TimeoutError):
+                return future.result(timeout=seconds)
+            pool.look([future])
+            seconds *= 2.0
         return future.result()
     except BrokenExecutor:
         raise
@@ -268,8 +327,15 @@ def _result(future: Any) -> Any:
     except Exception as error:
         if type(error).__name__ == _KILLED:
             return Lost(text_of(error))
-        _require_sent(error)
-        raise
+        _raise_told(error)
+
+
+def _raise_told(error: Exception) -> NoReturn:
+    """An error of symmb as it is, and that of an executor as a sentence."""
+    if isinstance(error, SymmbError):
+        raise error
+    _require_sent(error)
+    raise SimulationError(f"executor: a task ended with {text_of(error)}.") from error
 
 
 def _require_sent(error: Exception) -> None:

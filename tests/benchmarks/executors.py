@@ -1,14 +1,21 @@
 """What executors and the store cost: python tests/benchmarks/executors.py [dask] prints figures for two workers.
 
 With MPI: mpiexec -n 3 python -m mpi4py.futures tests/benchmarks/executors.py mpi
+
+python tests/benchmarks/executors.py faulty [SEED [TRIALS]] makes studies by executors that drop, repeat, exchange and
+alter results, raise, and never return them, and studies whose runs kill their workers (processes, Dask). Each must end
+with the right bounds, with failed runs by name, or with one sentence. It prints how they ended, and what did not hold.
 """
 
 import os
+import random
 import resource
+import signal
 import sys
 import tempfile
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
@@ -18,9 +25,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.simulation import RunDatabase, opened
+from models import double_pendulum
+from symmb.simulation import RunDatabase, executors, opened
 from symmb.simulation.run_database import Study
 from symmb.simulation.simulator import Ensemble
+
+sys.path.insert(0, str(Path(__file__).parent))
+from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
 
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))
@@ -145,6 +156,95 @@ def main(kinds: list[str]) -> None:
             figures("Dask", client, alone, adaptive)
 
 
+METHODS = mb.Vertex(), mb.Scanning(3), mb.MonteCarlo(200), mb.PolynomialChaos(budget=60), mb.PolynomialChaos(order=2)
+KINDS = [(FaultyMap, fault) for fault in FAULTS] + [(FaultySubmit, fault) for fault in (*FAULTS, "never")]
+
+
+def quick_response(a: float, b: float) -> np.ndarray:
+    """A run that takes no time."""
+    return _response(a, b)
+
+
+def deadly(a: float, b: float) -> np.ndarray:
+    """A run that kills its process near the upper corner of the box."""
+    if a > 1.38 and b > 1.15:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.005)
+    return _response(a, b)
+
+
+def faulty_study(seed: int) -> str:
+    """How a study by a faulty executor ended: "right bounds", "a sentence", or what did not hold."""
+    choice = random.Random(seed)
+    kind, fault = choice.choice(KINDS)
+    method, source = choice.choice(METHODS), simulator(quick_response)
+    box: mb.Box | None = BOX
+    if choice.random() < 0.3:
+        scene = double_pendulum.scene().with_times(TIMES)
+        source, box = mb.DAESimulator(scene), scene.box
+    stored = choice.random() < 0.3
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            paths = [Path(folder, name) for name in ("own.db", "runs.db")]
+            own, used = (mb.StoredSimulator(source, path) if stored else source for path in paths)
+            expected = mb.propagate(own, method, box)
+            bounds = mb.propagate(used, method, box, executor=kind(fault, choice))
+    except mb.SymmbError as error:
+        return "a sentence" if "\n" not in str(error) else f"{kind.__name__} {fault}: several lines: {error}"
+    except Exception as error:
+        return f"{kind.__name__} {fault}: {type(error).__name__}: {error}"
+    far = np.abs([bounds.lower - expected.lower, bounds.upper - expected.upper]).max()
+    return "right bounds" if far == 0 else f"{kind.__name__} {fault}: bounds are off by {far:g}"
+
+
+def deadly_study(executor: Any) -> str:
+    """How a study ended in which some runs kill their worker."""
+    points = BOX.from_unit(np.asarray(mb.Random().points(60, 2, 0)))
+    dead = (points[:, 0] > 1.38) & (points[:, 1] > 1.15)
+    alone = mb.FunctionSimulator(_response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y", "z"]).run(points[~dead])
+    try:
+        bounds = mb.propagate(simulator(deadly), mb.MonteCarlo(60), BOX, executor=executor)
+    except mb.SymmbError as error:
+        return "a sentence" if "\n" not in str(error) else f"several lines: {error}"
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    if len(bounds.failed) != dead.sum():
+        return f"{len(bounds.failed)} failed runs for {dead.sum()}"
+    lower, upper = alone.extremes()
+    assert bounds.inner is not None
+    right = (bounds.inner[0] == lower).all() and (bounds.inner[1] == upper).all()
+    return "failed runs by name" if right else "other bounds than those of the other runs"
+
+
+def faulty(seed: int, trials: int) -> int:
+    """Print how studies by faulty executors end, and those by workers that die."""
+    executors._PATIENCE = 0.3  # the futures of these either run at once or never
+    found = Counter(faulty_study(seed + k) for k in range(trials))
+    for _ in range(max(1, trials // 20)):
+        found[deadly_study(lambda: ProcessPoolExecutor(WORKERS))] += 1
+    found += _deadly_dask(max(1, trials // 20))
+    for outcome, count in sorted(found.items()):
+        print(f"{count:4}  {outcome}")
+    return len(found.keys() - {"right bounds", "a sentence", "failed runs by name"})
+
+
+def _deadly_dask(trials: int) -> Counter[str]:
+    from distributed import Client, LocalCluster
+
+    found = Counter[str]()
+    for k in range(trials):
+        with (
+            LocalCluster(n_workers=WORKERS, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as cluster,
+            Client(cluster) as client,
+        ):
+            found[deadly_study(client.get_executor() if k % 2 else client)] += 1
+        found[deadly_study(client)] += 1  # it is closed
+    return found
+
+
 if __name__ == "__main__":
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if sys.argv[1:2] == ["faulty"]:
+        warnings.simplefilter("ignore")
+        sys.exit(faulty(*map(int, [*sys.argv[2:], "0", "100"][:2])))
     main(sys.argv[1:])

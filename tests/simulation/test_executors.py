@@ -2,16 +2,22 @@
 
 import multiprocessing
 import os
+import random
 import signal
+import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.simulation import opened, run_blocks
+from symmb.simulation import executors, opened, run_blocks
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
 
 TIMES = np.linspace(0.0, 1.0, 11)
 SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]
@@ -168,6 +174,52 @@ def test_a_function_that_makes_broken_executors_ends_the_study(make, tmp_path):
         assert not any(sum(counts[1:]) for *_, counts in database.studies())
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("fault", [*FAULTS, "never"])
+@pytest.mark.parametrize("kind", [FaultyMap, FaultySubmit])
+def test_an_executor_that_does_not_return_what_it_ran_gives_no_other_results(kind, fault, seed, monkeypatch):
+    """In a larger number: tests/benchmarks/executors.py faulty."""
+    if fault == "never" and kind is FaultyMap:
+        pytest.skip("a map that does not return cannot be told from a long run")
+    monkeypatch.setattr(executors, "_PATIENCE", 0.1)
+    alone = run_blocks(simulator(quick), SAMPLES)
+    try:
+        shared = run_blocks(simulator(quick), SAMPLES, kind(fault, random.Random(seed)))
+    except mb.SimulationError as error:
+        assert str(error).startswith("executor: ") and "\n" not in str(error)
+    else:
+        assert fault == "exchange" or kind is FaultySubmit  # whose fault may come after the last task
+        assert shared.Y.tobytes() == alone.Y.tobytes()
+
+
+def test_the_last_result_that_a_map_drops_is_missed():
+    class Dropping:
+        def map(self, f, items):
+            results = [f(item) for item in items]
+            return results if f is abs else results[:-1]
+
+    for method in (mb.Vertex(), mb.MonteCarlo(40), mb.PolynomialChaos()):
+        with pytest.raises(mb.SimulationError, match="without the results of all its tasks"):
+            mb.propagate(simulator(quick), method, mb.Box(k=(0.5, 1.5)), executor=Dropping())
+
+
+def test_results_of_another_call_are_not_taken():
+    class Remembering:
+        results = []
+
+        def map(self, f, items):
+            results = [f(item) for item in items]
+            if f is abs:
+                return results
+            self.results.append(results)
+            return self.results[0]
+
+    executor = Remembering()
+    run_blocks(simulator(quick), SAMPLES, executor)
+    with pytest.raises(mb.SimulationError, match="something else than the results of its tasks"):
+        run_blocks(simulator(quick), SAMPLES + 0.1, executor)
+
+
 def test_what_cannot_be_sent_is_told():
     with ProcessPoolExecutor(1) as pool, pytest.raises(mb.DeclarationError, match="not lambdas or functions inside"):
         run_blocks(simulator(lambda k: np.exp(-k * TIMES)), SAMPLES, pool)
@@ -179,7 +231,7 @@ def test_what_is_no_executor_is_refused(executor):
         run_blocks(simulator(quick), SAMPLES, executor)
 
 
-def test_an_exception_of_symmb_in_a_worker_is_raised():
+def test_an_exception_in_a_worker_is_told():
     def broken(item):
         raise ZeroDivisionError("here")
 
@@ -187,8 +239,9 @@ def test_an_exception_of_symmb_in_a_worker_is_raised():
         def submit(self, f, item):
             return super().submit(broken, item)
 
-    with Failing(1) as pool, pytest.raises(ZeroDivisionError, match="here"):
+    with Failing(1) as pool, pytest.raises(mb.SimulationError, match="ZeroDivisionError: here") as error:
         run_blocks(simulator(quick), SAMPLES, pool)
+    assert isinstance(error.value.__cause__, ZeroDivisionError)
 
 
 def test_runs_go_out_one_by_one_where_they_are_slow():
@@ -205,6 +258,29 @@ def test_runs_go_out_one_by_one_where_they_are_slow():
         pool.sizes.clear()
         run_blocks(simulator(quick), np.linspace(0.5, 1.5, 1000)[:, None], pool)
         assert len(pool.sizes) < 200
+
+
+def deadly_in_dask(k):
+    """A run that kills its workers."""
+    if 0.9 < k < 0.92:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return quick(k)
+
+
+@pytest.mark.slow
+def test_dask_ends_where_runs_kill_their_workers():
+    distributed = pytest.importorskip("distributed")
+    alone = run_blocks(simulator(quick), SAMPLES)
+    killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
+    assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == alone.Y[~killed].tobytes()
+    assert "KilledWorker" in "".join(shared.messages)
+    with pytest.raises(mb.SimulationError, match="executor: "):
+        run_blocks(simulator(quick), SAMPLES, client)
 
 
 @pytest.mark.slow
