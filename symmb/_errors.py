@@ -3,9 +3,15 @@
 import warnings
 from collections.abc import Sequence
 
+LONGEST_TEXT = 1500
+"""Most characters of an error: names and lists of names that users give may have any length."""
+
 
 class SymmbError(Exception):
     """Root of all errors raised on purpose by symmb."""
+
+    def __init__(self, *args: object) -> None:
+        super().__init__(*(_shortened(each) if isinstance(each, str) else each for each in args))
 
 
 class DeclarationError(SymmbError, ValueError):
@@ -40,6 +46,12 @@ class PropagationError(SymmbError, ValueError):
 
 class SymmbWarning(UserWarning):
     """Something that the user should know about a result, or about how it is computed."""
+
+
+def _shortened(text: str) -> str:
+    """A text whose middle is left out if it is long."""
+    half = LONGEST_TEXT // 2
+    return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 
 
 def text_of(error: BaseException) -> str:

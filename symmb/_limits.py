@@ -13,6 +13,10 @@ _UNKNOWN = 4 * 2**30
 """Memory of a machine that does not tell it [bytes]."""
 MOST_RUNS = 10**8
 """Most runs of a request: at 10 microseconds each they take a quarter of an hour."""
+MOST_STEPS = 10**8
+"""Most steps of a fixed length in a run: at a microsecond each they take two minutes."""
+MOST_STEPS_KEPT = 10**6
+"""The same where CasADi takes them in one call: it keeps a kilobyte of each, and no signal ends it."""
 _WINDOW = 2**20
 """Numbers that work on large arrays takes at once: a few arrays of 8 MB."""
 
@@ -36,6 +40,13 @@ def require_runs(owner: object, runs: int, instead: str) -> None:
     if runs > MOST_RUNS:
         number = f"{runs:.1e}" if runs < 10**300 else "more than 1e300"
         raise PropagationError(f"{owner!r} takes {number} runs, more than the {MOST_RUNS:.0e} allowed. {instead}")
+
+
+def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None:
+    """PropagationError, which names owner and number, if a run takes too many steps of a fixed length."""
+    if steps > most:
+        number = f"{steps:.1e}" if steps < 10**300 else "more than 1e300"
+        raise PropagationError(f"{owner!r} takes {number} steps a run, more than the {most:.0e} allowed.")
 
 
 @cache

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import MISSING, fields
 from importlib import import_module
 from inspect import signature
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -49,7 +49,7 @@ def number_text(value: float) -> str:
         return shown(value)
 
 
-def is_real(value: object) -> bool:
+def is_real(value: object) -> TypeGuard[float]:
     """Whether a value is a real number, perhaps nan. Texts, truth values and durations are not."""
     kinds = int | float | np.integer | np.floating
     return isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
@@ -58,9 +58,11 @@ def is_real(value: object) -> bool:
 def numbers_of(value: object) -> Array | None:
     """A number, or nested lists or an array of numbers, as doubles; None of anything else.
 
-    Texts, durations, times, complex numbers, and what masks hide are no numbers.
+    Texts, durations, times, truth values, bytes, complex numbers, and what masks hide are no numbers.
     """
-    if isinstance(value, str | bytes | Mapping | Set) or np.ma.is_masked(value):
+    if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or np.ma.is_masked(value):
+        return None
+    if isinstance(value, list | tuple) and _has_others(value):
         return None
     try:
         array = np.asarray(float(value) if isinstance(value, int) else value)
@@ -71,8 +73,22 @@ def numbers_of(value: object) -> Array | None:
     return np.ascontiguousarray(array, dtype=float).reshape(array.shape) if array.dtype.kind in _REAL else None
 
 
-_REAL = "biuf"
-"""Kinds of NumPy's types that are real numbers, or truth values."""
+_REAL = "iuf"
+"""Kinds of NumPy's types that are real numbers."""
+_NO_NUMBERS = {bool, np.bool_, bytes, bytearray, memoryview}
+"""Types that NumPy takes for numbers in a list."""
+
+
+def _has_others(values: Sequence[object]) -> bool:
+    """Whether nested lists hold what NumPy takes for numbers, and is none."""
+    kinds = set(map(type, values))
+    inside = (part for part in values if isinstance(part, list | tuple)) if kinds & {list, tuple} else ()
+    return not _NO_NUMBERS.isdisjoint(kinds) or any(map(_has_others, inside))
+
+
+def python_number(value: float) -> float:
+    """A number as Python's own: NumPy's integers overflow, and CasADi crashes at its long doubles."""
+    return int(value) if is_whole(value) else float(value)
 
 
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
@@ -110,12 +126,10 @@ def require_names(owner: str, what: str, names: object, known: Iterable[str]) ->
     return [*map(str, names)]
 
 
-def is_finite_number(value: object) -> bool:
+def is_finite_number(value: object) -> TypeGuard[float]:
     """Whether a value is a real number, neither nan nor infinite. Texts and truth values are not."""
-    if not is_real(value):
-        return False
     try:
-        return math.isfinite(value)  # pyright: ignore[reportArgumentType]
+        return is_real(value) and math.isfinite(value)
     except OverflowError:  # an integer beyond floats
         return False
 
@@ -134,8 +148,14 @@ def require_truth(owner: str, name: str, value: object) -> None:
 
 def require_timeout(owner: str, value: object) -> None:
     """DeclarationError unless a value is None or a number of seconds above 0."""
-    if value is not None and not (is_finite_number(value) and value > 0):  # pyright: ignore[reportOperatorIssue]
-        raise DeclarationError(f"{owner}: timeout must be a number of seconds above 0, got {shown(value)}.")
+    if value is not None:
+        require_positive(owner, "timeout", value, " of seconds")
+
+
+def require_positive(owner: str, name: str, value: object, unit: str = "") -> None:
+    """DeclarationError unless a value is a finite number above 0."""
+    if not is_finite_number(value) or not value > 0:
+        raise DeclarationError(f"{owner}: {name} must be a number{unit} above 0, got {shown(value)}.")
 
 
 def require_callable(owner: str, value: object, *arguments: str) -> None:
@@ -155,10 +175,43 @@ def require_kind(owner: str, name: str, value: object, has: str, example: str) -
         raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {shown(value)}.")
 
 
-def require_whole(owner: str, name: str, value: object, least: int) -> None:
-    """DeclarationError unless value is an integer of at least ``least``."""
-    if not is_real(value) or not isinstance(value, int | np.integer) or value < least:
-        raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}, got {shown(value)}.")
+def is_whole(value: object) -> TypeGuard[int]:
+    """Whether a value is an integer. Truth values and durations are not."""
+    return is_real(value) and isinstance(value, int | np.integer)
+
+
+def whole(owner: str, name: str, value: object, least: int, most: float = math.inf) -> int:
+    """A whole number as Python's own; DeclarationError unless it is one from ``least`` to ``most``."""
+    if not is_whole(value) or not least <= value <= most:
+        end = "" if most == math.inf else f" and at most {most}"
+        raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}{end}, got {shown(value)}.")
+    return int(value)
+
+
+def require_whole(options: object, name: str, least: int, most: float = math.inf) -> None:
+    """A field of a frozen object becomes Python's integer; DeclarationError unless it is one in this range."""
+    value = whole(type(options).__name__, name, getattr(options, name), least, most)
+    object.__setattr__(options, name, value)
+
+
+def require_between(options: object, name: str, text: str, low: float, high: float = math.inf) -> None:
+    """A field of a frozen object becomes Python's number; DeclarationError unless it is finite and from low to high.
+
+    `text` says which ends belong to the range: "[)" contains the lower one only.
+    """
+    value = getattr(options, name)
+    if (
+        not is_finite_number(value)
+        or not low <= value <= high
+        or (value == low and text[0] == "(")
+        or (value == high and text[1] == ")")
+    ):
+        words = [f"at least {low:g}" if text[0] == "[" else f"above {low:g}"]
+        words += [f"at most {high:g}" if text[1] == "]" else f"below {high:g}"] if high < math.inf else []
+        raise DeclarationError(
+            f"{type(options).__name__}: {name} must be a number {' and '.join(words)}, got {shown(value)}."
+        )
+    object.__setattr__(options, name, python_number(value))
 
 
 def optional_package(name: str, what: str, extra: str) -> Any:

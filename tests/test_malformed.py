@@ -1,5 +1,6 @@
 """Malformed calls of the API and of the command line are told in sentences: a tenth of the benchmark's."""
 
+import random
 import sys
 import warnings
 from pathlib import Path
@@ -8,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy
+from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 from symmb._options import numbers_of
@@ -20,7 +22,7 @@ with warnings.catch_warnings():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_malformed_calls_are_told_in_sentences(seed):
-    assert malformed.study(50, 100 + seed) == []
+    assert malformed.study(50, 100 + 50 * seed) == []
 
 
 def test_a_fault_would_be_found(monkeypatch):
@@ -29,6 +31,17 @@ def test_a_fault_would_be_found(monkeypatch):
 
     monkeypatch.setattr(malformed, "CALLS", [(fails, (1,), {})])
     assert len(malformed.study(3)) == 2
+
+
+@pytest.mark.parametrize(("call", "text"), [(lambda n: n, "accepts"), (lambda n: 2 * np.int8(n), "Overflow")])
+def test_nonsense_and_overflows_would_be_found(monkeypatch, call, text):
+    monkeypatch.setattr(malformed, "CALLS", [(call, (3,), {})])
+    assert any(text in malformed.api_fault(random.Random(seed)) for seed in range(60))
+
+
+def test_a_good_number_that_gives_another_result_would_be_found(monkeypatch):
+    monkeypatch.setattr(malformed, "CALLS", [(lambda n: n * n, (100,), {})])
+    assert any("gives" in malformed.api_fault(random.Random(seed)) for seed in range(60))
 
 
 DATES = np.array(["2020-01-01"], dtype="datetime64[D]")
@@ -100,3 +113,124 @@ def test_numbers_of_what_users_give():
     assert numbers_of(np.longdouble(1.5)) == 1.5 and numbers_of([10**30, 1]).tolist() == [1e30, 1.0]
     for value in ("1", b"1", {}, {1}, 1j, [1j], None, [[1], [1, 2]], np.timedelta64(1), [ca.SX.sym("x")], object()):
         assert numbers_of(value) is None
+    for value in (
+        True,
+        [0, True],
+        np.array([True]),
+        memoryview(b"x"),
+        bytearray(b"x"),
+        [memoryview(b"x")],
+        np.ma.masked,
+    ):
+        assert numbers_of(value) is None
+
+
+OPTIONS = {
+    mb.Swarm: {"particles": 50, "steps": 10},
+    mb.PolynomialChaos: {"order": 100},
+    mb.MonteCarlo: {"samples": 100, "seed": 7},
+    mb.Taylor: {"order": 3, "subintervals": 2},
+    mb.RungeKutta: {"steps": 100},
+    mb.Collocation: {"degree": 4, "steps": 50},
+    mb.CVODES: {"rtol": 0.5, "atol": 0.25},
+    mb.Exact: {"tolerance": 0.5, "budget": 20},
+    mb.HyperbolicCross: {"q": 0.5},
+    mb.Baumgarte: {"alpha": 2, "beta": 0.5},
+    mb.AugmentedLagrangian: {"penalty": 100.0, "iterations": 3},
+}
+
+
+@pytest.mark.parametrize("kind", OPTIONS)
+@pytest.mark.parametrize("number", [np.int8, np.uint16, np.int64, np.float16, np.longdouble])
+def test_numbers_of_options_become_pythons(kind, number):
+    whole = issubclass(number, np.integer)
+    given = {name: number(value) if isinstance(value, int) == whole else value for name, value in OPTIONS[kind].items()}
+    made = kind(**given)
+    assert repr(made) == repr(kind(**OPTIONS[kind]))
+    assert all(type(getattr(made, name)) is type(value) for name, value in OPTIONS[kind].items())
+
+
+def test_an_order_does_not_overflow():
+    bounds = mb.propagate(malformed.DECAY, mb.Swarm(np.int8(50), np.int8(10)), malformed.BOX)
+    assert bounds.evaluations == 2 * len(malformed.T) * 500
+    bounds = mb.propagate(malformed.DECAY, mb.PolynomialChaos(order=np.int8(100)), malformed.BOX)
+    np.testing.assert_allclose(bounds.lower[:, 0], np.exp(-1.05 * malformed.T), rtol=1e-12)
+
+
+@pytest.mark.parametrize("value", [True, False, np.True_, "1e-3", 1j, np.ma.masked, np.array([0.1]), None])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(mb.CVODES, "rtol"), (mb.HHT, "step"), (mb.RungeKutta, "steps"), (mb.Exact, "tolerance"), (mb.Baumgarte, "beta"),
+     (mb.AugmentedLagrangian, "iterations"), (mb.GeneralizedAlpha, "rho"), (mb.Swarm, "steps"),
+     (mb.Bernstein, "boxes")],
+)  # fmt: skip
+def test_what_is_no_number_is_no_option(kind, name, value):
+    with pytest.raises(mb.DeclarationError, match=name):
+        kind(**{name: value})
+
+
+COSTS = {
+    "swarm": (lambda: mb.propagate(malformed.DECAY, mb.Swarm(10**5, 10**5), malformed.BOX), "1.0e\\+11 runs"),
+    "steps": (lambda: mb.simulate(SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps a run"),
+    "collocation": (lambda: mb.simulate(SCENE, mb.Collocation(steps=10**30)), "1.0e\\+30 steps a run"),
+    "beyond doubles": (lambda: mb.simulate(SCENE, mb.RungeKutta(10**400)), "more than 1e300 steps"),
+    "memory": (lambda: mb.simulate(SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps a run"),
+    "step": (lambda: mb.simulate(SCENE, mb.HHT(1e-300)), "steps a run"),
+    "longest step": (lambda: mb.simulate(SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps a run"),
+    "table": (lambda: mb.Table(range(10**12), range(10**12)), "1000000000000 points, at most"),
+    "locus": (lambda: mb.root_locus(SCENE, "k", (4.0, 5.0), count=10**9), "at most"),
+    "mesh": (
+        lambda: mb.Beam([(0, 0, 0), (1, 0, 0)], malformed.BEAM.section, malformed.BEAM.material, 10**9),
+        "at most",
+    ),
+    "corrections": (lambda: mb.AugmentedLagrangian(iterations=10**9), "at most"),
+}
+
+
+@pytest.mark.parametrize("name", COSTS)
+def test_what_cannot_be_afforded_is_told_before_it_starts(name):
+    call, text = COSTS[name]
+    with pytest.raises(mb.SymmbError, match=text):
+        call()
+
+
+@pytest.mark.parametrize(("x", "y"), [([0, 1], [-1e308, 1e308]), ([-1e308, 1e308], [0, 1]), ([0, 5e-324], [0, 1])])
+def test_tables_whose_slopes_are_no_numbers(x, y):
+    with pytest.raises(mb.DeclarationError, match="slopes are no numbers"):
+        mb.Table(x, y)
+
+
+@pytest.mark.parametrize("size", [1e-100, 1.0, 1e100])
+def test_tables_of_large_and_small_numbers_are_finite(size):
+    table, other = mb.Table([0, 1, 2], [-size, size, 0]), PchipInterpolator([0, 1, 2], [-size, size, 0])
+    places = np.linspace(0, 2, 9)
+    np.testing.assert_allclose([float(table(x)) for x in places], other(places), rtol=1e-12, atol=1e-15 * size)
+
+
+def test_errors_are_no_longer_than_a_screen():
+    with pytest.raises(mb.DeclarationError) as error:
+        SCENE.with_name("a" * 10_000)
+    assert len(str(error.value)) < 2000 and str(error.value).startswith("name 'aaa")
+
+
+NUMBERS = {
+    "box": lambda v: mb.Box(l=(v, 1)),
+    "nominal": lambda v: mb.Box.around({"l": v}, 0.05),
+    "area": lambda v: mb.Section(area=v, Iy=1, Iz=1, J=1),
+    "points": lambda v: mb.Beam([(0, 0, 0), (v, 0, 0)], malformed.BEAM.section, malformed.BEAM.material),
+    "mass": lambda v: mb.System(mb.Body("b", v, 0.1)),
+    "doubtful": lambda v: malformed.BOUNDS.doubtful(v),
+    "gas": lambda v: malformed.in_a_scene(mb.NonlinearSpring)(
+        "gas", malformed.A, malformed.B, mb.GasSpring(1e5, 1e-3, v, 0.1)
+    ),
+    "time": lambda v: mb.Scene(SCENE.system, times=[v, 1]),
+    "table": lambda v: mb.Table([0, 1], [0, v]),
+    "sample": lambda v: malformed.DECAY.run([[v]]),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("value", ["1", True, b"1", memoryview(b"x"), np.ma.masked, np.timedelta64(1, "s"), 1j])
+def test_what_is_no_number_is_refused_by_name(name, value):
+    with pytest.raises(mb.SymmbError):
+        NUMBERS[name](value)

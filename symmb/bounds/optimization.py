@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError, PropagationError
-from symmb._options import constructor_text, is_finite_number, require_whole
+from symmb._errors import PropagationError
+from symmb._options import constructor_text, require_between, require_whole
 from symmb._types import Array, Executor
 from symmb.bounds.derivatives import unit_jets
 from symmb.bounds.failed_region import failed_region
@@ -72,9 +72,8 @@ class Optimization(Method):
     kind: ClassVar[Kind] = "sampled"
 
     def __post_init__(self) -> None:
-        require_whole("Optimization", "budget", self.budget, 1)
-        if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
-            raise DeclarationError(f"Optimization: tolerance must be above 0 and below 1, got {self.tolerance!r}.")
+        require_whole(self, "budget", 1)
+        require_between(self, "tolerance", "()", 0.0, 1.0)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         shape = len(simulator.times), len(simulator.outputs)

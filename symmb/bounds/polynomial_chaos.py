@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_memory
-from symmb._options import constructor_text, is_finite_number, require_kind, require_truth, require_whole
+from symmb._options import constructor_text, require_between, require_kind, require_truth, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failed_region import failed_region
@@ -100,7 +100,7 @@ class PolynomialChaos(Method):
         require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
         require_truth("PolynomialChaos", "lockstep", self.lockstep)
         if self.order is not None:
-            require_whole("PolynomialChaos", "order", self.order, 1)
+            require_whole(self, "order", 1)
             if self.budget is not None or self.tolerance != 1e-2 or self.seconds is not None or self.probes != 0:
                 raise DeclarationError(
                     "PolynomialChaos: tolerance, budget, seconds and probes choose the order; leave order out."
@@ -111,13 +111,12 @@ class PolynomialChaos(Method):
             raise DeclarationError(
                 "PolynomialChaos without order chooses nodes, basis and range itself; give order=... ."
             )
-        require_whole("PolynomialChaos", "probes", self.probes, 0)
+        require_whole(self, "probes", 0)
         if self.budget is not None:
-            require_whole("PolynomialChaos", "budget", self.budget, 1)
-        if self.seconds is not None and not (is_finite_number(self.seconds) and self.seconds > 0):
-            raise DeclarationError(f"PolynomialChaos: seconds must be a number above 0, got {self.seconds!r}.")
-        if not is_finite_number(self.tolerance) or not 0 < self.tolerance < 1:
-            raise DeclarationError(f"PolynomialChaos: tolerance must be above 0 and below 1, got {self.tolerance!r}.")
+            require_whole(self, "budget", 1)
+        if self.seconds is not None:
+            require_between(self, "seconds", "()", 0.0)
+        require_between(self, "tolerance", "()", 0.0, 1.0)
 
     @classmethod
     def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":

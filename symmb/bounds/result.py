@@ -12,6 +12,7 @@ from symmb import files, plot
 from symmb._errors import DeclarationError, PropagationError
 from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean
+from symmb._options import require_positive
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.failure import Failure, failure_text
@@ -130,6 +131,7 @@ class Bounds(Result):
         Both are root mean squares from a time to the end, the width at least a tenth of that over all times. Errors
         within the noise of the runs, and rounding, do not count. The result is empty without an estimate.
         """
+        require_positive("doubtful", "share", share)
         if self.estimate is None:
             return {}
         bad = is_doubtful(*self._scaled(self.estimate), share)
@@ -145,6 +147,7 @@ class Bounds(Result):
 
         Both are root mean squares over 2 % of the times, the width at least a tenth of that over all times.
         """
+        require_positive("doubtful_windows", "share", share)
         if self.estimate is None:
             return ()
         bad = is_doubtful_in_window(*self._scaled(self.estimate), share)

@@ -52,8 +52,8 @@ class MonteCarlo(Method):
     doubtful_miss: ClassVar[float] = 0.1  # it is known that random samples end before the extremes
 
     def __post_init__(self) -> None:
-        require_whole("MonteCarlo", "samples", self.samples, 1)
-        require_whole("MonteCarlo", "seed", self.seed, 0)
+        require_whole(self, "samples", 1)
+        require_whole(self, "seed", 0)
         require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
     def planned_runs(self, d: int) -> int:
@@ -88,7 +88,7 @@ class Scanning(Method):
     kind: ClassVar[Kind] = "sampled"
 
     def __post_init__(self) -> None:
-        require_whole("Scanning", "points", self.points, 2)
+        require_whole(self, "points", 2)
 
     def planned_runs(self, d: int) -> int:
         return self.points**d

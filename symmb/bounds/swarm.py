@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.failed_region import failed_region
@@ -53,15 +54,17 @@ class Swarm(Method):
     kind: ClassVar[Kind] = "sampled"
 
     def __post_init__(self) -> None:
-        require_whole("Swarm", "particles", self.particles, 1)
-        require_whole("Swarm", "steps", self.steps, 1)
-        require_whole("Swarm", "seed", self.seed, 0)
+        require_whole(self, "particles", 1)
+        require_whole(self, "steps", 1)
+        require_whole(self, "seed", 0)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         n_t, n_y, d = len(simulator.times), len(simulator.outputs), len(box)
         random = np.random.default_rng(self.seed)
         shape = 2 * n_t * n_y, self.particles, d
         runs = shape[0] * self.particles
+        require_runs(self, self.steps * runs, "Use fewer times, particles or steps.")
+        require_memory(self, "the positions of all particles", self.steps * runs * d)
         reduction = together(_watched(n_t * n_y, self.particles), extremes(simulator), failures())
         x, velocity = random.uniform(-1.0, 1.0, shape), np.zeros(shape)
         own, least = x.copy(), np.full(shape[:2], np.inf)

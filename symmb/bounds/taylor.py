@@ -72,8 +72,8 @@ class Taylor(Method):
     kind: ClassVar[Kind] = "estimate"
 
     def __post_init__(self) -> None:
-        require_whole("Taylor", "order", self.order, 1)
-        require_whole("Taylor", "subintervals", self.subintervals, 1)
+        require_whole(self, "order", 1)
+        require_whole(self, "subintervals", 1)
 
     def planned_runs(self, d: int) -> int:
         return self.subintervals**d * math.comb(d + self.order, d)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError, PropagationError
+from symmb._errors import PropagationError
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.method import Method
@@ -77,10 +77,8 @@ class TaylorModel(Method):
     kind: ClassVar[Kind] = "enclosure"
 
     def __post_init__(self) -> None:
-        require_whole("TaylorModel", "order", self.order, 1)
-        require_whole("TaylorModel", "boxes", self.boxes, 1)
-        if self.order > _HIGHEST:
-            raise DeclarationError(f"TaylorModel: order must be at most {_HIGHEST}, got {self.order}.")
+        require_whole(self, "order", 1, _HIGHEST)
+        require_whole(self, "boxes", 1)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)

@@ -1,5 +1,5 @@
 """Results in files: written whole or not at all, and checked when they are read."""
 
-from symmb.files.formats import Table, in_json, load, save, save_json
+from symmb.files.formats import Table, in_json, load, require_usual_size, save, save_json
 from symmb.files.record import Record
 from symmb.files.replacement import replacement, require_suffix, told

@@ -8,6 +8,7 @@ array for each array of the record, and the rest as JSON in its array ``about``.
 import csv
 import io
 import json
+import zipfile
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -111,6 +112,7 @@ def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
 
 def _of_archive(data: bytes) -> Record:
     with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        require_usual_size(archive.zip)
         arrays = {name: array if array.ndim else array.item() for name, array in archive.items()}
     entries = json.loads(arrays.pop("about", "{}"))
     for place, array in arrays.items():
@@ -120,6 +122,21 @@ def _of_archive(data: bytes) -> Record:
             holder = holder[int(parent)] if isinstance(holder, list) else holder[parent]
         holder[name] = array
     return Record.of(entries, "")
+
+
+def require_usual_size(archive: zipfile.ZipFile | None) -> None:
+    """DeclarationError if an archive, by its own list, becomes much more than it is."""
+    members = archive.infolist() if archive else []
+    size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
+    if size > _LARGE and size > _MOST_RATIO * packed:
+        raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
+
+
+_LARGE = 2**26
+"""Size from which on archives are judged [bytes]: smaller ones take no time."""
+_MOST_RATIO = 200
+"""Most bytes that one of an archive may become: results that are random in their last digits become a few, those that
+are constant a thousand."""
 
 
 def _of_json(data: bytes) -> Record:

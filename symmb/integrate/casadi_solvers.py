@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.codegen import Tolerances
 from symmb.integrate.fixed_step import collocation, fixed_step_integration
@@ -154,11 +155,12 @@ class Collocation(Solver):
 
     Parameters
     ----------
-    degree : int             collocation points a step; the order is 2 degree - 1
+    degree : int             collocation points a step, at most 9; the order is 2 degree - 1
     steps : int              over the whole horizon; at least one for each output time
     stabilization            None, Baumgarte(...) or Projection()
     """
 
+    limits: ClassVar[dict[str, tuple[float, float]]] = {"degree": (1, 9)}
     stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection)
     begins_anew: ClassVar[bool] = True
 
@@ -176,6 +178,7 @@ class Collocation(Solver):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=True, work=work, one_step=True).jets(order)
+        require_steps(self, self.steps, MOST_STEPS_KEPT)
         step = float(times[-1] - times[0]) / self.steps
         return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
 

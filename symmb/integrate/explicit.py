@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import casadi as ca
 
+from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, has_compiler, model_function
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
@@ -129,5 +130,6 @@ class RungeKutta(_Explicit):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
+        require_steps(self, self.steps, MOST_STEPS_KEPT)
         step = self.step_control(dae, times).longest
         return fixed_step_integration(explicit(problem), times, step, problem.projection())

@@ -1,5 +1,6 @@
 """The base of solvers: frozen objects whose fields are their options."""
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import fields, replace
 from functools import partial
@@ -8,7 +9,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._options import is_real
+from symmb._limits import require_steps
+from symmb._options import is_real, is_whole, python_number, require_truth, shown
 from symmb._types import Array
 from symmb.codegen import Tolerances, with_compiler
 from symmb.integrate.integration import Integration
@@ -80,8 +82,11 @@ class Solver(ABC):
 
         Raises
         ------
-        PropagationError          if derivatives are asked for and the solver gives none
+        PropagationError          if derivatives are asked for and the solver gives none, or there are too many steps
         """
+        horizon = float(times[-1] - times[0])
+        values = self._values
+        require_steps(self, values.get("steps") or horizon / (values.get("step") or math.inf))
         if order and not self.gives_derivatives:
             raise PropagationError(
                 f"{self!r} gives no derivatives along the run. Use another solver for Taylor, such as DormandPrince()."
@@ -151,14 +156,18 @@ class Solver(ABC):
                 elif value is not None and not isinstance(value, self.stabilizations):
                     allowed = ", ".join(f"{kind.__name__}(...)" for kind in self.stabilizations)
                     faults.append(f"stabilization={value!r} is not a stabilization: use {allowed} or None")
-            elif isinstance(value, bool) or (value is None and f.default is None):
+            elif isinstance(f.default, bool):
+                require_truth(type(self).__name__, f.name, value)
+            elif value is None and f.default is None:
                 continue
-            elif (
-                value is None or not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ()))
-            ):
+            elif isinstance(f.default, int) and is_real(value) and not is_whole(value):
+                faults.append(f"{f.name}={value!r} must be an integer")
+            elif not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ())):
                 below = " and below 1" if f.name == "rtol" else ""
                 within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above {low:g}{below}"
-                faults.append(f"{f.name}={value!r} must be a number {within}")
+                faults.append(f"{f.name}={shown(value)} must be a number {within}")
+            else:
+                object.__setattr__(self, f.name, python_number(value))
         if faults:
             raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))
 

@@ -2,6 +2,11 @@
 
 from dataclasses import dataclass
 
+from symmb._options import require_between, require_whole
+
+MOST_ITERATIONS = 100
+"""Most corrections of the multipliers: each adds to the equations, and a few are enough."""
+
 
 @dataclass(frozen=True)
 class Baumgarte:
@@ -18,6 +23,10 @@ class Baumgarte:
 
     alpha: float = 5.0
     beta: float = 5.0
+
+    def __post_init__(self) -> None:
+        require_between(self, "alpha", "[)", 0.0)
+        require_between(self, "beta", "[)", 0.0)
 
 
 @dataclass(frozen=True)
@@ -55,6 +64,12 @@ class AugmentedLagrangian:
     omega: float = 100.0
     damping: float = 1.0
     iterations: int = 2
+
+    def __post_init__(self) -> None:
+        require_between(self, "penalty", "()", 0.0)
+        require_between(self, "omega", "[)", 0.0)
+        require_between(self, "damping", "[)", 0.0)
+        require_whole(self, "iterations", 0, MOST_ITERATIONS)
 
 
 Stabilization = Baumgarte | Projection | AugmentedLagrangian | None

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._options import whole
 from symmb._types import Array
 from symmb.linear.family import LinearFamily
 from symmb.linear.following import Followed, followed
@@ -42,8 +43,7 @@ class ModalSimulator(BlackBox):
     """
 
     def __init__(self, scene: Scene, count: int = 6) -> None:
-        if not isinstance(count, int) or isinstance(count, bool) or count < 1:
-            raise DeclarationError(f"ModalSimulator: count must be a whole number from 1 on, got {count!r}.")
+        count = whole("ModalSimulator", "count", count, 1)
         self._family = LinearFamily(scene)
         self.doubts = self._family.doubts
         self._start = self._family.eigen(self._family.nominal)

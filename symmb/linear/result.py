@@ -11,6 +11,7 @@ import numpy as np
 from symmb import _html as html
 from symmb import files
 from symmb._errors import DeclarationError
+from symmb._options import is_whole
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues, eigenvalues
@@ -156,7 +157,7 @@ class Linearization:
         if self.origin is None:
             raise DeclarationError("The scene of this linearisation is not known: it was read from a file.")
         modes = self.modes
-        if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(modes):
+        if not is_whole(number) or not 0 <= number < len(modes):
             known = f"0 to {len(modes) - 1}" if modes else "none"
             raise DeclarationError(f"{self.name} has no mode {number!r}. Its modes are {known}.")
         k = np.flatnonzero(self._eigen.oscillating)[number]

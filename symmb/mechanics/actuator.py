@@ -6,7 +6,7 @@ from typing import cast
 
 import casadi as ca
 
-from symmb._options import number_text
+from symmb._options import is_real, number_text
 from symmb._types import Expr
 from symmb.mechanics.axis_joint import AxisJoint, Joint
 from symmb.mechanics.body import AbstractBody, Body
@@ -127,14 +127,14 @@ class Stop(JointForce):
         yield from super().faults()
         if not self._ends:
             yield f"{self.title}: it has no limit. Give lower, upper or both."
-        numbers = [end for end in (self.lower, self.upper) if isinstance(end, int | float)]
+        numbers = [end for end in (self.lower, self.upper) if is_real(end)]
         if len(numbers) == 2 and not numbers[0] < numbers[1]:
             yield f"{self.title}: lower {numbers[0]!r} is not below upper {numbers[1]!r}."
         if (self.law is None) == (self.restitution is None):
             yield f"{self.title}: give either a law of contact or restitution=..., a number from 0 to 1."
         elif self.law is not None:
             yield from law_faults(self.title, self.law)
-        elif isinstance(self.restitution, int | float) and not 0 <= self.restitution <= 1:
+        elif is_real(self.restitution) and not 0 <= self.restitution <= 1:
             yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 
     @property

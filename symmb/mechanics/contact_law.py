@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import require_instance
 from symmb._types import Expr
 from symmb.mechanics.element import require_number
 from symmb.mechanics.table import Table
@@ -192,6 +193,7 @@ class Tabulated(ContactLaw):
     damping: Expr = 0.0
 
     def __post_init__(self) -> None:
+        require_instance("Tabulated: table", self.table, Table, "a Table of forces over penetrations")
         require_number(self, "damping", self.damping, least=0.0)
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:

@@ -9,10 +9,11 @@ from typing import Any, TypeVar, cast
 import casadi as ca
 
 from symmb._errors import DeclarationError, text_of
-from symmb._options import number_text
+from symmb._options import is_real, number_text
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
+from symmb.mechanics.table import Table
 from symmb.symbolic import is_zero, vector
 
 Bind = Callable[[Any, str], ca.SX]
@@ -115,11 +116,15 @@ Law = TypeVar("Law")
 
 
 def bound(law: Law, bind: Bind, title: str) -> Law:
-    """A law, a dataclass, whose numbers and expressions are bound. Its tables, and options that are None, stay."""
+    """A law, a dataclass, whose numbers and expressions are bound. Tables, and options that are None, stay.
+
+    So do functions in laws that are functions themselves: what these raise is told.
+    """
     laws = {f.name: getattr(law, f.name) for f in fields(law) if f.init}  # pyright: ignore[reportArgumentType]
+    stay = [k for k, v in laws.items() if v is None or isinstance(v, Table) or (callable(v) and callable(law))]
     return replace(
         law,  # pyright: ignore[reportArgumentType]
-        **{k: bind(v, f"{title}: {k}") for k, v in laws.items() if v is not None and not callable(v)},
+        **{k: bind(v, f"{title}: {k}") for k, v in laws.items() if k not in stay},
     )
 
 
@@ -127,7 +132,7 @@ def require_number(
     law: object, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
 ) -> None:
     """Raise if a number of a law is out of its range. Expressions are not checked."""
-    if isinstance(value, int | float) and not (value > above and least <= value <= most):
+    if is_real(value) and not (value > above and least <= value <= most):
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []
         words += [f"at most {most:g}"] if most < math.inf else []

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import is_real
 from symmb._types import Expr
 from symmb.mechanics.body import Body
 from symmb.mechanics.element import Bind, bound, direction_faults, require_number
@@ -123,7 +124,7 @@ Dupont, Hayward, Armstrong and Altpeter (2002), IEEE Transactions on Automatic C
 def _require_coefficients(law: Coulomb | Bristle) -> None:
     require_number(law, "kinetic", law.kinetic, above=0.0)
     require_number(law, "speed", law.speed, above=0.0)
-    if isinstance(law.kinetic, int | float):
+    if is_real(law.kinetic):
         require_number(law, "static", law.static, least=law.kinetic)
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from symmb._options import number_text
+from symmb._options import is_real, number_text
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element
@@ -58,7 +58,7 @@ class Impact(Element):
         return ()
 
     def faults(self) -> Iterator[str]:
-        if isinstance(self.restitution, int | float) and not 0 <= self.restitution <= 1:
+        if is_real(self.restitution) and not 0 <= self.restitution <= 1:
             yield f"{self.title}: {RESTITUTION.format(number_text(self.restitution))}. Give one that is."
 
     @property

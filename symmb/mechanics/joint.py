@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import casadi as ca
 
+from symmb._options import is_real
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.axis_joint import ORIENTED, AxisJoint, Joint, SlidingJoint, TurningJoint
@@ -169,7 +170,7 @@ class Distance(Joint):
 
     def faults(self) -> Iterator[str]:
         yield from super().faults()
-        if isinstance(self.length, int | float) and not self.length > 0:
+        if is_real(self.length) and not self.length > 0:
             yield f"{self.title}: length {self.length!r} is not positive. For coinciding points use Spherical."
 
     def position_rows(self, bind: Bind) -> ca.SX:

@@ -38,7 +38,8 @@ class NonlinearSpring(PairForce):
         # Points closer than 1e-12 m have no line between them: the force decreases to 0 there and stays finite.
         length = ca.sqrt(ca.fmax(ca.sumsqr(d), MEETING**2))
         title = f"{self.title}: pull"
-        pull = bind(law_value(self.pull, title, length, ca.dot(d, ddt(d)) / length), title)
+        law = bound(self.pull, bind, title) if isinstance(self.pull, GasSpring | Orifice) else self.pull
+        pull = bind(law_value(law, title, length, ca.dot(d, ddt(d)) / length), title)
         force = pull * d / length
         yield Action((force_at(self.point_a, force), force_at(self.point_b, -force)))
 

@@ -12,6 +12,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
+from symmb._options import whole
 from symmb.symbolic import (
     Kind,
     Symbol,
@@ -23,6 +24,9 @@ from symmb.symbolic import (
     rotation_z,
     vector,
 )
+
+MOST_MODES = 1000
+"""Most modal coordinates of a body: the equations have the square of their number of terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +71,7 @@ class Pose(ABC):
     rigid_velocities: ClassVar[tuple[str, ...]]
 
     def __init__(self, modes: int = 0) -> None:
-        self.modes = modes
+        self.modes = whole(type(self).__name__, "modes", modes, 0, MOST_MODES)
 
     @property
     def coordinates(self) -> tuple[str, ...]:

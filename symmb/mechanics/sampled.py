@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import is_real
 from symmb._types import Expr
 from symmb.mechanics.element import law_value
 from symmb.mechanics.state import OwnState
@@ -51,7 +52,7 @@ class Sampled(OwnState):
             object.__setattr__(self, "law", law_value(self.law, f"{self.title}: law", self.value))
 
     def faults(self) -> Iterator[str]:
-        if isinstance(self.period, bool) or not isinstance(self.period, int | float):
+        if not is_real(self.period):
             yield f"{self.title}: period {self.period!r} is no number. Instants cannot move with parameters."
         elif not 0 < self.period < math.inf:
             yield f"{self.title}: period {self.period!r} must be above 0."

@@ -1,6 +1,6 @@
 """Curves through points: smooth interpolants as expressions."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -51,6 +51,12 @@ class Table:
     _pieces: Array = field(init=False, repr=False)  # (n - 1, 6): begin, end, coefficients of rising powers
 
     def __post_init__(self) -> None:
+        points = len(self.x) if isinstance(self.x, Sized) else 0
+        if points > _MOST_POINTS:  # an array of all may be too large
+            raise DeclarationError(
+                f"Table: {points} points, at most {_MOST_POINTS}: each adds terms to the expression. Leave out points "
+                "where the curve through the others is as close as the data are known."
+            )
         x, y = numbers_of(self.x), numbers_of(self.y)
         if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
             raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
@@ -58,19 +64,22 @@ class Table:
             raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
             raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
-        if len(x) > _MOST_POINTS:
-            raise DeclarationError(
-                f"Table: {len(x)} points, at most {_MOST_POINTS}: each adds terms to the expression. Leave out points "
-                "where the curve through the others is as close as the data are known."
-            )
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise DeclarationError("Table: x and y must be finite numbers.")
-        if (np.diff(x) <= 0).any():
-            at = int(np.argmax(np.diff(x) <= 0)) + 1
+        falls = x[1:] <= x[:-1]
+        if falls.any():
+            at = int(np.argmax(falls)) + 1
             raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
-        h, slope = np.diff(x), np.diff(y) / np.diff(x)
-        m = _slopes(h, slope)
-        c, d = (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2
+        with np.errstate(all="ignore"):
+            h = np.diff(x)
+            slope = np.diff(y) / h
+            m = _slopes(h, slope)
+            c, d = (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2
+            largest = np.abs(slope) + np.abs(m[:-1]) + h * (np.abs(c) + h * np.abs(d))
+        if not np.isfinite(8 * h * largest).all() or not np.isfinite([slope, c, d]).all():
+            raise DeclarationError(
+                "Table: points so far from each other, or so close, that their slopes are no numbers. Use other units."
+            )
         object.__setattr__(self, "_pieces", np.column_stack([x[:-1], x[1:], y[:-1], m[:-1], c, d]))
 
     def __call__(self, at: Expr) -> ca.SX:

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number, require_numbers
+from symmb._options import is_finite_number, numbers_of, require_numbers, shown
 from symmb._types import Array
 
 
@@ -80,10 +80,9 @@ class Box:
                 f"Box.around: spread must be a share above 0 and below 1, such as 0.05 for ± 5 %, got {spread!r}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
-        try:
-            nominal = {name: float(value) for name, value in parameters.items()}
-        except (TypeError, ValueError):
-            raise DeclarationError(f"Box.around: the nominal values must be numbers, got {parameters!r}.") from None
+        if not all(map(is_finite_number, parameters.values())):
+            raise DeclarationError(f"Box.around: the nominal values must be numbers, got {shown(parameters)}.")
+        nominal = {name: float(value) for name, value in parameters.items()}
         intervals = {}
         names = nominal if names is None else names
         if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
@@ -148,10 +147,10 @@ class Box:
 
 
 def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:
-    try:
-        low, high = (float(end) for end in pair)
-    except (TypeError, ValueError) as error:
-        raise DeclarationError(f"Box: '{name}' must be a pair (lower, upper), got {pair!r}.") from error
+    ends = numbers_of(pair)
+    if ends is None or ends.shape != (2,):
+        raise DeclarationError(f"Box: '{name}' must be a pair (lower, upper), got {shown(pair)}.")
+    low, high = ends.tolist()
     if not (math.isfinite(low) and math.isfinite(high)):
         raise DeclarationError(f"Box: the ends of '{name}' must be finite, got ({low}, {high}).")
     if low > high:

@@ -191,7 +191,7 @@ class SparseGrid:
 
     def __post_init__(self) -> None:
         if self.level is not None:
-            require_whole("SparseGrid", "level", self.level, 0)
+            require_whole(self, "level", 0)
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes (N, d) and weights (N,)."""

@@ -6,8 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from symmb._errors import DeclarationError
-from symmb._options import is_finite_number
+from symmb._options import require_between
 from symmb.polynomials.legendre import MultiIndices, tensor_degree, total_degree
 
 
@@ -84,8 +83,7 @@ class HyperbolicCross:
     q: float = 0.5
 
     def __post_init__(self) -> None:
-        if not is_finite_number(self.q) or not 0 < self.q <= 1:
-            raise DeclarationError(f"HyperbolicCross: q must be above 0 and at most 1, got {self.q!r}.")
+        require_between(self, "q", "(]", 0.0, 1.0)
 
     def indices(self, d: int, order: int) -> MultiIndices:
         """(n_b, d), the constant first."""

@@ -31,6 +31,10 @@ class Expansion:
     coefficients: Array
     parameters: tuple[str, ...]
 
+    def __post_init__(self) -> None:
+        alpha = require_numbers("Expansion", "alpha", self.alpha, None, len(self.parameters))
+        require_numbers("Expansion", "coefficients", self.coefficients, len(alpha), None, None)
+
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""
         points = require_numbers("Expansion", "points", points, None, self.alpha.shape[1])

@@ -13,7 +13,7 @@ from typing import Any
 
 from symmb._cleanup import process_group, temporary_folder
 from symmb._errors import DeclarationError, SimulationError, text_of
-from symmb._options import require_timeout, require_whole
+from symmb._options import require_timeout, shown, whole
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.declared_files import DeclaredFiles
@@ -115,7 +115,7 @@ class CommandSimulator(BlackBox):
             "timeout": timeout,
             "files": sources,
             "environment": dict(environment or {}),
-            "retries": retries,
+            "retries": whole(_OWNER, "retries", retries, 0),
             "interpolate": interpolate,
             "keep": keep,
             "folder": None if folder is None else Path(folder).resolve(),
@@ -125,7 +125,6 @@ class CommandSimulator(BlackBox):
         faults = [f"{_OWNER}: {fault}" for fault in self._faults()]
         if faults:
             raise DeclarationError("\n".join(faults))
-        require_whole(_OWNER, "retries", retries, 0)
         require_timeout(_OWNER, timeout)
         inputs = [Path(program), *sources, *_named_files(self.command[1:])]
         object.__setattr__(self, "_inputs", DeclaredFiles(path for path in inputs if path.exists()))
@@ -160,8 +159,8 @@ class CommandSimulator(BlackBox):
             yield f"read must be the name of a file or a function of the folder, got {self.read!r}."
         if not isinstance(self.interpolate, bool):
             yield f"interpolate must be True or False, got {self.interpolate!r}."
-        if self.keep not in _KEEP:
-            yield f"keep must be one of {', '.join(map(repr, _KEEP))}, got {self.keep!r}."
+        if not isinstance(self.keep, str) or self.keep not in _KEEP:
+            yield f"keep must be one of {', '.join(map(repr, _KEEP))}, got {shown(self.keep)}."
         if self.folder is not None and not self.folder.is_dir():
             yield f"folder: {self.folder} does not exist, or is no folder."
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import SimulationError
-from symmb._options import require_instance, require_numbers, require_whole
+from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
@@ -303,7 +303,7 @@ class DAESimulator:
         with LOCK:
             p0 = require_numbers("jets", "p0", p0, len(self.parameters))
             directions = np.atleast_2d(require_numbers("jets", "directions", directions, len(p0), leading=True))
-            require_whole("jets", "order", order, 0)
+            order = whole("jets", "order", order, 0)
             runs = self._lanes(order) or self.integration(order)
             Y, failure = jets(self.formulation, runs, self.times, p0, directions, order, self.threads)
             if failure:

@@ -36,5 +36,5 @@ class DeclaredFiles:
 
 def _stamp(path: Path) -> Stamp:
     files = [path, *path.rglob("*")] if path.is_dir() else [path]
-    states = [(file, file.stat()) for file in files if not file.is_dir()]
+    states = [(file, file.stat()) for file in files if file.is_file()]  # links may lead nowhere
     return tuple(sorted((str(file), state.st_size, state.st_mtime_ns) for file, state in states))

@@ -14,6 +14,7 @@ from symmb._cleanup import lasting_folder
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean
 from symmb._options import optional_package
+from symmb.files import require_usual_size
 from symmb.simulation.identity import file_digest
 
 OWNER = "FMUSimulator"
@@ -141,6 +142,7 @@ def _files(path: Path) -> list[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
+            require_usual_size(archive)
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise DeclarationError(f"{OWNER}: {path.name} is no FMU, or is damaged: {text_of(error)}.") from None
     if "modelDescription.xml" not in names:

@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array
+from symmb.files import require_usual_size
 
 _TIME = "time"
 _AGREE = 1e-6
@@ -130,6 +131,7 @@ def _npz(path: Path) -> Mapping[str, Any]:
     if not isinstance(arrays, np.lib.npyio.NpzFile):
         raise SimulationError("it must hold arrays with names")
     with arrays:
+        require_usual_size(arrays.zip)
         return dict(arrays)
 
 

@@ -7,12 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
-from symmb._options import require_instance
+from symmb._options import require_instance, require_whole
 from symmb._types import Array, Indices
 from symmb.structures.beam_element import GAUSS, XI, Line, elements, properties
 from symmb.structures.mass_samples import Samples, Sparse, joined
 from symmb.structures.section import Material, Section
 from symmb.structures.validation import numbers
+
+MOST_ELEMENTS = 10_000
+"""Most elements between two corners: with more, rounding decides about slow modes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +50,7 @@ class Beam:
         object.__setattr__(self, "points", points)
         if len(points) < 2 or not np.linalg.norm(np.diff(points, axis=0), axis=1).all():
             raise DeclarationError("Beam: points must be two or more, and neighbours must not coincide.")
-        if isinstance(self.elements, bool) or not isinstance(self.elements, int) or self.elements < 1:
-            raise DeclarationError(f"Beam: elements must be a whole number from 1 on, got {self.elements!r}.")
+        require_whole(self, "elements", 1, MOST_ELEMENTS)
         require_instance("Beam: material", self.material, Material, "a Material")
         sections = [self.section] if isinstance(self.section, Section) else self.section
         for section in sections if isinstance(sections, list | tuple) else [sections]:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
-from symmb._options import require_instance
+from symmb._options import require_instance, whole
 from symmb._types import Array, Indices
 from symmb.structures.beams import AxialForces, Beam, mesh
 from symmb.structures.flexibility import Flexibility
@@ -242,8 +242,8 @@ class FiniteElements:
     def _check(
         self, interfaces: list[int], fixed: list[int], count: int | None, cutoff: float | None, stiffening: bool
     ) -> None:
-        if count is not None and (isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0):
-            raise DeclarationError(f"{OWNER}: count must be a whole number from 0 on, got {count!r}.")
+        if count is not None:
+            whole(OWNER, "count", count, 0)
         if count is None and cutoff is None and not interfaces:
             raise DeclarationError(f"{OWNER}: say how many modes: count=10, or cutoff=500.0 for those below 500 Hz.")
         if set(fixed) & set(interfaces):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import numbers_of, shown
+from symmb._options import is_whole, numbers_of, shown
 from symmb._types import Array, Indices
 from symmb.structures.eigenmodes import factorized, lowest, stiffness_scale
 from symmb.structures.mass_samples import Sparse
@@ -65,7 +65,7 @@ def chosen(nodes: Sequence[int], total: int, owner: str) -> list[int]:
     if numbers_of(nodes) is None or np.ndim(nodes) != 1:  # pyright: ignore[reportArgumentType]
         raise DeclarationError(f"{owner}: expected a list of node numbers, got {shown(nodes)}.")
     for node in nodes:
-        if isinstance(node, bool) or not isinstance(node, int | np.integer) or not 0 <= node < total:
+        if not is_whole(node) or not 0 <= node < total:
             raise DeclarationError(
                 f"{owner}: there is no node {node!r}; they are numbered 0 to {total - 1}. "
                 "elements.nearest(x, y, z) finds one by its place."

@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
+from symmb._options import numbers_of, shown
 from symmb._types import Array
 
 Shape = tuple[int | str, ...]
@@ -24,14 +25,14 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
         )
     shapes = shapes or ((),)
     expected = " or ".join(map(_words, shapes))
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise DeclarationError(f"{owner}: {name} must be {expected}, got {value!r}.") from error
+    found = numbers_of(value)
+    if found is None:
+        raise DeclarationError(f"{owner}: {name} must be {expected}, got {shown(value)}.")
+    array = found.copy()
     if not any(_fits(array.shape, shape) for shape in shapes):
         raise DeclarationError(f"{owner}: {name} must be {expected}, got the shape {array.shape}.")
     if not np.isfinite(array).all():
-        raise DeclarationError(f"{owner}: {name} must be finite, got {value!r}.")
+        raise DeclarationError(f"{owner}: {name} must be finite, got {shown(value)}.")
     array.setflags(write=False)
     return array
 

@@ -12,7 +12,7 @@ from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import require_instance
+from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds import Method, PolynomialChaos, parameter_samples, propagate
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MOST_VALUES = 10_000
+"""Most values of the parameter: the modes at each take a millisecond."""
 _CORNERS = 6
 """Parameters of a box up to which all corners are looked at for oscillations that end inside the box."""
 _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
@@ -226,8 +228,7 @@ def root_locus(
     """
     require_scene(scene)
     lower, upper = require_range("root_locus", scene, parameter, range)
-    if not isinstance(count, int) or isinstance(count, bool) or count < 2:
-        raise DeclarationError(f"root_locus: count must be a whole number from 2 on, got {count!r}.")
+    count = whole("root_locus", "count", count, 2, MOST_VALUES)
     box = _others(scene, parameter, box)
     family = LinearFamily(scene)
     locus = nominal_locus(family, parameter, np.linspace(lower, upper, count))

@@ -18,12 +18,51 @@ T = np.linspace(0.0, 0.2, 5)
 RESULTS = {"Bounds", "Comparison", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Stability", "Trajectory"}
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "another_way", "around", "bounds", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "response", "retract",
-    "run_seconds", "solve", "sign_faults", "solved_by", "tighter", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
+    "another_way", "around", "bounds", "carried", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "response", "retract",
+    "run_seconds", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
 INTERNAL = frozenset(RESULTS | BETWEEN_ROOMS | {"view", "stability"})
 """Names that are left out. `view` opens windows, and `stability` takes minutes where it is called rightly."""
+
+OF_OWNER: dict[str, dict[str, Any]] = {
+    "critical": {"range": (4.0, 6.0), "parameter": "k"},
+    "root_locus": {"range": (4.0, 6.0), "parameter": "k"},
+    "CommandSimulator": {"outputs": ["x"]},
+    "FMUSimulator": {"outputs": ["x"]},
+    "FunctionSimulator": {"outputs": ["x"]},
+    "Table": {"x": [0.0, 1.0, 2.0], "y": [1.0, 2.0, 3.0]},
+    "Tabulated": {"curve": mb.Table([0.0, 1e-3], [0.0, 10.0])},
+    "Table.__call__": {"at": 0.5},
+    "Material": {"G": None},
+    "Section": {"area": 1e-3, "Iy": 1e-6, "Iz": 1e-6, "J": 2e-6},
+    "PolynomialChaos.paper": {"nodes": mb.Gauss()},
+    "Coulomb": {"kinetic": 0.3},
+    "Bristle": {"kinetic": 0.3},
+    "GasSpring": {"pressure": 1e5, "volume": 1e-3, "area": 1e-3},
+    "Orifice": {"area": 1e-3, "opening": 1e-4},
+    "Bushing": {"stiffness": 5.0},
+    "Expansion": {"exponents": np.array([[0], [1]]), "parameters": ("l",)},
+    "Expansion.values": {"points": np.array([[0.5]])},
+    "Box.from_unit": {"unit": np.array([[0.5]])},
+    "Box.to_unit": {"values": np.array([[1.0]])},
+    "BlackBox.run": {"P": np.array([[1.0]])},
+    "BlackBox.stream": {"P": np.array([[1.0]])},
+    "StoredSimulator.run": {"P": np.array([[1.0]])},
+    "StoredSimulator.stream": {"P": np.array([[1.0]])},
+    "Modes.carried": {"position": np.array([0.1, 0.2]), "nodes": 0},
+    "Modes.load": {"path": "modes.npz"},
+    "Bounds.load": {"path": "saved.npz"},
+    "Comparison.load": {"path": "saved.json"},
+    "Trajectory.load": {"path": "run.npz"},
+    "Trajectory.reaction": {"joint": "hinge"},
+    "System.reaction": {"name": "hinge"},
+    "Parameters.__getitem__": {"name": "l"},
+    "load_urdf": {"path": "arm.urdf"},
+    "Rotation.__matmul__": {"other": mb.rotation(axis=(0, 0, 1), angle=0.1)},
+    "FiniteElements.modes": {"clamped": 0, "count": 2},
+}
+"""Good values of parameters of some names only."""
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
@@ -92,7 +131,9 @@ def _call(f: Callable[..., Any], good: Mapping[str, Any]) -> Call | None:
         return None
     args, options = [], {}
     for parameter in parameters:
-        value = good.get(parameter.name, None if parameter.default is inspect.Parameter.empty else parameter.default)
+        value = (good | OF_OWNER.get(f.__qualname__, {})).get(
+            parameter.name, None if parameter.default is inspect.Parameter.empty else parameter.default
+        )
         if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD):
             if parameter.default is inspect.Parameter.empty:
                 args.append(value)

@@ -1,19 +1,23 @@
 """Malformed calls of the API and of the command line: python tests/benchmarks/malformed.py [CALLS] [SEED] makes them.
 
 Each call, to a public name or method, takes good arguments and replaces one or two by nonsense. It must succeed, or
-raise one of symmb's errors, which the command line tells in one sentence with exit status 2 (1 if a run breaks down). No call may take 10 s.
+raise one of symmb's errors, which the command line tells in one sentence with exit status 2 (1 if a run breaks down).
+What it returns is used: methods bound, solvers run, elements and tables become equations. No number may then be nan
+without a word. A call that takes what is no number for a number is a fault, and so is a good number in another form
+(NumPy's integers, long doubles, read-only arrays) that gives another result. No call may take 10 s, or crash.
+
+Call k of a seed has the seed SEED + k; every third one is a command. It prints the number of calls, and each fault.
 """
 
 # ruff: noqa: E501  (tables of arguments)
 
 import contextlib
-import datetime
-import decimal
-import fractions
+import faulthandler
 import io
-import math
 import os
 import random
+import re
+import resource
 import signal
 import subprocess
 import sys
@@ -25,13 +29,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
-import sympy
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parent))
 import _malformed_methods as methods
+import _malformed_uses as uses
+from _malformed_values import NONSENSE, ODD, is_wrong, other_form
 
 import symmb as mb
 from symmb.cli.main import main
@@ -39,47 +43,6 @@ from symmb.cli.main import main
 MOST = 10.0
 """Time for a call [s]."""
 T = np.linspace(0.0, 0.2, 5)
-
-
-class Odd:
-    """An object without any use."""
-
-    def __repr__(self) -> str:
-        return "Odd()"
-
-
-def pandas_things() -> list[Any]:
-    """Objects of pandas, where it is installed."""
-    try:
-        import pandas as pd
-    except ModuleNotFoundError:
-        return []
-    return [
-        pd.Series([1.0, 2.0]), pd.Series([1.0, 2.0], index=["l", "k"]), pd.Series(["a"]), pd.Series([], dtype=float), pd.Timestamp("2020-01-01"), pd.NaT, pd.NA, pd.Timedelta(1), pd.DataFrame({"l": [1.0]}),
-        pd.DataFrame(), pd.Index(["x"]), pd.Categorical(["a"]), pd.date_range("2020-01-01", periods=3), pd.Interval(0, 1), pd,
-    ]  # fmt: skip
-
-
-NONSENSE: list[Any] = [
-    None, True, "1", "", "5%", "x" * 500, "\n", b"1", 0, -1, 1, 3, 1e308, 1e-320, -0.5, 1.5, 10**30, float("nan"),
-    float("inf"), 1j, [], [1], [1, 2, 3], [[1, 2], [3]], (), (0.9, 1.1), ("a", "b"), (1.1, 0.9), {}, {"l": 1}, {1: 2}, {"a": None}, set(), object(),
-    Odd(), Odd, len, lambda: 1, lambda *a, **k: "text", np.array(1.0), np.zeros(0), np.zeros((2, 2)),
-    np.array(["a"]), np.array([np.nan]), ca.SX.sym("z"), ca.SX.sym("z", 3), ca.MX.sym("z"), ca.DM(3), range(3), iter([1]),
-    mb.Vertex, mb.Vertex(), mb.CVODES, mb.CVODES(), mb.Box(l=(0.9, 1.1)), mb.Box(k=(0, 1)), mb.Gauss(), mb.Sobol(), mb.Planar,
-    mb.Parameters(q=1.0), Path("/nonexistent/file"), "/nonexistent/file.npz", "/", ".", "out.qqq",
-    # kinds of numbers and of arrays, of other libraries too
-    np.longdouble(1.5), np.float16(0.5), np.int8(3), np.uint64(2**63), np.complex64(1j), np.bool_(True), 10**400, -(10**400), decimal.Decimal("1.5"), fractions.Fraction(1, 3),
-    np.datetime64("2020-01-01"), np.timedelta64(3, "s"), datetime.datetime(2020, 1, 1), datetime.date(2020, 1, 1), datetime.timedelta(1),
-    np.array(["2020-01-01"], dtype="datetime64[D]"), np.array([1j, 2]), np.array([None, 1], dtype=object), np.array([True, False]), np.array([b"a"]), np.zeros((0, 2)), np.zeros((3, 0)),
-    np.ones((1, 1, 1)), np.ones((2, 3)), np.ones(7), np.arange(5), np.arange(5)[::-1], np.array([1.0, np.inf]), np.ma.masked_array([1.0, 2.0], [True, False]), np.zeros(3, dtype=[("a", float)]),
-    np.array([1, 2, 3], dtype=np.longdouble), np.matrix([[1.0, 2.0]]), np.random.default_rng(0), np, math, sys, contextlib, ca, mb, memoryview(b"12"), bytearray(b"12"), frozenset({1}),
-    [[[1.0]]], [[1, 2], [3, 4]], [None], ["x", "x"], [""], ["x", 3], [[]], [{}], {"x": 1.0, "y": None}, {"x": [1, 2]}, {"x": {"y": 1}}, {"": 1.0}, {None: 1.0}, {("a", "b"): 1.0}, {"l": "1"}, {"l": 1j},
-    {"l": np.ones(3)}, {"l": float("nan")}, {"l": (1.0, 0.5)}, {"rod.theta": "x"}, (k for k in range(3)), (c for c in "abc"), zip([1], [2], strict=True), map(abs, [1]), Ellipsis, NotImplemented, slice(1, 2),
-    ca.SX(3), ca.SX.zeros(2, 2), ca.MX.zeros(3), ca.DM.ones(2, 3), ca.DM(0, 1), ca.SX.sym("z") + 1, ca.Function("f", [], []), ca.Sparsity(2, 2), ca.SX(float("nan")), [ca.SX.sym("a"), ca.SX.sym("b")],
-    sympy.Symbol("w"), sympy.Matrix([1, 2]), sympy.pi, sympy.Symbol("w") ** 2 > 1, sympy.Interval(0, 1), sympy.S.NaN, sympy.oo, sympy.I, Exception("x"), ValueError, property(), staticmethod(len), type, int, float, str, list, dict,
-    lambda x: x, lambda: None, lambda *a, **k: None, lambda *a, **k: object(), lambda *a, **k: "a", lambda *a, **k: [1, 2, 3], lambda *a, **k: 1 / 0, lambda *a, **k: np.zeros((2, 2)), "\ud800", "a\0b", "x/y", "é", "..", "~", "nan", "inf", "None", "/dev/null", "/proc/self/mem", "a" * 300 + ".npz",
-    *pandas_things(),
-]  # fmt: skip
 
 
 def rod_scene() -> mb.Scene:
@@ -101,6 +64,8 @@ SCENE = rod_scene()
 DECAY = mb.FunctionSimulator(lambda **p: np.exp(-p["l"] * T), {"l": 1.0}, T, ["x"])
 BOX = mb.Box(l=(0.95, 1.05))
 ROD, GROUND, HINGE = SCENE.system.bodies[0], mb.Ground(), SCENE.system.elements[1]
+uses.AROUND += [ROD, HINGE]
+uses.PARAMETERS += [SCENE.system.parameters]
 A, B = GROUND.point(0, 0), ROD.point(0.5, 0)
 BOUNDS = mb.propagate(DECAY, mb.PolynomialChaos(order=2), BOX)
 RUN = mb.simulate(SCENE)
@@ -250,6 +215,9 @@ RECEIVERS = {
 }  # fmt: skip
 CALLS += methods.calls(RECEIVERS, methods.arguments(PIECES), methods.INTERNAL)
 
+ANYTHING: set[tuple[Any, Any]] = set()
+"""Places of calls where values of every kind are legal."""
+
 WORDS = [
     "", "-", "--", "1", "nan", "-1", "1e999", "l=1", "l=", "=1", "l=a", "l==1", "k=1e-300", "pce", "pce:2", "pce:-1", "pce:2:paper", "pce:x", "taylor:99",
     "mc:0", "mc:1e3", "mc:999999999999", "scan:1", "vertex", "vertex:1", "cvodes", "cvodes:2", "cvodes:-1e-8", "idas:nan", "rk:0", "rk:1e-3",
@@ -297,27 +265,67 @@ def limited() -> Iterator[None]:
 def api_fault(choice: random.Random) -> str:
     """A malformed call of the API: what is wrong with its outcome; empty if nothing."""
     f, args, options = choice.choice(CALLS)
-    args, options = list(args), dict(options)
+    places = dict(enumerate(args)) | options
+    if choice.random() < SHARE_OF_FORMS:
+        forms = {place: form for place, good in places.items() if (form := other_form(good, choice)) is not None}
+        if forms:
+            place = choice.choice([*forms])
+            return form_fault(f, places, place, forms[place])
+    good, at = places.copy(), []
     for _ in range(choice.choice((1, 1, 2))):
-        places = [*range(len(args)), *options]
-        place = choice.choice(places)
-        value = choice.choice(NONSENSE)
-        if isinstance(place, int):
-            args[place] = value
-        else:
-            options[place] = value
-    text = f"{getattr(f, '__qualname__', f)}({', '.join([*map(short, args), *(f'{k}={short(v)}' for k, v in options.items())])})"
+        at.append(choice.choice([*places]))
+        places[at[-1]] = choice.choice(choice.choice((NONSENSE, ODD)))
+    text = told(f, places)
     try:
         with limited():
-            f(*args, **options)
-    except mb.SymmbError as error:
-        return "" if len(str(error)) < 2000 else f"{text}: message of {len(str(error))} characters"
-    except TooLong:
-        return f"{text}: longer than {MOST:g} s"
+            result = called(f, places)
+            fault = uses.use(result)
     except BaseException as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{text}: {type(error).__name__}: {str(error)[:100]} ({Path(where.filename).name}:{where.lineno})"
-    return ""
+        return fault_of(text, error)
+    if fault:
+        return f"{text}: {fault}"
+    wrong = len(at) == 1 and (f, at[0]) not in ANYTHING and is_wrong(good[at[0]], places[at[0]])
+    return f"{text}: accepts {short(places[at[0]])}" if wrong else ""
+
+
+def form_fault(f: Callable[..., Any], places: dict[Any, Any], place: Any, form: Any) -> str:
+    """A call with a good value in another form: it gives what the call with the value gives, or is refused."""
+    text, seen = told(f, places | {place: form}), []
+    for values in places, places | {place: form}:
+        try:
+            with limited():
+                seen.append(uses.digest(called(f, values)))
+        except mb.SymmbError as error:
+            return fault_of(text, error)
+        except BaseException as error:
+            return fault_of(text, error)
+    return "" if seen[0] == seen[1] else f"{text}: gives {seen[1]} for {seen[0]}"
+
+
+SHARE_OF_FORMS = 0.2
+"""Share of calls with good values in other forms."""
+
+
+def called(f: Callable[..., Any], places: dict[Any, Any]) -> Any:
+    """The result of a function with arguments by their places: numbers and names."""
+    args = [value for place, value in places.items() if isinstance(place, int)]
+    return f(*args, **{place: value for place, value in places.items() if isinstance(place, str)})
+
+
+def told(f: Callable[..., Any], places: dict[Any, Any]) -> str:
+    """The call in a line."""
+    words = (short(value) if isinstance(place, int) else f"{place}={short(value)}" for place, value in places.items())
+    return f"{getattr(f, '__qualname__', f)}({', '.join(words)})"
+
+
+def fault_of(text: str, error: BaseException) -> str:
+    """What is wrong with an exception of a call; empty if nothing."""
+    if isinstance(error, mb.SymmbError):
+        return "" if len(str(error)) < 2000 else f"{text}: message of {len(str(error))} characters"
+    if isinstance(error, TooLong):
+        return f"{text}: longer than {MOST:g} s"
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{text}: {type(error).__name__}: {str(error)[:100]} ({Path(where.filename).name}:{where.lineno})"
 
 
 def command_fault(choice: random.Random) -> str:
@@ -335,17 +343,14 @@ def command_fault(choice: random.Random) -> str:
             status = main([command, *words])
     except SystemExit as end:
         status = end.code
-    except TooLong:
-        return f"{text}: longer than {MOST:g} s"
     except BaseException as fault:
-        where = traceback.extract_tb(fault.__traceback__)[-1]
-        return f"{text}: {type(fault).__name__}: {str(fault)[:100]} ({Path(where.filename).name}:{where.lineno})"
-    told = [line for line in error.getvalue().splitlines() if not line.startswith("This comparison")]
-    if status not in (0, 1, 2):
+        return fault_of(text, fault)
+    lines = [line for line in error.getvalue().splitlines() if not line.startswith("This comparison")]
+    if status not in (0, 1, 2, 3):
         return f"{text}: exit status {status}"
-    if status and not told:
+    if status in (1, 2) and not lines:
         return f"{text}: no word"
-    if any("Traceback" in line for line in told):
+    if any("Traceback" in line for line in lines):
         return f"{text}: traceback"
     return ""
 
@@ -355,20 +360,22 @@ def short(value: Any) -> str:
     return text if len(text) < 60 else f"{text[:57]}..."
 
 
-def study(calls: int, seed: int = 0) -> list[str]:
-    """The faults of so many malformed calls, in an empty folder."""
-    choice, faults, before = random.Random(seed), [], os.getcwd()
+def study(calls: int, seed: int = 0, told: Callable[[int], None] = lambda k: None) -> list[str]:
+    """The faults of so many malformed calls, in an empty folder; `told` gets the seed of each call before it."""
+    faults, before = [], os.getcwd()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         os.chdir(folder)
         try:
             for name, text in FILES.items():
                 Path(name).write_text(text if name != "scene.py" else _scene_file(text), encoding="utf-8")
-            BOUNDS.save("saved.npz"), COMPARISON.save("saved.json"), RUN.save("run.npz")
-            for k in range(calls):
+            BOUNDS.save("saved.npz"), COMPARISON.save("saved.json"), RUN.save("run.npz"), MODES.save("modes.npz")
+            for k in range(seed, seed + calls):
+                told(k)
+                choice = random.Random(k)
                 fault = command_fault(choice) if k % 3 == 0 else api_fault(choice)
                 if fault:
-                    faults.append(fault)
+                    faults.append(f"seed {k}: {fault}")
         finally:
             os.chdir(before)
     return faults
@@ -379,31 +386,47 @@ def _scene_file(body: str) -> str:
 
 
 def in_batches(calls: int, seed: int) -> list[str]:
-    """The faults of so many calls in processes of their own: one that crashes or hangs tells its seed."""
-    found = []
-    for first in range(0, calls, BATCH):
-        command = [sys.executable, __file__, str(min(BATCH, calls - first)), str(seed + first), "--here"]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=BATCH * MOST)
-        except subprocess.TimeoutExpired:
-            found.append(f"seed {seed + first}: no end")
-            continue
+    """The faults of so many calls in processes of their own. What follows a call that crashes or hangs is made anew."""
+    found, first, end = [], seed, seed + calls
+    while first < end:
+        last = min(first + BATCH, end)
+        command = [sys.executable, __file__, str(last - first), str(first), "--here"]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        lines = done.stdout.splitlines()
+        found += [line for line in lines if line.startswith("seed ")]
         if done.returncode:
-            found.append(f"seed {seed + first}: exit status {done.returncode} {done.stderr[-300:]}")
-        found += [line for line in done.stdout.splitlines() if line.strip()]
+            last = max([first, *(int(line[1:]) for line in lines if line[:1] == "@" and line[1:].isdigit())]) + 1
+            where = re.findall(r'File ".*?([^/"]+)", line (\d+) in (\w+)', done.stderr)[:6]
+            found.append(f"seed {last - 1}: exit status {done.returncode}, {where or done.stderr[-400:]}")
+        first = last
     return found
+
+
+def here(calls: int, seed: int) -> None:
+    """Print the faults of so many calls. A call that no signal ends, and memory beyond the limit, end this process."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    faulthandler.enable()
+
+    def told(k: int) -> None:
+        print(f"@{k}", flush=True)
+        faulthandler.dump_traceback_later(MOST + 5, exit=True)
+
+    print(*study(calls, seed, told), sep="\n", flush=True)
+    faulthandler.cancel_dump_traceback_later()
 
 
 BATCH = 100
 """Calls in a process."""
+MEMORY = 8 * 2**30
+"""Address space of a process [bytes]."""
 
 if __name__ == "__main__":
     CALLS_TO_MAKE = int(sys.argv[1]) if len(sys.argv) > 1 else 1500
     FIRST = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     if "--here" in sys.argv:
-        print(*study(CALLS_TO_MAKE, FIRST), sep="\n")
+        here(CALLS_TO_MAKE, FIRST)
     else:
         begin = time.perf_counter()
-        lines = in_batches(CALLS_TO_MAKE, FIRST)
-        print(f"{CALLS_TO_MAKE} calls in {time.perf_counter() - begin:.0f} s, {len(lines)} faults")
-        print(*lines, sep="\n")
+        faults_found = in_batches(CALLS_TO_MAKE, FIRST)
+        print(f"{CALLS_TO_MAKE} calls in {time.perf_counter() - begin:.0f} s, {len(faults_found)} faults")
+        print(*faults_found, sep="\n")

@@ -135,7 +135,7 @@ def test_solvers_print_what_was_chosen():
         (lambda: mb.IDAS(rtol="1e-3"), r"IDAS: rtol='1e-3' must be a number"),
         (lambda: mb.IDAS(rtol=np.nan), r"IDAS: rtol=nan must be a number above 1e-15"),
         (lambda: mb.RungeKutta(steps=0), r"RungeKutta: steps=0 must be a number above 0"),
-        (lambda: mb.Collocation(degree=0), r"Collocation: degree=0 must be a number above 0"),
+        (lambda: mb.Collocation(degree=0), r"Collocation: degree=0 must be a number from 1 to 9"),
         (lambda: mb.NSTIFFSI2(step=0), r"NSTIFFSI2: step=0 must be a number above 0"),
         (lambda: mb.GeneralizedAlpha(rho=1.2), r"GeneralizedAlpha: rho=1\.2 must be a number from 0 to 1"),
         (lambda: mb.HHT(alpha=0.4), r"HHT: alpha=0\.4 must be a number from 0 to 0\.333"),

@@ -80,7 +80,7 @@ def test_faults():
     mass = mb.Body("mass", 1.0, pose=mb.Particle())
     with pytest.raises(mb.DeclarationError, match="has no oscillation"):
         mb.ModalSimulator(mb.Scene(mb.System(mass, mb.Gravity(0, 0, -9.81))))
-    with pytest.raises(mb.DeclarationError, match="count must be a whole number"):
+    with pytest.raises(mb.DeclarationError, match="count must be an integer of at least 1"):
         mb.ModalSimulator(coupled(0.0), 0)
     with pytest.raises(mb.DeclarationError, match="Expected a Scene, got System"):
         mb.ModalSimulator(coupled(0.0).system)

@@ -48,5 +48,5 @@ def test_hyperbolic_cross_of_one_is_the_total_degree():
 
 @pytest.mark.parametrize("q", [0, -0.5, 1.5, float("nan")])
 def test_hyperbolic_cross_out_of_range(q):
-    with pytest.raises(DeclarationError, match="HyperbolicCross: q must be above 0 and at most 1, got"):
+    with pytest.raises(DeclarationError, match="HyperbolicCross: q must be a number above 0 and at most 1, got"):
         HyperbolicCross(q)

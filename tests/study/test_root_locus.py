@@ -84,7 +84,7 @@ def test_faults():
         mb.root_locus(scene, "k1", (0, float("nan")))
     with pytest.raises(mb.DeclarationError, match="lower end of the range must be below"):
         mb.root_locus(scene, "k1", (2, 1))
-    with pytest.raises(mb.DeclarationError, match="count must be a whole number from 2 on"):
+    with pytest.raises(mb.DeclarationError, match="count must be an integer of at least 2"):
         mb.root_locus(scene, "k1", (1, 2), count=1)
     with pytest.raises(mb.DeclarationError, match="Expected a Scene, got System"):
         mb.root_locus(scene.system, "k1", (1, 2))

@@ -10,7 +10,11 @@ def mesh_path(name: str, urdf: Path) -> Path:
     "package://arm/meshes/a.stl" is searched in the folders above the URDF: as `arm/meshes/a.stl` below one of them, or
     as `meshes/a.stl` in one that is called `arm`.
     """
-    address, folder = urlsplit(name), urdf.resolve().parent
+    folder = urdf.resolve().parent
+    try:
+        address = urlsplit(name)
+    except ValueError:  # no address: a file of this name
+        return folder / name
     if address.scheme not in ("package", "model"):
         return folder / (unquote(address.path) if address.scheme == "file" else name)
     inside = Path(address.netloc, unquote(address.path).lstrip("/"))

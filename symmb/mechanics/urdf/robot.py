@@ -10,7 +10,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, is_real, require_truth, shown
 from symmb._types import Expr
 from symmb.mechanics.actuator import Actuator, Stop
 from symmb.mechanics.axis_joint import AxisJoint
@@ -40,7 +40,7 @@ from symmb.mechanics.urdf.algebra import (
 from symmb.mechanics.urdf.description import SLIDING, TURNING, Description, JointData, inertia_fault, read_description
 from symmb.mechanics.urdf.inertia import Mass, united
 from symmb.mechanics.urdf.mesh_path import mesh_path
-from symmb.symbolic import scalar, vector
+from symmb.symbolic import is_sympy, scalar, vector
 
 _TRANSITION = 0.01
 """Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller one is closer
@@ -174,12 +174,12 @@ def load_urdf(
     """
     if not isinstance(path, str | Path):
         raise DeclarationError(f"load_urdf: expected the path of a file, got {path!r}.")
-    if isinstance(stop, bool):
-        raise DeclarationError(
-            "load_urdf: stop takes a contact law or a coefficient of restitution, not True or False."
-        )
+    if stop is not None and not isinstance(stop, ContactLaw) and not is_sympy(stop):
+        scalar(stop, "load_urdf: stop, a contact law or a coefficient of restitution")
+    require_truth("load_urdf", "fixed_base", fixed_base)
+    replace = {} if replace is None else replace
     description = read_description(Path(path))
-    return _Building(description, _replaced(description, replace or {}, fixed_base, stop), fixed_base, stop).robot()
+    return _Building(description, _replaced(description, replace, fixed_base, stop), fixed_base, stop).robot()
 
 
 def _replaced(
@@ -187,7 +187,9 @@ def _replaced(
 ) -> dict[str, Scalar]:
     """All numbers of a file, some of which are replaced."""
     if not isinstance(replace, Mapping):
-        raise DeclarationError(f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {replace!r}.')
+        raise DeclarationError(
+            f'replace: expected {{"forearm.mass": p.m}}, expressions by names, got {shown(replace)}.'
+        )
     faults: list[str] = []
     values: dict[str, Scalar] = dict(description.numbers)
     for name, value in replace.items():
@@ -200,12 +202,12 @@ def _replaced(
             faults.append(f"replace: nothing depends on {name!r}.{remedy}")
         elif fixed_base and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
             faults.append(f"replace: nothing depends on {name!r}, as the base is fixed. Give fixed_base=False.")
-        elif isinstance(value, int | float) and not is_finite_number(value):
+        elif is_real(value) and not is_finite_number(value):
             faults.append(f"replace: {name!r} is {value!r}, not a finite number.")
-        elif isinstance(value, int | float) and value < 0 and what in ("mass", "damping", "friction"):
+        elif is_real(value) and value < 0 and what in ("mass", "damping", "friction"):
             faults.append(f"replace: {name!r} is {value:g}; it must not be negative.")
         else:
-            values[name] = float(value) if isinstance(value, int | float) else scalar(value, f"replace: {name!r}")
+            values[name] = float(value) if is_real(value) else scalar(value, f"replace: {name!r}")
     for link in description.links:
         entries = [values[f"{link}.inertia.{entry}"] for entry in ("xx", "xy", "xz", "yy", "yz", "zz")]
         given = tuple(entry for entry in entries if not isinstance(entry, ca.SX))

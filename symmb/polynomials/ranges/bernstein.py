@@ -56,7 +56,7 @@ class Bernstein:
     boxes: int = 1
 
     def __post_init__(self) -> None:
-        require_whole("Bernstein", "boxes", self.boxes, 1)
+        require_whole(self, "boxes", 1)
 
     def bounds(self, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
         """Lower and upper bounds, each (m,), of polynomials with Legendre coefficients (n_b, m)."""

@@ -5,9 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from symmb._errors import DeclarationError
 from symmb._limits import windows
-from symmb._options import is_finite_number, require_whole
+from symmb._options import require_between, require_whole
 from symmb._types import Array
 from symmb.codegen import with_compiler
 from symmb.polynomials.chebyshev import LowerSet
@@ -84,9 +83,8 @@ class Exact:
     budget: int = 3000
 
     def __post_init__(self) -> None:
-        if not is_finite_number(self.tolerance) or not 1e-12 <= self.tolerance < 1:
-            raise DeclarationError(f"Exact: tolerance must be at least 1e-12 and below 1, got {self.tolerance!r}.")
-        require_whole("Exact", "budget", self.budget, 1)
+        require_between(self, "tolerance", "[)", 1e-12, 1.0)
+        require_whole(self, "budget", 1)
 
     def bounds(self, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
         """Lower and upper bounds, each (m,), of polynomials with Legendre coefficients (n_b, m)."""
