@@ -67,9 +67,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
 
     No further run begins when they have taken as long as the study and a second.
     """
-    if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None:
-        return ()
-    if simulator.theory.nominal_doubts:
+    if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None or simulator.theory.nominal_doubts:
         return ()
     end = time.perf_counter() + seconds + _PATIENCE
     d = len(box)

@@ -16,6 +16,7 @@ from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
 from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, EventIntegration, Integration, Solver
+from symmb.mechanics import FlexibleBody
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import noise_of_outputs
 from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs, jets
@@ -64,14 +65,12 @@ class DAESimulator:
         self.name, self.box = scene.name, scene.box
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
-        self.outputs = scene.output_names
-        self.units = units_of(scene.system, scene.y)
+        self.outputs, self.units = scene.output_names, units_of(scene.system, scene.y)
         self._bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
-        self._stateless = self.y.numel_in(0) == 0
-        self.theory = LinearTheory.of(scene, self.dae, self.start)
+        self._flexible = scene if any(isinstance(body, FlexibleBody) for body in scene.system.bodies) else None
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
-        self.threads = cores()
+        self.threads, self._stateless = cores(), self.y.numel_in(0) == 0
         self._seconds = time.perf_counter() - begin
         self._solver, self._reason = None, ""
         if solver is None and self.dae.impacts is not None:
@@ -86,7 +85,7 @@ class DAESimulator:
 
     def __getstate__(self) -> dict[str, Any]:
         self.prepare()
-        state = {name: value for name, value in self.__dict__.items() if name != "_other"}
+        state = {name: value for name, value in self.__dict__.items() if name not in ("_other", "theory")}
         return {**state, "_ways": {}, "threads": 1}  # a pickled copy is one of many that run in parallel
 
     @property
@@ -142,18 +141,14 @@ class DAESimulator:
         return copy
 
     def cautious(self) -> "DAESimulator":
-        """The same simulator for judging solvers: in coordinates of bodies if there are loops and none are given.
-
-        In these, steps become short near singular positions. Longer ones may pass over them.
-        """
+        """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
         if self._joints is None or not self._joints.why or not self._joints.dae.n_c:
             return self
         return self._with(_joints=None, _spare=self._joints)
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
-        if self._lanes() is None:
-            self.integration()
+        _ = self._lanes() or self.integration()
 
     def _lanes(self, order: int = 0) -> AnyEngine | None:
         """The engine, if samples run in compiled lanes. If no compiler builds it, there are none from then on."""
@@ -237,6 +232,11 @@ class DAESimulator:
     @cached_property
     def _other(self) -> "DAESimulator":
         return self.another_way(self.times[times_to_compare(self.times)])
+
+    @cached_property
+    def theory(self) -> LinearTheory:
+        """That of flexible bodies."""
+        return LinearTheory(self._flexible, lambda: self._other if self.compiled else self)
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:

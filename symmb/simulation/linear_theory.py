@@ -1,6 +1,6 @@
 """Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,12 +8,11 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.integrate import CVODES, EventDriven
 from symmb.mechanics import FlexibleBody
 from symmb.model import DAE, Scene
 from symmb.simulation.missing_modes import REMEDY, AttachedLoads, along, attached_loads, left_out
 from symmb.simulation.outputs import output_function
-from symmb.start import Start
+from symmb.simulation.two_ways import Way
 from symmb.symbolic import batch
 
 TURN = 0.3
@@ -60,35 +59,27 @@ def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> 
 
 @dataclass(frozen=True, eq=False)
 class LinearTheory:
-    """The linear theory of the flexible bodies of a scene, of which runs are made; None without such bodies."""
+    """The linear theory of the flexible bodies of a scene, which is None without such bodies.
+
+    Runs are made in a way that compiles nothing, at its times.
+    """
 
     scene: Scene | None
-    dae: DAE
-    start: Start
-
-    @classmethod
-    def of(cls, scene: Scene, dae: DAE, start: Start) -> "LinearTheory":
-        """That of a scene in coordinates of its bodies."""
-        flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
-        return cls(scene if flexible else None, dae, start)
+    way: Callable[[], Way]
 
     @cached_property
     def nominal_doubts(self) -> tuple[str, ...]:
         """Those about the run at the nominal parameters."""
-        return self.doubts(self.dae.p_nominal)
+        return self.doubts(self.way().formulation.dae.p_nominal) if self.scene else ()
 
     def doubts(self, p: Array) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (d,)."""
+        """Those of `linear_theory_doubts` about a run with parameters p (n_p,)."""
         if self.scene is None:
             return ()
-        times = np.asarray(self.scene.times, dtype=float)
-        solver = _STATES if self.dae.impacts is None else EventDriven()
-        run = solver.integration(self.dae, times).run(self.start.states(p[None])[0], p[None], 1)[0]
-        return linear_theory_doubts(self.scene, self.dae, run.X, p, times)
-
-
-_STATES = CVODES(rtol=1e-6, stiff=True)
-"""The solver of a run for its states: it compiles nothing, and stiffness is no burden."""
+        way = self.way()
+        form = way.formulation
+        run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
+        return linear_theory_doubts(self.scene, *form.in_bodies(run.X, p), p, way.times)
 
 
 def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
