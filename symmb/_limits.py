@@ -1,6 +1,7 @@
 """What a request costs, before the work: memory and numbers of runs; and large work in windows."""
 
 import os
+import resource
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -27,9 +28,14 @@ def windows(n: int, each: int = 1) -> Iterator[slice]:
     return (slice(start, min(start + size, n)) for start in range(0, n, size))
 
 
+def fits(numbers: int) -> bool:
+    """Whether so many numbers fit into the share of memory that one request may fill."""
+    return 8 * numbers <= _SHARE * memory()
+
+
 def require_memory(owner: object, what: str, numbers: int) -> None:
     """PropagationError, which names owner and size, if so many numbers do not fit into memory."""
-    if 8 * numbers > _SHARE * memory():
+    if not fits(numbers):
         raise PropagationError(
             f"{owner!r}: {what} take {8e-9 * numbers:.3g} GB, more than half of the {1e-9 * memory():.3g} GB of memory."
         )
@@ -51,10 +57,12 @@ def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None
 
 @cache
 def memory() -> int:
-    """Memory of this machine, or of this container [bytes]."""
+    """Memory of this machine, of this container, or of this process [bytes]."""
     limits = [_UNKNOWN]
     try:
         limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+        own = resource.getrlimit(resource.RLIMIT_AS)[0]
+        limits += [] if own == resource.RLIM_INFINITY else [own]
         limits.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
     except (OSError, ValueError, AttributeError):  # not told, or without a limit
         pass

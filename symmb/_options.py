@@ -10,6 +10,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._limits import fits
 from symmb._names import did_you_mean
 from symmb._types import Array
 
@@ -58,13 +59,18 @@ def is_real(value: object) -> TypeGuard[float]:
 def numbers_of(value: object) -> Array | None:
     """A number, or nested lists or an array of numbers, as doubles; None of anything else.
 
-    Texts, durations, times, truth values, bytes, complex numbers, and what masks hide are no numbers.
+    Texts, durations, times, truth values, bytes, complex numbers, what masks hide, and what does not fit into memory
+    are no numbers.
     """
     if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or np.ma.is_masked(value):
         return None
     if isinstance(value, list | tuple) and _has_others(value):
         return None
+    size = len(value) if isinstance(value, range) else getattr(value, "size", 0)
+    if isinstance(size, int) and not fits(size):
+        return None
     try:
+        value = np.arange(value.start, value.stop, value.step) if isinstance(value, range) else value
         array = np.asarray(float(value) if isinstance(value, int) else value)
         if array.dtype.kind == "O" and all(is_real(entry) for entry in array.ravel()):  # integers beyond 64 bits
             array = array.astype(float)

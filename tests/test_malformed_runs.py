@@ -58,6 +58,10 @@ DECLARATIONS = [
     ({"templates": {"in.py": "{k}\ud800"}}, "expected a text or a Path"),
     ({"interpolate": "yes"}, "interpolate must be True or False"),
     ({"keep": []}, "keep must be one of"),
+    ({"keep": np.array(["all", "none"])}, "keep must be one of"),
+    ({"environment": np.array(["A", "B"])}, "environment must be texts"),
+    ({"templates": np.array(["A", "B"])}, "templates must be texts"),
+    ({"retries": True}, "retries must be an integer"),
 ]
 
 
@@ -67,6 +71,15 @@ def test_declarations(change, text):
     with pytest.raises(mb.DeclarationError) as error:
         mb.CommandSimulator(options.pop("command"), {"k": 1.0}, [0, 1], ["x"], **options)
     assert text in str(error.value) and is_sentence(str(error.value))
+
+
+def test_folders_with_links_that_lead_nowhere(tmp_path):
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "lost").symlink_to(tmp_path / "none")
+    (folder / "here").write_text("1")
+    made = mb.CommandSimulator(PROGRAM, {"k": 1.0}, [0, 1], ["x"], {"in.py": "{k}"}, files=[folder])
+    assert made.files == (folder,)
 
 
 def wrote(text, name="out.csv"):

@@ -113,6 +113,7 @@ class Body(AbstractBody):
             raise DeclarationError(
                 f"Body {self.name!r}: pose {self.pose!r} is not a pose. Use Planar(), Spatial() or Particle()."
             )
+        vector(self.com, f"com of {self.name!r}")
         object.__setattr__(self, "frame", self.pose.frame(self.name))
 
     @property

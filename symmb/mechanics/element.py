@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, get_args, get_origin
 
 import casadi as ca
 
@@ -116,16 +116,18 @@ Law = TypeVar("Law")
 
 
 def bound(law: Law, bind: Bind, title: str) -> Law:
-    """A law, a dataclass, whose numbers and expressions are bound. Tables, and options that are None, stay.
+    """A law, a dataclass, whose numbers and expressions are bound.
 
-    So do functions in laws that are functions themselves: what these raise is told.
+    Tables, functions where these are legal, and options that are None stay.
     """
-    laws = {f.name: getattr(law, f.name) for f in fields(law) if f.init}  # pyright: ignore[reportArgumentType]
-    stay = [k for k, v in laws.items() if v is None or isinstance(v, Table) or (callable(v) and callable(law))]
-    return replace(
-        law,  # pyright: ignore[reportArgumentType]
-        **{k: bind(v, f"{title}: {k}") for k, v in laws.items() if k not in stay},
-    )
+    laws = {
+        f.name: value
+        for f in fields(law)  # pyright: ignore[reportArgumentType]
+        if f.init and (value := getattr(law, f.name)) is not None and not isinstance(value, Table)
+        if not (callable(value) and any(get_origin(kind) is Callable for kind in get_args(f.type)))
+    }
+    values = {name: bind(value, f"{title}: {name}") for name, value in laws.items()}
+    return replace(law, **values)  # pyright: ignore[reportArgumentType]
 
 
 def require_number(

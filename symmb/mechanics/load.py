@@ -95,7 +95,7 @@ class Orifice:
     """
 
     area: Expr
-    opening: Expr
+    opening: Expr | Callable[[ca.SX, ca.SX], Expr]
     length: Expr = 0.0
     density: Expr = 870.0
     discharge: Expr = 0.7

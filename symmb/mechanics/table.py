@@ -1,6 +1,6 @@
 """Curves through points: smooth interpolants as expressions."""
 
-from collections.abc import Sequence, Sized
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -51,15 +51,15 @@ class Table:
     _pieces: Array = field(init=False, repr=False)  # (n - 1, 6): begin, end, coefficients of rising powers
 
     def __post_init__(self) -> None:
-        points = len(self.x) if isinstance(self.x, Sized) else 0
-        if points > _MOST_POINTS:  # an array of all may be too large
+        x, y = numbers_of(self.x), numbers_of(self.y)
+        if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
+            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
+        points = len(self.x) if isinstance(self.x, Sequence) else 0 if x is None else x.size
+        if points > _MOST_POINTS:  # perhaps too many for an array of them
             raise DeclarationError(
                 f"Table: {points} points, at most {_MOST_POINTS}: each adds terms to the expression. Leave out points "
                 "where the curve through the others is as close as the data are known."
             )
-        x, y = numbers_of(self.x), numbers_of(self.y)
-        if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
-            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
         if x is None or y is None:
             raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:

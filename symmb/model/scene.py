@@ -170,6 +170,7 @@ class Scene:
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
         """Any expression of the scene as SX of q, v, v', s, lam, p and t. Decoupled coordinates move uniformly."""
+        require_instance("expression: what", what, str, "a text")
         bound = self.system.bind(expression, what, also=self.system.solved_hashes, any_size=True)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
         for x_name, x, v_name, vx in self.system.collected.decoupled:

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb import files
 from symmb._errors import DeclarationError
-from symmb._options import require_numbers
+from symmb._options import require_names, require_numbers, shown
 from symmb._table import aligned
 from symmb._types import Array, Mask
 from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
@@ -32,8 +32,17 @@ class Expansion:
     parameters: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        alpha = require_numbers("Expansion", "alpha", self.alpha, None, len(self.parameters))
-        require_numbers("Expansion", "coefficients", self.coefficients, len(alpha), None, None)
+        names = require_names("Expansion", "parameter", self.parameters, self.parameters)
+        alpha = require_numbers("Expansion", "alpha", self.alpha, None, len(names))
+        if not (alpha >= 0).all() or (alpha % 1).any():
+            raise DeclarationError(f"Expansion: alpha must be degrees, got {shown(self.alpha)}.")
+        coefficients = require_numbers("Expansion", "coefficients", self.coefficients, len(alpha), None, None)
+        for name, value in (
+            ("alpha", alpha.astype(np.intp)),
+            ("coefficients", coefficients),
+            ("parameters", tuple(names)),
+        ):
+            object.__setattr__(self, name, value)
 
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""

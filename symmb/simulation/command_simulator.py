@@ -103,9 +103,10 @@ class CommandSimulator(BlackBox):
             raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {files!r}.")
         if folder is not None and not _are_paths([folder]):
             raise DeclarationError(f"{_OWNER}: folder must be a path, got {folder!r}.")
-        if not _are_variables(environment or {}):
+        environment = {} if environment is None else environment
+        if not _are_variables(environment):
             raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
-        texts = template_texts(_OWNER, templates or {})
+        texts = template_texts(_OWNER, {} if templates is None else templates)
         sources = tuple(Path(file).resolve() for file in files)
         program = _program(str(command[0]), {*texts, *(file.name for file in sources)})
         options = {
@@ -114,7 +115,7 @@ class CommandSimulator(BlackBox):
             "read": read,
             "timeout": timeout,
             "files": sources,
-            "environment": dict(environment or {}),
+            "environment": dict(environment),
             "retries": whole(_OWNER, "retries", retries, 0),
             "interpolate": interpolate,
             "keep": keep,

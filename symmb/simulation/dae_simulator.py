@@ -29,7 +29,7 @@ from symmb.simulation.outputs import jet_outputs, outputs_along
 from symmb.simulation.simulator import Progress, Reduction, Samples, checked_samples, stream
 from symmb.simulation.solver_choice import Pilot, another, choose, for_impacts, for_studies, pilot_of, require_able
 from symmb.simulation.two_ways import TwoWays, times_to_compare
-from symmb.symbolic import batch
+from symmb.symbolic import HIGHEST_ORDER, batch
 
 S = TypeVar("S")
 
@@ -303,7 +303,7 @@ class DAESimulator:
         with LOCK:
             p0 = require_numbers("jets", "p0", p0, len(self.parameters))
             directions = np.atleast_2d(require_numbers("jets", "directions", directions, len(p0), leading=True))
-            order = whole("jets", "order", order, 0)
+            order = whole("jets", "order", order, 0, HIGHEST_ORDER)
             runs = self._lanes(order) or self.integration(order)
             Y, failure = jets(self.formulation, runs, self.times, p0, directions, order, self.threads)
             if failure:

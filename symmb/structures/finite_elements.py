@@ -44,6 +44,9 @@ class FiniteElements:
     samples: Samples
     axial: AxialForces | None = None
 
+    def __post_init__(self) -> None:
+        require_instance("FiniteElements: samples", self.samples, Samples, "those of beams(...) or matrices(...)")
+
     @classmethod
     def beams(cls, *beams: Beam) -> "FiniteElements":
         """A mesh of beams, joined rigidly where nodes coincide; the nodes are numbered along the beams in their order.

@@ -23,7 +23,7 @@ from symmb.symbolic.geometry import (
 )
 from symmb.symbolic.given import given
 from symmb.symbolic.instructions import interpret, operation_name
-from symmb.symbolic.jets import jet_function, jets
+from symmb.symbolic.jets import HIGHEST_ORDER, jet_function, jets
 from symmb.symbolic.latex import latex
 from symmb.symbolic.linear import (
     MassBlocks,

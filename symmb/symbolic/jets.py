@@ -8,6 +8,8 @@ import casadi as ca
 
 from symmb._errors import PropagationError
 
+HIGHEST_ORDER = 100
+"""Highest order of jets: each has more operations than the last one, mostly three times as many."""
 _MOST_OPERATIONS = 4e6
 """Operations of a coefficient: a double pendulum's of order 8 have as many, and compile in a minute."""
 _SETTLED = 3

@@ -42,6 +42,8 @@ from symmb.cli.main import main
 
 MOST = 10.0
 """Time for a call [s]."""
+MEMORY = 8 * 2**30
+"""Address space of a process that makes calls [bytes]."""
 T = np.linspace(0.0, 0.2, 5)
 
 
@@ -391,7 +393,7 @@ def in_batches(calls: int, seed: int) -> list[str]:
     while first < end:
         last = min(first + BATCH, end)
         command = [sys.executable, __file__, str(last - first), str(first), "--here"]
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", preexec_fn=with_less_memory)
         lines = done.stdout.splitlines()
         found += [line for line in lines if line.startswith("seed ")]
         if done.returncode:
@@ -402,9 +404,13 @@ def in_batches(calls: int, seed: int) -> list[str]:
     return found
 
 
+def with_less_memory() -> None:
+    """Limit the memory of a process before symmb looks how much there is."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
 def here(calls: int, seed: int) -> None:
     """Print the faults of so many calls. A call that no signal ends, and memory beyond the limit, end this process."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     faulthandler.enable()
 
     def told(k: int) -> None:
@@ -417,8 +423,6 @@ def here(calls: int, seed: int) -> None:
 
 BATCH = 100
 """Calls in a process."""
-MEMORY = 8 * 2**30
-"""Address space of a process [bytes]."""
 
 if __name__ == "__main__":
     CALLS_TO_MAKE = int(sys.argv[1]) if len(sys.argv) > 1 else 1500

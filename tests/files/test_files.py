@@ -3,8 +3,11 @@
 import json
 import os
 import random
+import re
 import stat
 import sys
+import tomllib
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -221,3 +224,22 @@ def test_a_kill_or_a_full_disk_leaves_the_previous_file(suffix):
     for _ in range(4):
         assert saving.damaged(suffix, choice.uniform(0.0, 0.1), 0) == ""
     assert saving.damaged(suffix, 0.0, choice.randrange(1, saving.LARGEST)) == ""
+
+
+@pytest.mark.parametrize("size", [10**7, 3 * 10**7])
+def test_an_archive_that_becomes_far_more_than_it_is(size, tmp_path):
+    path = tmp_path / "small.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("t.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": (size,)})
+        for _ in range(8 * size // 10**6):
+            member.write(bytes(10**6))
+    assert path.stat().st_size < 10**6
+    with pytest.raises(mb.DeclarationError, match=r"bytes would become [\d.]+e\+0\d bytes"):
+        mb.Bounds.load(path)
+
+
+def test_what_the_readme_names_is_in_the_source_distribution():
+    root = Path(__file__).parents[2]
+    kept = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    for name in re.findall(r"`([\w./-]+\.md)`", (root / "README.md").read_text()):
+        assert (root / name).is_file() and any(name == part or name.startswith(f"{part}/") for part in kept), name

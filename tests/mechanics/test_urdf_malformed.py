@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import symmb as mb
@@ -207,3 +208,37 @@ def test_extensions_of_other_programs_are_passed_over(tmp_path):
 def test_a_file_that_is_not_there():
     with pytest.raises(mb.DeclarationError, match=r"none.urdf: this file cannot be read"):
         mb.load_urdf("none.urdf")
+
+
+@pytest.mark.parametrize("value", ["1e200", "1e31 0 0", "0 -1e300 0"])
+def test_numbers_beyond_those_of_any_machine(value, tmp_path):
+    """Their products are no numbers: the body was called one with NaN."""
+    path = tmp_path / "large.urdf"
+    place = f'<origin xyz="{value}"/>' if " " in value else ""
+    mass = "1" if " " in value else value
+    path.write_text(link(f'<inertial>{place}<mass value="{mass}"/>{moments()}</inertial>'))
+    with pytest.raises(mb.DeclarationError, match=r"beyond 1e\+30; give it in SI units\.$"):
+        mb.load_urdf(path)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"fixed_base": "False"}, {"fixed_base": 1}, {"fixed_base": np.array([True])}, {"replace": np.ones(2)},
+        {"replace": "arm.mass"}, {"replace": {"arm.mass": True}}, {"stop": True}, {"stop": np.ones(2)},
+        {"stop": "hard"},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_options_of_other_kinds(options, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(BASE, ARM, HINGE))
+    with pytest.raises(mb.DeclarationError, match=next(iter(options))):
+        mb.load_urdf(path, **options)
+
+
+def test_meshes_whose_address_is_none(tmp_path):
+    path = tmp_path / "arm.urdf"
+    mesh = '<visual><geometry><mesh filename="file://[::1"/></geometry></visual>'
+    path.write_text(robot(BASE, ARM.replace("</link>", f"{mesh}</link>"), HINGE))
+    assert mb.load_urdf(path).joints

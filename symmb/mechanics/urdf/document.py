@@ -13,6 +13,9 @@ from symmb._names import name_fault
 _CLOSE = 0.75
 """Similarity from which an unknown name is a misspelt one. Less similar names are those of extensions."""
 
+LARGEST = 1e30
+"""Largest length, mass or moment of inertia [SI]: products of these, as of a body of fixed links, are numbers too."""
+
 
 @dataclass(eq=False)
 class Tag:
@@ -96,6 +99,8 @@ class Tag:
             raise self.fault(f"{attribute}={text!r} holds {len(values)} numbers, where {expected} must stand.")
         if not all(map(math.isfinite, values)):
             raise self.fault(f"{attribute}={text!r} is not finite; give a number that is.")
+        if self.name != "limit" and max(map(abs, values)) > LARGEST:  # limits may be as good as infinite
+            raise self.fault(f"{attribute}={text!r} is beyond {LARGEST:g}; give it in SI units.")
         return tuple(values)
 
     def number(self, attribute: str, default: float | None = None) -> float:
