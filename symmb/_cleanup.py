@@ -3,27 +3,43 @@
 import os
 import shutil
 import signal
+import stat
 import subprocess
 import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from multiprocessing import parent_process
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
-from symmb._interrupts import deferred_interrupts
+from symmb._interrupts import SIGNALS, deferred_interrupts
 
 PREFIX = "symmb-"
 """Beginning of the names of temporary folders. The number of their process follows."""
 
+_MARK = ".symmb"
+"""The file in a temporary folder that tells who has made it: other folders may have such names too. What the folder is
+for lies in a folder beside it."""
+_TITLE = "temporary folder of symmb"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
-_GROUPS: set[int] = set()
+_GROUPS: dict[int, Path | None] = {}
+"""Leaders of groups, with the folder in which they make theirs."""
+_PROGRAMS: set[int] = set()
+"""Leaders of groups that need not end anything themselves."""
+_SEARCHED: set[Path] = set()
 _LEADS = False
+_WATCHES = 0
+"""The process that looks whether its parent is still there."""
 _TICK = 0.2
 """Time between looks whether the parent is still there [s]."""
+_GRACE = 0.5
+"""Time for a process to end its programs and to remove its folders [s]."""
+_SOON = 0.005
+"""Time between looks whether a process has ended [s]."""
 
 
 @contextmanager
@@ -34,13 +50,12 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
     ------
     OSError     if it cannot be created
     """
-    name = tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=base)
-    _FOLDERS.add(name)
+    folder = _new_folder(base)
     try:
-        yield Path(name).resolve()
+        yield folder
     finally:
-        shutil.rmtree(name, ignore_errors=True)
-        _FOLDERS.discard(name)
+        _remove(folder.parent)
+        _FOLDERS.discard(str(folder.parent))
 
 
 def lasting_folder() -> Path:
@@ -50,10 +65,37 @@ def lasting_folder() -> Path:
     ------
     OSError     if it cannot be created
     """
-    name = tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-")
-    _FOLDERS.add(name)
-    Finalize(None, shutil.rmtree, (name, True), exitpriority=0)
-    return Path(name).resolve()
+    folder = _new_folder(None)
+    Finalize(None, _remove, (folder.parent,), exitpriority=0)
+    return folder
+
+
+def _new_folder(base: Path | None) -> Path:
+    """A folder in one with the mark of this process. Those of processes that were killed are removed before."""
+    place = Path(base or tempfile.gettempdir()).resolve()
+    if place not in _SEARCHED:
+        _SEARCHED.add(place)
+        remove_left_folders(place)
+    outer = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=place))
+    _FOLDERS.add(str(outer))
+    outer.chmod(stat.S_IRWXU)  # whatever the umask is
+    mark, inner = outer / _MARK, outer / "run"
+    mark.write_text("\n".join((_TITLE, outer.name, _machine(), str(os.getpid()), _begin_of(os.getpid()))))
+    mark.chmod(stat.S_IRUSR | stat.S_IWUSR)
+    inner.mkdir()
+    inner.chmod(stat.S_IRWXU)
+    return inner
+
+
+def _remove(folder: str | Path) -> None:
+    """Remove a folder, also where a program has closed folders in it."""
+    shutil.rmtree(folder, ignore_errors=True)
+    if os.path.lexists(folder):
+        for place, inner, _ in os.walk(folder):
+            for name in inner:
+                if not os.path.islink(os.path.join(place, name)):
+                    os.chmod(os.path.join(place, name), stat.S_IRWXU)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
@@ -97,17 +139,16 @@ def process_group(command: Sequence[str], **options: Any) -> Iterator["subproces
     OSError     if it cannot be started
     """
     with deferred_interrupts():  # one that arrives before the process is known would leave it behind
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=not _LEADS, **options)
-        _GROUPS.add(process.pid)
+        if _LEADS:  # its parent, which ends it, does not know the program
+            signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True, **options)
+        _PROGRAMS.add(process.pid)
     with process:
         try:
             yield process
         finally:
-            if process.poll() is None:
-                process.kill()  # in a group that it does not lead
-            if not _LEADS:
-                _kill(process.pid)
-            _GROUPS.discard(process.pid)
+            _kill(process.pid)
+            _PROGRAMS.discard(process.pid)
 
 
 def lead_group() -> None:
@@ -115,36 +156,63 @@ def lead_group() -> None:
     global _LEADS
     os.setsid()
     _LEADS = True
-    for known in (_GROUPS, _FOLDERS, _FILES):  # the parent's
+    for known in (_GROUPS, _PROGRAMS, _FOLDERS, _FILES):  # the parent's
         known.clear()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
+    signal.set_wakeup_fd(-1)  # that of the parent
 
 
-def note_group(leader: int) -> None:
-    """A forked process that leads a group."""
-    _GROUPS.add(leader)
+def note_group(leader: int, base: Path | None = None) -> None:
+    """A forked process that leads a group, and where it makes folders, if not where temporary files are."""
+    _GROUPS[leader] = base
 
 
-def end_group(leader: int) -> None:
-    """End a forked process and the programs that it started, and remove its folders."""
-    _kill(leader)
-    with suppress(OSError):
-        os.kill(leader, signal.SIGKILL)  # it may not lead its group yet
-    _GROUPS.discard(leader)
-    for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}{leader}-*"):
-        shutil.rmtree(path, ignore_errors=True)
+def end_groups(*leaders: int) -> None:
+    """End forked processes and the programs that they started, and remove their folders."""
+    for leader in leaders:
+        with suppress(OSError):
+            os.kill(leader, signal.SIGTERM)
+    deadline = time.monotonic() + _GRACE
+    for leader in leaders:
+        with suppress(OSError):
+            while not _has_ended(leader) and time.monotonic() < deadline:
+                time.sleep(_SOON)
+        _kill(leader)
+        with suppress(OSError):
+            os.kill(leader, signal.SIGKILL)  # it may not lead its group yet
+        for path in Path(_GROUPS.pop(leader, None) or tempfile.gettempdir()).glob(f"{PREFIX}{leader}-*"):
+            if _maker(path) is not None:
+                _remove(path)
+
+
+def _has_ended(child: int) -> bool:
+    """Whether a child has ended, which stays to be waited for."""
+    if hasattr(os, "waitid"):
+        return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    return os.waitpid(child, os.WNOHANG)[0] != 0
 
 
 def clean_up() -> None:
     """End the programs, and remove the folders and files, of a process that is about to end at once."""
-    for group in list(_GROUPS):
-        end_group(group)
+    for program in list(_PROGRAMS):
+        _kill(program)
+    end_groups(*_GROUPS)
     for name in list(_FILES):
         with suppress(OSError):
             os.unlink(name)
     for name in list(_FOLDERS):
-        shutil.rmtree(name, ignore_errors=True)
+        _remove(name)
+
+
+def outlive(parent: int) -> None:
+    """Clean up for a parent that ends, whatever ends it, and end the group that this process leads."""
+    clean_up()
+    deadline = time.monotonic() + _GRACE
+    while os.getppid() == parent and time.monotonic() < deadline:
+        time.sleep(_SOON)
+    remove_left_folders()
+    os.killpg(0, signal.SIGKILL)
 
 
 def end_with_parent() -> None:
@@ -152,7 +220,15 @@ def end_with_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.set_wakeup_fd(-1)  # that of the parent, if it was forked
     signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
-    threading.Thread(target=_watch_parent, args=(os.getppid(),), daemon=True).start()
+    watch_parent()
+
+
+def watch_parent() -> None:
+    """End this process with its parent, if it is of a pool: those of Python go on where their parent is killed."""
+    global _WATCHES
+    if parent_process() is not None and os.getpid() != _WATCHES:
+        _WATCHES = os.getpid()
+        threading.Thread(target=_watch_parent, args=(os.getppid(),), daemon=True).start()
 
 
 def _watch_parent(parent: int) -> None:
@@ -168,21 +244,58 @@ def _end_now() -> None:
     os._exit(1)
 
 
-def left_folders() -> list[Path]:
-    """The user's temporary folders of processes that were killed."""
-    folders = [path for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*-*") if path.is_dir()]
-    own = [path for path in folders if not path.is_symlink() and path.stat().st_uid == os.getuid()]
-    return [path for path in own if not _runs(path.name.split("-")[1])]
+def remove_left_folders(place: Path | None = None) -> None:
+    """Remove the user's temporary folders of processes that were killed, in a place or where temporary files are."""
+    place = (place or Path(tempfile.gettempdir())).resolve()
+    if place == Path(os.curdir).resolve():  # where nothing is temporary
+        return
+    for path in place.glob(f"{PREFIX}*-*"):
+        maker = _maker(path)
+        if maker is not None and _begin_of(maker[0]) != maker[1]:
+            _remove(path)
 
 
-def _runs(number: str) -> bool:
+def _maker(folder: Path) -> tuple[int, str] | None:
+    """The process of this machine that made a temporary folder, and its begin; None if another or nobody did so."""
+    mark = folder / _MARK
     try:
-        os.kill(int(number), 0)
-    except ProcessLookupError:
-        return False
-    except (ValueError, PermissionError):  # not a name of ours, or a process of another user
+        if folder.is_symlink() or mark.is_symlink() or not mark.is_file() or folder.stat().st_uid != os.getuid():
+            return None
+        title, name, machine, process, begin = mark.read_text(encoding="utf-8").split("\n")
+        if (title, name, machine) == (_TITLE, folder.name, _machine()):
+            return int(process), begin
+    except (OSError, ValueError):
         pass
-    return True
+    return None
+
+
+def _machine() -> str:
+    """What tells this machine, since it was started, and this container from others that share folders with it."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        return f"{os.uname().nodename} {boot} {os.readlink('/proc/self/ns/pid')}"
+    except OSError:
+        return os.uname().nodename if hasattr(os, "uname") else ""
+
+
+def _begin_of(process: int) -> str:
+    """When a process began, as the system tells it; empty if it does not run."""
+    try:
+        return (
+            Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[19]
+        )
+    except OSError:
+        return "" if Path("/proc/self/stat").exists() else _runs(process)
+
+
+def _runs(process: int) -> str:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return ""
+    except (OverflowError, PermissionError):  # a process of another user
+        pass
+    return "runs"
 
 
 def _kill(group: int) -> None:

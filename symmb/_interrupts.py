@@ -10,6 +10,10 @@ from typing import Any
 
 Handler = Callable[[int, FrameType | None], Any]
 
+SIGNALS = tuple(
+    getattr(signal, f"SIG{name}") for name in ("INT", "TERM", "HUP", "QUIT") if hasattr(signal, f"SIG{name}")
+)
+"""Those that end the command line in order."""
 _SWALLOW = {"casadi.py", "weakref.py"}
 """Files with functions that C code calls. It drops what they raise: CasADi asks numbers for their shape in this way."""
 _AGAIN = 1e-3
@@ -38,10 +42,10 @@ def runs_of(interrupt: KeyboardInterrupt) -> list[Any]:
 
 @contextmanager
 def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Handler]]:
-    """A context in which other handlers of SIGINT and SIGTERM act. It knows those that act outside."""
+    """A context in which other handlers of SIGNALS act. It knows those that act outside."""
     previous: dict[int, Handler] = {}
     if threading.current_thread() is threading.main_thread():  # only there do handlers run
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in SIGNALS:
             handler = signal.getsignal(number)
             if callable(handler):
                 previous[number] = handler
@@ -80,7 +84,7 @@ class Interrupts:
 
     Attributes
     ----------
-    noticed : bool      whether SIGINT or SIGTERM arrived
+    noticed : bool      whether one of SIGNALS arrived
     """
 
     def __init__(self) -> None:

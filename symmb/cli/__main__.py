@@ -4,7 +4,8 @@ import importlib
 import signal
 import sys
 
-from symmb.cli.signals import INTERRUPTED, SIGNALS, end_at_signals, end_now
+from symmb._interrupts import SIGNALS
+from symmb.cli.signals import INTERRUPTED, end_at_signals, end_now
 
 
 def run() -> int:

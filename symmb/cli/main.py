@@ -4,7 +4,6 @@ import argparse
 import io
 import logging
 import os
-import shutil
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import symmb as mb
-from symmb._cleanup import left_folders
+from symmb._cleanup import remove_left_folders
 from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._interrupts import partial_of
 from symmb._progress import Progress
@@ -162,8 +161,7 @@ def _cache(options: argparse.Namespace) -> None:
     if options.clear:
         for path in files:
             path.unlink(missing_ok=True)
-        for path in left_folders():
-            shutil.rmtree(path, ignore_errors=True)
+        remove_left_folders()
     summary = f"{models} model{'s' * (models != 1)}, {size / 1e6:.1f} MB"
     print(f"{folder}\n{'removed ' if options.clear else ''}{summary}")
 

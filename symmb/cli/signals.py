@@ -1,6 +1,6 @@
-"""The end of the program at SIGINT and SIGTERM, whatever it is doing.
+"""The end of the program at SIGINT, SIGTERM, SIGHUP and SIGQUIT, whatever it is doing.
 
-Both raise KeyboardInterrupt in the main thread, so that what was found so far can be written. A call of compiled code
+They raise KeyboardInterrupt in the main thread, so that what was found so far can be written. A call of compiled code
 may keep the main thread from this for long. A second thread therefore ends the process after a short time.
 """
 
@@ -16,13 +16,13 @@ from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from symmb._cleanup import clean_up
+from symmb._interrupts import SIGNALS
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 INTERRUPTED = 130
 """The exit status of a program that was interrupted, as shells have it for SIGINT."""
-SIGNALS = signal.SIGINT, signal.SIGTERM
 _GRACE = 1.4
 """Time for the main thread to end [s]. The program ends within 2 s."""
 _LOST = 0
@@ -32,9 +32,10 @@ _LATER = 0.005
 
 
 def end_at_signals() -> None:
-    """End this process at SIGINT and SIGTERM, at once at the second signal."""
+    """End this process at the signals, at once at the second one."""
     for number in SIGNALS:
-        signal.signal(number, _interrupt)
+        if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:  # by nohup
+            signal.signal(number, _interrupt)
     if os.name != "posix":  # elsewhere nothing is compiled, and no pipe tells of signals
         return
     reader, writer = os.pipe()

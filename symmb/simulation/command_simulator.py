@@ -18,6 +18,7 @@ from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.declared_files import DeclaredFiles
 from symmb.simulation.identity import digest
+from symmb.simulation.limited_calls import LimitedCalls
 from symmb.simulation.program_results import READERS, read_table
 from symmb.simulation.templates import filled, is_filled, is_inside, is_text, template_faults, template_texts
 
@@ -78,6 +79,7 @@ class CommandSimulator(BlackBox):
     keep: str
     folder: Path | None
     _inputs: DeclaredFiles
+    _calls: LimitedCalls | None
 
     def __init__(
         self,
@@ -129,6 +131,9 @@ class CommandSimulator(BlackBox):
         require_timeout(_OWNER, timeout)
         inputs = [Path(program), *sources, *_named_files(self.command[1:])]
         object.__setattr__(self, "_inputs", DeclaredFiles(path for path in inputs if path.exists()))
+        # Programs are started by a process that ends them, and removes their folders, however this one ends.
+        calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
+        object.__setattr__(self, "_calls", calls)
 
     def _faults(self) -> Iterator[str]:
         places = {f"template {name!r}": text for name, text in self.templates.items()}
@@ -167,15 +172,17 @@ class CommandSimulator(BlackBox):
 
     def response(self, values: dict[str, float]) -> Any:
         """Outputs (n_t, n_y) of one run, or of the first of its repetitions that does not fail."""
+        try:
+            return self._made(**values) if self._calls is None else self._calls(values)
+        finally:
+            self._inputs.require_same()
+
+    def _made(self, **values: float) -> Any:
         for left in range(self.retries, -1, -1):
             with temporary_folder(self.folder) as folder:
-                result, error = None, None
                 try:
                     result = self._finite(self._run(folder, values))
-                except (Exception, SystemExit) as fault:
-                    error = fault
-                self._inputs.require_same()
-                if error is not None:
+                except (Exception, SystemExit) as error:
                     if left:
                         continue
                     kept = "" if self.keep == "none" else f"; see {_kept(folder, self.folder)}"

@@ -13,7 +13,8 @@ from typing import Any, NoReturn
 
 from symmb._errors import DeclarationError, SimulationError, SymmbError, text_of
 from symmb._options import shown
-from symmb.simulation.replies import Numbered, opened, reply, reply_to
+from symmb.simulation.limited_calls import end_calls_of
+from symmb.simulation.replies import THREADS, Numbered, opened, reply, reply_to
 from symmb.simulation.worker_pool import WorkerPool
 
 _TRIES = 3
@@ -257,6 +258,7 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: _Pool) 
             if task.future is not None:
                 with suppress(Exception):
                     task.future.cancel()
+        end_calls_of([THREADS[k] for k in [*running] if k in THREADS])  # or else a pool of threads waits for programs
 
 
 def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: _Pool, done: "queue.SimpleQueue[int]") -> _Task:

@@ -9,13 +9,14 @@ import time
 import uuid
 import warnings
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from math import inf
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
-from symmb._cleanup import clean_up, end_group, lead_group, note_group
+from symmb._cleanup import end_groups, lead_group, note_group, outlive
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
@@ -70,7 +71,7 @@ class _Worker:
                 return
             _WORKERS.remove(self)
             self.pipe.close()
-        end_group(self.pid)
+        end_groups(self.pid)
         self.has_ended()
 
 
@@ -91,19 +92,25 @@ class LimitedCalls:
     f : function of named values
     seconds : longest time of a call; None: no limit
     subject : what the function is called in messages
+    base : where the function makes folders, if not where temporary files are
     key : that of the process, by default a new one
     """
 
     def __init__(
-        self, f: Callable[..., Any], seconds: float | None, subject: str = "the function", key: str | None = None
+        self,
+        f: Callable[..., Any],
+        seconds: float | None,
+        subject: str = "the function",
+        base: Path | None = None,
+        key: str | None = None,
     ) -> None:
         if not hasattr(os, "fork"):
             raise DeclarationError(f"Calls of {subject} in their own process need a system that can fork processes.")
-        self.f, self.seconds, self.subject = f, seconds, subject
+        self.f, self.seconds, self.subject, self.base = f, seconds, subject, base
         self.key = key or uuid.uuid4().hex
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return LimitedCalls, (self.f, self.seconds, self.subject, self.key)
+        return LimitedCalls, (self.f, self.seconds, self.subject, self.base, self.key)
 
     def __call__(self, values: dict[str, Any]) -> Any:
         """The result of f(**values).
@@ -141,9 +148,14 @@ class LimitedCalls:
         if worker is None or worker not in _WORKERS:
             for other in [other for other in list(_WORKERS) if other.is_unused]:
                 other.end()
-            worker = own[self.key] = _fork(self.f)
+            worker = own[self.key] = _fork(self.f, self.base)
         worker.caller = weakref.ref(self)
         return worker
+
+
+def end_calls_of(threads: Collection[threading.Thread]) -> None:
+    """End the processes of calls that some threads make."""
+    end_groups(*(worker.pid for worker in list(_WORKERS) if worker.thread in threads))
 
 
 def _status_text(status: int | None) -> str:
@@ -153,7 +165,7 @@ def _status_text(status: int | None) -> str:
     return f" by {signal.Signals(-status).name}" if status < 0 else f" with exit status {status}"
 
 
-def _fork(f: Callable[..., Any]) -> _Worker:
+def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:
     with deferred_interrupts(), _LOCK, warnings.catch_warnings():
         mine, theirs = Pipe()
         warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads: the child calls f alone
@@ -167,14 +179,14 @@ def _fork(f: Callable[..., Any]) -> _Worker:
         theirs.close()
         worker = _Worker(pid, mine)
         _WORKERS.add(worker)
-        note_group(pid)
+        note_group(pid, base)
     return worker
 
 
 def _serve(f: Callable[..., Any], pipe: Connection) -> None:
     """Call f for what arrives, until the parent is gone."""
     lead_group()
-    threading.Thread(target=_end_with_parent, args=(pipe,), daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=(pipe, os.getppid()), daemon=True).start()
     while True:
         try:
             values = pipe.recv()
@@ -190,13 +202,12 @@ def _serve(f: Callable[..., Any], pipe: Connection) -> None:
             pipe.send((f"what the function returned cannot be sent: {text_of(error)}", None))
 
 
-def _end_with_parent(pipe: Connection) -> None:
+def _end_with_parent(pipe: Connection, parent: int) -> None:
     """End this process and what it has started when the parent is gone, whatever f is doing."""
     poll = select.poll()
     poll.register(pipe, 0)  # of no events but the end of the connection
     poll.poll()
-    clean_up()
-    os.killpg(0, signal.SIGKILL)
+    outlive(parent)
 
 
 @atexit.register

@@ -1,20 +1,29 @@
 """Results of tasks with the number of the task and a checksum: not every executor returns what it ran."""
 
 import pickle
+import threading
 import zlib
 from collections.abc import Callable, Container
 from contextlib import suppress
 from typing import Any
 
+from symmb._cleanup import watch_parent
 from symmb._errors import SimulationError
 
 Numbered = tuple[int, Any]
 """A number and the item of a task."""
+THREADS: dict[int, threading.Thread] = {}
+"""Where tasks run, by their numbers, of this process."""
 
 
 def reply(f: Callable[[Any], Any], k: int, item: Any) -> tuple[int, int, bytes]:
     """The number of a task, a checksum, and the result in bytes."""
-    content = pickle.dumps(f(item), pickle.HIGHEST_PROTOCOL)
+    watch_parent()
+    THREADS[k] = threading.current_thread()
+    try:
+        content = pickle.dumps(f(item), pickle.HIGHEST_PROTOCOL)
+    finally:
+        del THREADS[k]
     return k, zlib.crc32(content, k), content
 
 

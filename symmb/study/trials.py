@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb._cleanup import end_group, lead_group, note_group
+from symmb._cleanup import end_groups, lead_group, note_group
 from symmb._errors import SymmbError
 from symmb._types import Array
 from symmb.files import Record
@@ -290,7 +290,7 @@ def _begin(job: Job) -> _Running:
 
 
 def _end(running: _Running) -> None:
-    end_group(running.process.pid)
+    end_groups(running.process.pid)
     running.process.join()
 
 

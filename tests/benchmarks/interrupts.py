@@ -2,6 +2,10 @@
 
 Every command must end within 2 s with exit status 130, keep the files of an earlier run, and leave neither processes
 nor folders. It prints the longest time to end of each command and what did not hold. 50 moments take half an hour.
+
+python tests/benchmarks/interrupts.py programs [SIGNALS [SEED]] sends INT, TERM, HUP, QUIT and KILL to studies of
+programs that start others, on the command line and in Python with and without pools. 2 s later there must be no process
+and no folder; after KILL no folder once another study has begun.
 """
 
 import os
@@ -34,6 +38,43 @@ COMMANDS = {
     "stability": ["stability", "double_pendulum", "--json", "out.json"],
     "build": ["simulate", "wide.py", "--solver", "nstiff-si2:1e-3", "--json", "out.json"],
 }
+PROGRAMS = """
+import sys
+import numpy as np
+import symmb as mb
+
+CODE = '''
+import subprocess, sys, time
+other = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+time.sleep({k})
+other.kill()
+open("out.csv", "w").write("time,x\\n0,{k}\\n")
+'''
+
+def simulator():
+    run = mb.CommandSimulator([sys.executable, "in.py"], {"k": 1.0}, [0.0], ["x"], {"in.py": CODE})
+    return run, mb.Box(k=(0.01, 0.9))
+"""
+STUDY = """
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from programs import simulator
+import symmb as mb
+
+if __name__ == "__main__":
+    run, box = simulator()
+    if sys.argv[1] == "alone":
+        mb.propagate(run, mb.MonteCarlo(100), box)
+    else:
+        with {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}[sys.argv[1]](2) as pool:
+            mb.propagate(run, mb.MonteCarlo(100), box, executor=pool)
+"""
+STUDIES = {
+    "command": ["-m", "symmb.cli", "compare", "programs.py", "--methods", "mc:50"],
+    "command with workers": ["-m", "symmb.cli", "compare", "programs.py", "--methods", "mc:50", "--workers", "2"],
+    **{f"Python, {kind}": ["study.py", kind] for kind in ("alone", "threads", "processes")},
+}
+ENDS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGKILL
 ROOT = Path(__file__).parents[2]
 PREVIOUS = b"previous"
 SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -100,6 +141,42 @@ def interrupted(name: str, number: signal.Signals, moment: float) -> tuple[float
         return seconds, faults
 
 
+def ended_programs(name: str, number: signal.Signals, moment: float) -> list[str]:
+    """What is left of a study of programs that gets a signal at a moment."""
+    with tempfile.TemporaryDirectory() as folder:
+        temporary = Path(folder, "tmp")
+        temporary.mkdir(mode=0o700)
+        for file, text in (("programs.py", PROGRAMS), ("study.py", STUDY)):
+            Path(folder, file).write_text(text)
+        environment = {**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": str(ROOT)}
+        process = subprocess.Popen(
+            [sys.executable, *STUDIES[name]],
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        deadline = time.monotonic() + 60
+        while not any(temporary.glob("*/run/in.py")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        time.sleep(moment)
+        process.send_signal(number)
+        deadline, left = time.monotonic() + MOST, [""]
+        while left and time.monotonic() < deadline:
+            time.sleep(0.05)
+            process.poll()
+            left = [f"process {line}" for line in processes_in(folder)]
+            left += [f"folder {path.name}" for path in temporary.glob("symmb-*")]
+        if number == signal.SIGKILL and left and not processes_in(folder):
+            again = "from symmb._cleanup import temporary_folder as t\nwith t(): pass"
+            subprocess.run([sys.executable, "-c", again], env=environment, cwd=folder, check=True)
+            left = [f"folder {path.name}" for path in temporary.glob("symmb-*")]
+        process.kill()
+        process.wait()
+        return left
+
+
 def is_whole(path: Path) -> bool:
     """Whether a file is as it was before, or complete."""
     content = path.read_bytes()
@@ -135,7 +212,23 @@ def study(name: str, moments: int, seed: int = 0) -> Findings:
     return findings
 
 
+def programs(count: int, seed: int) -> int:
+    """Print what signals leave of studies of programs."""
+    choice, faults = random.Random(seed), 0
+    kinds = [(name, number) for name in STUDIES for number in ENDS]
+    for k in range(count):
+        name, number = kinds[k % len(kinds)]
+        left = ended_programs(name, number, choice.uniform(0.0, 1.5))
+        faults += bool(left)
+        if left:
+            print(f"{name}, {number.name}: left {', '.join(left)}", flush=True)
+    print(f"{count} signals, {faults} of them left something")
+    return int(faults > 0)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["programs"]:
+        sys.exit(programs(*(int(text) for text in (*sys.argv[2:], *("50", "0")[len(sys.argv) - 2 :]))))
     MOMENTS = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     for command in COMMANDS:
         result = study(command, MOMENTS)

@@ -18,6 +18,7 @@ from mechanisms import double_pendulum
 import symmb as mb
 from symmb import _cleanup
 from symmb._interrupts import kept_interrupts
+from symmb.cli.main import main
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import interrupts
@@ -33,6 +34,12 @@ def test_a_signal_ends_a_command_in_two_seconds_and_leaves_nothing(name, number)
     moment = {"stability": 2.5, "compare": 2.0}.get(name, 0.9)
     seconds, faults = interrupts.interrupted(name, number, moment)
     assert not faults and (seconds is None or seconds < interrupts.MOST)
+
+
+@pytest.mark.parametrize("number", interrupts.ENDS, ids=lambda number: number.name)
+@pytest.mark.parametrize("name", ["command", "Python, threads"])
+def test_no_program_and_no_folder_outlives_a_study(name, number):
+    assert not interrupts.ended_programs(name, number, 0.1)
 
 
 class Interrupted(mb.FunctionSimulator):
@@ -165,14 +172,77 @@ def test_a_run_in_python_carries_its_trajectory_so_far(scene, solver):
     assert 1 < len(run.t) < len(scene.times) and np.isfinite(run.values).all() and str(run)
 
 
-def test_folders_of_killed_builds_are_found(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    dead = subprocess.Popen([sys.executable, "-c", ""])
-    dead.wait()
-    left, own = tmp_path / f"symmb-{dead.pid}-abc", tmp_path / f"symmb-{os.getpid()}-abc"
-    for folder in (left, own, tmp_path / "symmb-other", tmp_path / "another"):
+LEFT = """
+import os, signal
+from symmb._cleanup import temporary_folder
+with temporary_folder() as folder:
+    print(folder.parent, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def left_folder(place):
+    """A temporary folder of a process that was killed."""
+    told = subprocess.run(
+        [sys.executable, "-c", LEFT], env={**os.environ, "TMPDIR": str(place)}, capture_output=True, text=True
+    )
+    return Path(told.stdout.strip())
+
+
+def look_alikes(place, left):
+    """Folders with such names that are not of a process of symmb on this machine that has ended."""
+    process, mark = left.name.split("-")[1], (left / ".symmb").read_text()
+    title, name, machine, number, begin = mark.split("\n")
+
+    def made(own, **changed):
+        folder = place / own
         folder.mkdir()
-    assert _cleanup.left_folders() == [left]
+        parts = {"title": title, "name": own, "machine": machine, "number": number, "begin": begin}
+        (folder / ".symmb").write_text("\n".join((parts | changed).values()))
+        return folder
+
+    (place / "symmb-2024-results").mkdir()
+    (place / f"symmb-{process}-own").mkdir()
+    (place / f"symmb-{process}-file").write_text("mine")
+    (place / "symmb_run-abc").mkdir()
+    (place / f"symmb-{process}-link").symlink_to(left)
+    for k, node in enumerate(("node7", f"node7 {machine.partition(' ')[2]}", machine[:-3] + "9]", "")):
+        made(f"symmb-{process}-machine{k}", machine=node)
+    made(f"symmb-{os.getpid()}-live", number=str(os.getpid()), begin=_cleanup._begin_of(os.getpid()))
+    made(f"symmb-{process}-copy", name=name)
+    made(f"symmb-{process}-title", title="other")
+    for k, text in enumerate(("", "symmb", mark + "\n", mark.replace("\n", " "), "\0" * 9)):
+        made(f"symmb-{process}-text{k}")
+        (place / f"symmb-{process}-text{k}" / ".symmb").write_text(text)
+    (place / f"symmb-{process}-binary").mkdir()
+    (place / f"symmb-{process}-binary" / ".symmb").write_bytes(bytes(range(256)))
+    (place / f"symmb-{process}-folder" / ".symmb").mkdir(parents=True)
+    other = place / f"symmb-{process}-linked"
+    other.mkdir()
+    (other / ".symmb").symlink_to(left / ".symmb")
+    for k in range(30):
+        (place / f"symmb-{int(process) + k}-{k}-x").mkdir()
+    return {path.name for path in place.iterdir()} - {left.name}
+
+
+def test_the_cache_is_cleared_of_folders_with_a_mark_alone(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    left = left_folder(tmp_path)
+    names = look_alikes(tmp_path, left)
+    assert left.exists() and len(names) > 50
+    monkeypatch.chdir(tmp_path)
+    assert main(["cache", "--clear"]) == 0 and left.exists()  # nothing goes in the current folder
+    monkeypatch.chdir("/")
+    assert main(["cache", "--clear"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} - {"cache"} == names
+    capsys.readouterr()
+
+
+def test_folders_of_killed_processes_go_when_the_next_one_makes_one(tmp_path):
+    first = left_folder(tmp_path)
+    assert (first / "run").is_dir()
+    assert left_folder(tmp_path).exists() and not first.exists()
 
 
 IN_A_CALLBACK = """
