@@ -138,7 +138,8 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
         else:
             result = mb.linearize(scene, parameters=parameters)
             if not 1 <= options.mode <= len(result.modes):
-                raise DeclarationError(f"--mode {options.mode}: {scene.name} has {len(result.modes)} modes, from 1 on.")
+                count = f"It has {len(result.modes)}, which are numbered from 1 on."
+                raise DeclarationError(f"{scene.name} has no mode {options.mode}. {count}")
             run, doubts = result.motion(options.mode - 1), result.doubts
         mb.view(run, path)
     print(path)
