@@ -157,9 +157,14 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
             f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s, and steps of a fixed length pass "
             f"it again and again: {_SMOOTH}.",
         )
-    times = stops.times[np.isfinite(stops.times)]
+    times, span = stops.times[np.isfinite(stops.times)], np.ptp(simulator.times)
+    if (share := len(times) * step / span) > _CROWDED:
+        return (
+            f"The equations switch {len(times)} times, and steps of {step:.1g} s do not end there: forces jump or bend "
+            f"in {min(share, 1):.0%} of the steps. Take shorter ones, or DormandPrince(), whose steps end there.",
+        )
     distances = np.diff(times)
-    distances[distances < _SAME * np.ptp(simulator.times)] = np.inf
+    distances[distances < _SAME * span] = np.inf
     if not (distances <= step).any():
         return ()
     return (
@@ -238,6 +243,8 @@ states, a tenth of the error that default runs may have; and least size of a sta
 scene."""
 _SAME = 1e-12
 """Share of the horizon by which two switches at one time may differ by rounding."""
+_CROWDED = 0.1
+"""Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
 _BELOW = 1e-6
 """Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
 _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
