@@ -6,19 +6,20 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
 from symmb.events import Kinks, kinks
 from symmb.integrate import Solver, SwitchPasses
-from symmb.model import Scene
+from symmb.model import Scene, compile_dae
 from symmb.simulation.pilot_runs import PilotRuns
 from symmb.simulation.run_quality import unreached
 from symmb.simulation.solver_choice import choose, for_one_run
 from symmb.simulation.subject import require_scene, require_solver
 from symmb.simulation.trajectory import Trajectory
+from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
 
 
@@ -83,7 +84,8 @@ def _simulated(scene: Scene, solver: Solver | None, values: dict[str, float], ch
     runs = PilotRuns(scene, values, solver)
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
-        raise SimulationError(f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}.")
+        fault = f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}. {_start_fault(runs)}"
+        raise SimulationError(fault.rstrip())
     if runs.solver is not None:
         solver, reason = runs.solver, runs.reason
         runs.run(solver)
@@ -109,6 +111,16 @@ def _simulated(scene: Scene, solver: Solver | None, values: dict[str, float], ch
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     trajectory = replace(trajectory, run_doubts=doubts)
     return solver, _checked(runs, solver, trajectory) if check else trajectory
+
+
+def _start_fault(runs: PilotRuns) -> str:
+    """What the assembly says if the parameters of the run are the nominal ones, such as a joint that stays open."""
+    scene = runs.scene
+    try:
+        prepare_start(scene, replace(compile_dae(scene.system), p_nominal=runs.p))
+    except SymmbError as error:
+        return str(error)
+    return ""
 
 
 def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:
