@@ -169,6 +169,12 @@ def test_what_is_no_number_is_no_option(kind, name, value):
         kind(**{name: value})
 
 
+def sampled(period):
+    held = mb.Sampled("held", period, malformed.ROD.theta)
+    system = mb.System(malformed.ROD, held, parameters=SCENE.system.parameters)
+    return mb.simulate(mb.Scene(system, times=malformed.T))
+
+
 COSTS = {
     "swarm": (lambda: mb.propagate(malformed.DECAY, mb.Swarm(10**5, 10**5), malformed.BOX), "1.0e\\+11 runs"),
     "steps": (lambda: mb.simulate(SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps a run"),
@@ -177,6 +183,13 @@ COSTS = {
     "memory": (lambda: mb.simulate(SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps a run"),
     "step": (lambda: mb.simulate(SCENE, mb.HHT(1e-300)), "steps a run"),
     "longest step": (lambda: mb.simulate(SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps a run"),
+    "ensemble": (lambda: mb.propagate(SCENE, mb.Vertex(), solver=mb.RungeKutta(10**9)), "1.0e\\+09 steps a run"),
+    "probes": (
+        lambda: mb.propagate(malformed.DECAY, mb.PolynomialChaos(probes=10**12), malformed.BOX),
+        "1.0e\\+12 runs",
+    ),
+    "instants": (lambda: sampled(1e-12), "steps a run"),
+    "instants without end": (lambda: sampled(1e-300), "steps a run"),
     "table": (lambda: mb.Table(range(10**12), range(10**12)), "1000000000000 points, at most"),
     "locus": (lambda: mb.root_locus(SCENE, "k", (4.0, 5.0), count=10**9), "at most"),
     "mesh": (
@@ -205,6 +218,11 @@ def test_tables_of_large_and_small_numbers_are_finite(size):
     table, other = mb.Table([0, 1, 2], [-size, size, 0]), PchipInterpolator([0, 1, 2], [-size, size, 0])
     places = np.linspace(0, 2, 9)
     np.testing.assert_allclose([float(table(x)) for x in places], other(places), rtol=1e-12, atol=1e-15 * size)
+
+
+def test_a_budget_without_end_costs_no_memory():
+    bounds = [mb.propagate(SCENE, mb.Optimization(budget=budget)) for budget in (300, 10**15)]
+    np.testing.assert_allclose(bounds[0].upper, bounds[1].upper, rtol=1e-9)
 
 
 def test_errors_are_no_longer_than_a_screen():

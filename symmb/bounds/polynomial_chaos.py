@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._limits import require_memory
+from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_between, require_kind, require_truth, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
@@ -128,6 +128,8 @@ class PolynomialChaos(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None:
+            require_runs(self, self.probes, "Use fewer probes.")
+            require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))
             return adaptive_bounds(
                 repr(self), self.tolerance, self.budget, self.seconds, self.probes, simulator, box, executor, progress
             )

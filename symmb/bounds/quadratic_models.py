@@ -49,8 +49,8 @@ class Quadratics:
         some = np.flatnonzero(left > 1.0)
         part = Quadratics(*(getattr(self, field.name)[..., some] for field in fields(self)))
         left, lowest, least = left[some], part.change(part.step), least[some]
-        points = np.empty((count, len(self.origin)))
-        for n in range(count):
+        points = np.empty((min(count, len(some)), len(self.origin)))
+        for n in range(len(points)):  # no quadratic gains at its own point twice
             if not (left > 1.0).any():
                 return points[:n]
             best = left.argmax()

@@ -47,6 +47,7 @@ class CompiledSolver(Solver):
 
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
         """The step control, with steps so short that none passes over a pulse of a law of time."""
+        self.require_affordable(times)
         control = self.step_control(dae, times, order, n_quad)
         if isinstance(control, FixedStep):
             return control

@@ -84,15 +84,18 @@ class Solver(ABC):
         ------
         PropagationError          if derivatives are asked for and the solver gives none, or there are too many steps
         """
-        horizon = float(times[-1] - times[0])
-        values = self._values
-        require_steps(self, values.get("steps") or horizon / (values.get("step") or math.inf))
+        self.require_affordable(times)
         if order and not self.gives_derivatives:
             raise PropagationError(
                 f"{self!r} gives no derivatives along the run. Use another solver for Taylor, such as DormandPrince()."
             )
         make = partial(self._integration, dae, times, order, work)
         return with_compiler(make, make)  # the same call takes another way without a compiler
+
+    def require_affordable(self, times: Array) -> None:
+        """PropagationError if steps of a fixed length over the times (n_t,) are too many."""
+        values, horizon = self._values, float(times[-1] - times[0])
+        require_steps(self, values.get("steps") or horizon / (values.get("step") or math.inf))
 
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...

@@ -123,7 +123,9 @@ def bound(law: Law, bind: Bind, title: str) -> Law:
     laws = {
         f.name: value
         for f in fields(law)  # pyright: ignore[reportArgumentType]
-        if f.init and (value := getattr(law, f.name)) is not None and not isinstance(value, Table)
+        if f.init
+        and not isinstance(value := getattr(law, f.name), Table)
+        and (value is not None or f.default is not None)
         if not (callable(value) and any(get_origin(kind) is Callable for kind in get_args(f.type)))
     }
     values = {name: bind(value, f"{title}: {name}") for name, value in laws.items()}

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.model.system import System
 from symmb.symbolic import t
@@ -52,6 +53,7 @@ class Sampling:
     def instants(self, times: Array) -> Array:
         """The instants (k,) after the first of the times (n_t,) up to the last [s]."""
         counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + _DUE)) for T in self.periods]
+        require_steps("Sampled", sum(last - first for _, first, last in counts), MOST_STEPS_KEPT)
         instants = np.concatenate([self.begin + T * np.arange(first + 1, last + 1) for T, first, last in counts])
         return np.unique(np.asarray(instants, dtype=np.float64))
 

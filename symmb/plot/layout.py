@@ -134,7 +134,7 @@ def given_panels(
 
 def axes_in(owner: str, ax: "GivenAxes") -> list["Axes"]:
     """Axes that a caller gave, one or several, as a list."""
-    several = isinstance(ax, Sequence | np.ndarray)
+    several = isinstance(ax, list | tuple | np.ndarray)
     panels = [ax] if hasattr(ax, "fill_between") else list(np.ravel(np.asarray(ax, dtype=object))) if several else []
     if not panels or not all(hasattr(axes, "fill_between") for axes in panels):
         raise DeclarationError(f"{owner}: ax must be matplotlib Axes, or a list of them, got {shown(ax)}.")

@@ -99,7 +99,7 @@ class CommandSimulator(BlackBox):
         noise: Mapping[str, float] | None = None,
     ):
         self._declare(parameters, times, outputs, noise)
-        if not command or not _are_paths(command):
+        if not _are_paths(command) or not command:
             raise DeclarationError(f"{_OWNER}: command must be a list of a program and its arguments, got {command!r}.")
         if not _are_paths(files):
             raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {files!r}.")

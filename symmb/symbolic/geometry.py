@@ -24,6 +24,8 @@ def components(value: Any) -> list[Any] | None:
 
 def vector(values: Any, what: str = "vector") -> ca.SX:
     """A 3-vector from two or three numbers or SX scalars; the third is 0 if left out."""
+    if isinstance(values, np.ndarray) and values.size > 3:
+        raise DeclarationError(f"{what} has {values.size} components; expected two or three.")
     entries: list[Any] | None = components(values)
     entries = [values] if entries is None else entries
     if len(entries) not in (2, 3):

@@ -54,7 +54,7 @@ def use(result: Any) -> str:
     if isinstance(result, Solver) and not _is_long(getattr(result, "steps", 1)) and not _is_short(result):
         result = mb.simulate(SCENE, result)
     equations(result)
-    if isinstance(result, mb.Scene):
+    if isinstance(result, mb.Scene) and not _is_long(len(result.times)) and result.times[-1] - result.times[0] < LONG:
         result = mb.simulate(result)
     if isinstance(result, mb.Section | mb.Material):
         both = (result, STEEL) if isinstance(result, mb.Section) else (mb.Section.circle(0.02), result)
