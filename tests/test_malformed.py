@@ -150,6 +150,19 @@ def test_numbers_of_options_become_pythons(kind, number):
     assert all(type(getattr(made, name)) is type(value) for name, value in OPTIONS[kind].items())
 
 
+@pytest.mark.parametrize("make", [lambda: mb.IDAS(atol=10**400), lambda: mb.HHT(step=10**400)])
+def test_numbers_beyond_doubles(make):
+    with pytest.raises(mb.DeclarationError, match="must be a number above 0"):
+        make()
+
+
+@pytest.mark.parametrize("make", [mb.PolynomialChaos, mb.PolynomialChaos.paper])
+@pytest.mark.parametrize("nodes", [mb.Sobol(), mb.Random(), mb.LatinHypercube()])
+def test_samplers_are_no_rules(make, nodes):
+    with pytest.raises(mb.DeclarationError, match="nodes"):
+        make(2, nodes=nodes)
+
+
 def test_an_order_does_not_overflow():
     bounds = mb.propagate(malformed.DECAY, mb.Swarm(np.int8(50), np.int8(10)), malformed.BOX)
     assert bounds.evaluations == 2 * len(malformed.T) * 500

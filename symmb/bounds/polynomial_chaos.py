@@ -7,7 +7,14 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_memory, require_runs
-from symmb._options import constructor_text, require_between, require_kind, require_truth, require_whole
+from symmb._options import (
+    constructor_text,
+    require_between,
+    require_callable,
+    require_kind,
+    require_truth,
+    require_whole,
+)
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failed_region import failed_region
@@ -96,6 +103,7 @@ class PolynomialChaos(Method):
 
     def __post_init__(self) -> None:
         require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
+        require_callable("PolynomialChaos: nodes.points", self.nodes.points, "d", "order")
         require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
         require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
         require_truth("PolynomialChaos", "lockstep", self.lockstep)

@@ -10,7 +10,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_steps
-from symmb._options import is_real, is_whole, python_number, require_truth, shown
+from symmb._options import is_finite_number, is_real, is_whole, python_number, require_truth, shown
 from symmb._types import Array
 from symmb.codegen import Tolerances, with_compiler
 from symmb.integrate.integration import Integration
@@ -165,7 +165,9 @@ class Solver(ABC):
                 continue
             elif isinstance(f.default, int) and is_real(value) and not is_whole(value):
                 faults.append(f"{f.name}={value!r} must be an integer")
-            elif not is_real(value) or not (low < value < high or value in self.limits.get(f.name, ())):
+            elif not (is_finite_number(value) or (is_whole(value) and isinstance(f.default, int))) or not (
+                low < value < high or value in self.limits.get(f.name, ())
+            ):
                 below = " and below 1" if f.name == "rtol" else ""
                 within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above {low:g}{below}"
                 faults.append(f"{f.name}={shown(value)} must be a number {within}")

@@ -281,7 +281,7 @@ def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monke
         (["compare", "PENDULUM", "--methods", "pce:tol=small"], "TOL must be a number, got 'small'"),
         (["compare", "PENDULUM", "--methods", "pce:2:papier"], "pce:ORDER:paper"),
         (["compare", "PENDULUM", "--methods", "mc:0"], "samples must be an integer of at least 1"),
-        (["compare", "PENDULUM", "--methods", "pce:tol=2"], "tolerance must be above 0 and below 1"),
+        (["compare", "PENDULUM", "--methods", "pce:tol=2"], "tolerance must be a number above 0 and below 1"),
         (["compare", "PENDULUM", "--solver", "idaz"], "no solver 'idaz'. Did you mean 'idas'"),
         (["compare", "PENDULUM", "--solver", "rk:4:5"], "rk"),
         (["compare", "PENDULUM", "--spread", "many"], "--spread takes a positive share such as 5%"),
