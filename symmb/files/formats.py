@@ -24,6 +24,9 @@ from symmb.files.replacement import replacement, require_suffix, told
 _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
 
+_VERSION = 1
+"""Of both formats. Earlier files do not tell theirs, and are of this one."""
+
 Table = Mapping[str, Any]
 """Columns by their headings, all equally long."""
 T = TypeVar("T")
@@ -42,7 +45,7 @@ def save(path: str | PathLike[str], record: Mapping[str, Any], table: Callable[[
         save_json(path, in_json(record))
     elif suffix == ".npz":
         arrays: dict[str, Any] = {}
-        about = json.dumps(_without_arrays(record, "", arrays))
+        about = json.dumps(_without_arrays({"version": _VERSION, **record}, "", arrays))
         with replacement(path) as file:
             np.savez(file, about=np.array(about), **arrays)
     elif table:
@@ -64,7 +67,7 @@ def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
 
 def in_json(record: Mapping[str, Any]) -> dict[str, Any]:
     """A record as lists, texts and numbers. Numbers that are not finite are None."""
-    return to_jsonable({_IN_JSON.get(name, name): value for name, value in record.items()})
+    return to_jsonable({"version": _VERSION} | {_IN_JSON.get(name, name): value for name, value in record.items()})
 
 
 def load(
@@ -83,7 +86,11 @@ def load(
     try:
         if suffix == ".csv" and from_table:
             return from_table(_table(data))
-        return build(_of_json(data) if suffix == ".json" else _of_archive(data))
+        record = _of_json(data) if suffix == ".json" else _of_archive(data)
+        version = record.whole("version", _VERSION)
+        if version != _VERSION:
+            raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
+        return build(Record({name: value for name, value in record.plain.items() if name != "version"}))
     except Exception as error:  # a damaged file makes zlib, zipfile, json and NumPy raise nearly anything
         why = (
             str(error)

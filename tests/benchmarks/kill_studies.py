@@ -6,6 +6,10 @@ After each kill the file must be sound, and hold every run that was told to be s
 those of an undisturbed study to the last bit, and each kill may cost no more than the runs that were under way. The
 same holds if a worker of the pool is killed, or one of Dask. It prints what each kind of kill cost, and what did not
 hold.
+
+python tests/benchmarks/kill_studies.py damaged [STORES [SEED]] damages stores by other bytes, by their ends, by other
+values in their rows and by other tables. A study with such a store, and the command that lists it, must end with one
+sentence or with the right bounds.
 """
 
 import os
@@ -17,6 +21,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +30,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.simulation import RunDatabase
+from symmb.simulation import RunDatabase, opened
 from symmb.simulation.run_database import sample_keys
 
 RUNS = 400
@@ -199,6 +204,112 @@ def undisturbed(size: str) -> bytes:
         return files.bounds()
 
 
+TIMES = np.linspace(0.0, 1.0, 3)
+ROWS = {
+    "studies": ("id", "digest", "simulator", "parameters", "outputs", "times", "begun", "checksum"),
+    "runs": ("study", "sample", "state", "t_failed", "reason", "response", "events", "seconds", "checksum"),
+}
+TABLES = (
+    "ALTER TABLE runs RENAME TO other",
+    "DROP TABLE runs",
+    "ALTER TABLE runs ADD COLUMN more TEXT",
+    "ALTER TABLE runs RENAME TO r; CREATE VIEW runs AS SELECT * FROM r",
+    "ALTER TABLE runs RENAME TO r; CREATE VIEW runs AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) "
+    "SELECT r.* FROM r, n",
+    "CREATE TRIGGER t AFTER INSERT ON runs BEGIN UPDATE runs SET response = zeroblob(24); END",
+    "PRAGMA user_version = 99",
+    "PRAGMA application_id = 7",
+)
+
+
+def falling(a: float, b: float) -> np.ndarray:
+    """A run that is stored."""
+    if a > 1.45 and b > 1.1:
+        raise RuntimeError("stuck")
+    return np.exp(-a * b * TIMES)
+
+
+def stored_study(path: Path) -> mb.Bounds:
+    """Bounds with a store."""
+    f = mb.FunctionSimulator(falling, {"a": 1.0, "b": 1.0}, TIMES, ["x"])
+    return mb.propagate(mb.StoredSimulator(f, path), mb.Scanning(5), BOX)
+
+
+def damage(path: Path, choice: random.Random) -> str:
+    """Damage a store, and tell how."""
+    content = bytearray(path.read_bytes())
+    kind = choice.choice(["bytes", "bits", "end", "page", "value", "tables"])
+    if kind in ("bytes", "bits"):
+        begin = choice.randrange(len(content))
+        for k in range(begin, min(begin + (1 if kind == "bits" else choice.randint(1, 300)), len(content))):
+            content[k] = content[k] ^ 1 << choice.randrange(8) if kind == "bits" else choice.randrange(256)
+    elif kind == "end":
+        del content[choice.randrange(16, len(content)) :]
+    elif kind == "page":
+        a, b = (4096 * choice.randrange(len(content) // 4096) for _ in range(2))
+        content[a : a + 4096] = content[b : b + 4096]
+    if kind not in ("value", "tables"):
+        path.write_bytes(content)
+        return kind
+    connection = sqlite3.connect(path)
+    try:
+        if kind == "tables":
+            statement = choice.choice(TABLES)
+            connection.executescript(statement)
+        else:
+            table = choice.choice([*ROWS])
+            values = ["7", "-1", "NULL", "1e999", "'x'", "x'ff00'", "zeroblob(24)", "CAST(x'ff' AS TEXT)", "1e300"]
+            row = f"rowid = (SELECT rowid FROM {table} ORDER BY random() LIMIT 1)"
+            statement = f"UPDATE {table} SET {choice.choice(ROWS[table])} = {choice.choice(values)} WHERE {row}"
+            connection.execute(statement)
+            connection.commit()
+    except sqlite3.Error:
+        return "nothing"
+    finally:
+        connection.close()
+    return statement
+
+
+def damaged_store(seed: int) -> str:
+    """How a study with a damaged store, and the command that lists it, ended."""
+    choice = random.Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "runs.db")
+        expected = stored_study(path)
+        how = damage(path, choice)
+        told = []
+        for use in (lambda: stored_study(path), lambda: symmb_runs(path)):
+            try:
+                result = use()
+            except mb.SymmbError as error:
+                told.append("a sentence" if "\n" not in str(error) else f"several lines: {error}")
+                continue
+            except Exception as error:
+                told.append(f"{how}: {type(error).__name__}: {error}")
+                continue
+            if isinstance(result, mb.Bounds):
+                same = (result.lower == expected.lower).all() and (result.upper == expected.upper).all()
+                told.append("the same bounds" if same else f"{how}: other bounds")
+        return ", ".join(sorted(set(told)))
+
+
+def symmb_runs(path: Path) -> None:
+    """What the command `symmb runs` reads."""
+    with opened(path, create=False) as database:
+        for number, study, _, _ in database.studies():
+            P = database.samples(number, len(study.parameters))
+            database.read(number, P, (len(study.times), len(study.outputs)))
+
+
+def damaged(stores: int, seed: int) -> int:
+    """Print how studies with damaged stores end."""
+    warnings.simplefilter("ignore")
+    found = Counter(damaged_store(seed + k) for k in range(stores))
+    for outcome, count in sorted(found.items()):
+        print(f"{count:4}  {outcome}")
+    return int(any(":" in outcome for outcome in found))
+
+
 def main(kills: int) -> int:
     """Print what kills cost."""
     expected = {size: undisturbed(size) for size in SIZES}
@@ -222,5 +333,7 @@ def main(kills: int) -> int:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["study"]:
         study(*sys.argv[2:])
+    elif sys.argv[1:2] == ["damaged"]:
+        sys.exit(damaged(*(int(text) for text in (*sys.argv[2:], *("500", "0")[len(sys.argv) - 2 :]))))
     else:
         sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 100))

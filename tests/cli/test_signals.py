@@ -220,7 +220,7 @@ def look_alikes(place, left):
     other = place / f"symmb-{process}-linked"
     other.mkdir()
     (other / ".symmb").symlink_to(left / ".symmb")
-    for k in range(30):
+    for k in range(40):
         (place / f"symmb-{int(process) + k}-{k}-x").mkdir()
     return {path.name for path in place.iterdir()} - {left.name}
 

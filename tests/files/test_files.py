@@ -243,3 +243,20 @@ def test_what_the_readme_names_is_in_the_source_distribution():
     kept = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
     for name in re.findall(r"`([\w./-]+\.md)`", (root / "README.md").read_text()):
         assert (root / name).is_file() and any(name == part or name.startswith(f"{part}/") for part in kept), name
+
+
+@pytest.mark.parametrize("version", [99, 0, 2, "1", True, -1])
+@pytest.mark.parametrize(("kind", "suffix"), [(name, suffix) for name, suffix in FORMATS if suffix != "csv"])
+def test_files_of_another_version_are_refused(version, kind, suffix, tmp_path):
+    path = tmp_path / f"result.{suffix}"
+    RESULTS[kind].save(path)
+    if suffix == "json":
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"version": version}))
+    else:
+        with np.load(path) as archive:
+            arrays = dict(archive)
+        arrays["about"] = np.array(json.dumps(json.loads(str(arrays["about"])) | {"version": version}))
+        np.savez(path, **arrays)
+    with pytest.raises(mb.DeclarationError, match="version") as error:
+        getattr(mb, kind).load(path)
+    assert "\n" not in str(error.value)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ import symmb as mb
 from models import double_pendulum
 from symmb.cli.main import main
 from symmb.simulation import run_blocks
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import kill_studies
 
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))
@@ -235,6 +239,73 @@ def test_what_is_no_store_is_told_in_a_sentence(make, tmp_path):
         mb.MonteCarlo(30).bounds(mb.StoredSimulator(simulator(response), path), BOX)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
     assert make is not text or path.read_text() == "x"
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_store_is_told_or_gives_the_same_bounds(seed):
+    """In a larger number: tests/benchmarks/kill_studies.py damaged."""
+    assert ":" not in kill_studies.damaged_store(7000 + seed)
+
+
+DAMAGES = {
+    "other value": f"UPDATE runs SET response = x'{np.full(3, 0.5).tobytes().hex()}' WHERE rowid = 3",
+    "not finite": f"UPDATE runs SET response = x'{np.full(3, np.nan).tobytes().hex()}' WHERE rowid = 3",
+    "exchanged": "UPDATE runs SET response = (SELECT response FROM runs WHERE rowid = 4) WHERE rowid = 3",
+    "not failed": "UPDATE runs SET state = 0 WHERE state = 1",
+    "no text": "UPDATE studies SET simulator = CAST(x'ff00fe' AS TEXT)",
+    "view": kill_studies.TABLES[3],
+    "view without end": kill_studies.TABLES[4],
+}
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("statement", DAMAGES.values(), ids=DAMAGES)
+def test_what_was_not_written_by_symmb_is_damage(statement, tmp_path, capsys):
+    path = tmp_path / "runs.db"
+    kill_studies.stored_study(path)
+    connection = sqlite3.connect(path)
+    connection.executescript(statement)
+    connection.close()
+    if "simulator" not in statement:
+        with pytest.raises(mb.DeclarationError, match="is damaged") as error:
+            kill_studies.stored_study(path)
+        assert "\n" not in str(error.value)
+    if "runs SET" not in statement:
+        assert main(["runs", str(path)]) == 2
+        assert "is damaged" in capsys.readouterr().err
+
+
+VERSION_2 = """
+CREATE TABLE former (id, digest, simulator, parameters, outputs, times, begun);
+INSERT INTO former SELECT id, digest, simulator, parameters, outputs, times, begun FROM studies;
+CREATE TABLE former_runs (study, sample, state, t_failed, reason, response, events, seconds);
+INSERT INTO former_runs SELECT study, sample, state, t_failed, reason, response, events, seconds FROM runs;
+DROP TABLE runs;
+DROP TABLE studies;
+CREATE TABLE studies (
+    id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
+    outputs TEXT NOT NULL, times BLOB NOT NULL, begun TEXT NOT NULL);
+CREATE TABLE runs (
+    study INTEGER NOT NULL REFERENCES studies(id), sample BLOB NOT NULL, state INTEGER NOT NULL, t_failed REAL,
+    reason TEXT NOT NULL, response BLOB NOT NULL, events BLOB, seconds REAL NOT NULL, UNIQUE (study, sample));
+INSERT INTO studies SELECT * FROM former;
+INSERT INTO runs SELECT * FROM former_runs;
+DROP TABLE former;
+DROP TABLE former_runs;
+PRAGMA user_version = 2;
+"""
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_files_of_version_2_are_taken_over(tmp_path):
+    made, calls = counting()
+    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    first = mb.Scanning(3).bounds(stored, BOX)
+    connection = sqlite3.connect(tmp_path / "runs.db")
+    connection.executescript(VERSION_2)
+    connection.close()
+    assert bits(mb.Scanning(3).bounds(stored, BOX)) == bits(first) and len(calls) == 9
 
 
 def test_two_studies_at_once_lose_nothing(tmp_path):
