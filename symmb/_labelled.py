@@ -138,8 +138,8 @@ def texts(values: Sequence[str]) -> np.ndarray:
 def parameter_names(names: Sequence[str], taken: Sequence[str]) -> list[str]:
     """Names of coordinates for parameters. Those that others have taken begin with "parameter_"."""
     free = []
-    for name in names:
+    for name in (name.replace("/", "_") for name in names):
         while name in (*taken, *free):
             name = f"parameter_{name}"
-        free.append(name.replace("/", "_"))
+        free.append(name)
     return free

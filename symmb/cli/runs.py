@@ -1,13 +1,14 @@
 """The command `symmb runs`: what a file of stored runs holds."""
 
 import argparse
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._labelled import Labelled
+from symmb._labelled import Labelled, Named, parameter_names
 from symmb._table import aligned
 from symmb.files import replacement, require_suffix
 from symmb.simulation import STATES, RunDatabase, opened
@@ -55,9 +56,16 @@ def _export(database: RunDatabase, number: int, path: Path) -> None:
     study = next(study for found, study, *_ in database.studies() if found == number)
     P = database.samples(number, len(study.parameters))
     runs = database.read(number, P, (len(study.times), len(study.outputs)))
-    coordinates = {"time": (("time",), study.times), "output": (("output",), np.array(study.outputs))}
-    coordinates |= {name: (("sample",), P[:, i]) for i, name in enumerate(study.parameters)}
-    variables = {"response": (("sample", "time", "output"), runs.Y), "ok": (("sample",), runs.ok.astype(np.int8))}
-    labelled = Labelled(coordinates, variables, {"simulator": study.simulator, "digest": study.digest}, {"time": "s"})
+    coordinates: dict[str, Named] = {"time": (("time",), study.times), "output": (("output",), np.array(study.outputs))}
+    variables: dict[str, Named] = {"response": (("sample", "time", "output"), runs.Y)}
+    variables["ok"] = ("sample",), runs.ok.astype(np.int8)
+    # NetCDF takes letters, digits and some signs in names.
+    plain = [re.sub(r"[^\w.+-]", "_", name) for name in study.parameters]
+    names = parameter_names(
+        [name if name[0].isalpha() else f"_{name}" for name in plain], [*coordinates, *variables, "sample"]
+    )
+    coordinates |= {name: (("sample",), P[:, i]) for i, name in enumerate(names)}
+    attributes = {"simulator": study.simulator, "digest": study.digest, "parameters": "\n".join(study.parameters)}
+    labelled = Labelled(coordinates, variables, attributes, {"time": "s"})
     with replacement(path) as file:
         file.write(bytes(labelled.to_xarray().to_netcdf()))

@@ -367,6 +367,33 @@ def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
     assert text in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("time", "output"),
+        ("response", "ok"),
+        ("a/b", "a_b"),
+        ("a_b", "a/b"),
+        ("=", "sample"),
+        ("1 k", "ä µ"),
+        ("_", "-"),
+    ],
+    ids=repr,
+)
+def test_runs_are_exported_whatever_parameters_are_called(names, tmp_path, capsys):
+    xarray = pytest.importorskip("xarray")
+    f = mb.FunctionSimulator(lambda **values: sum(values.values()) * TIMES, dict.fromkeys(names, 1.0), TIMES, ["x"])
+    P = np.array([[1.0, 2.0], [3.0, 5.0], [4.0, 7.0]])
+    mb.StoredSimulator(f, tmp_path / "runs.db").run(P)
+    assert main(["runs", str(tmp_path / "runs.db"), "--export", str(tmp_path / "runs.nc")]) == 0
+    with xarray.open_dataset(tmp_path / "runs.nc") as data:
+        assert data.response.dims == ("sample", "time", "output") and data.attrs["parameters"].split("\n") == [*names]
+        np.testing.assert_array_equal(data.time.values, TIMES)
+        found = [data[name].values for name in data.coords if data[name].dims == ("sample",)]
+        assert sorted(map(tuple, found)) == sorted(map(tuple, P.T))
+    capsys.readouterr()
+
+
 def test_a_store_of_a_store_is_refused(tmp_path):
     stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
     with pytest.raises(mb.DeclarationError, match="is a StoredSimulator already"):
