@@ -1,6 +1,9 @@
 """The command line ends with status 3 where its result is doubtful, and the JSON says why."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -26,3 +29,13 @@ def test_an_unstable_equilibrium_is_a_doubt(tmp_path, capsys, side, status):
     assert ("unstable equilibrium" in capsys.readouterr().err) == bool(status)
     doubts = json.loads(out.read_text())["doubts"]
     assert len(doubts) == bool(status) and all("unstable equilibrium" in doubt for doubt in doubts)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full")
+@pytest.mark.parametrize(("closing", "status"), [(">/dev/full", 2), (">&-", 0), (">&- 2>&-", 0)])
+def test_an_output_that_cannot_be_written_is_told(closing, status, tmp_path):
+    command = f"exec {sys.executable} -m symmb.cli cache {closing}"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    end = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=environment)
+    assert end.returncode == status and "Traceback" not in end.stderr
+    assert end.stderr.count("\n") == (status == 2)
