@@ -150,6 +150,13 @@ def test_numbers_of_options_become_pythons(kind, number):
     assert all(type(getattr(made, name)) is type(value) for name, value in OPTIONS[kind].items())
 
 
+@pytest.mark.parametrize("rate", [1e200, 1e304, np.inf])
+def test_rates_whose_squares_are_no_numbers(rate):
+    for make in (lambda: mb.Baumgarte(beta=rate), lambda: mb.AugmentedLagrangian(omega=rate)):
+        with pytest.raises(mb.DeclarationError, match=r"at most 1e\+60"):
+            make()
+
+
 @pytest.mark.parametrize("make", [lambda: mb.IDAS(atol=10**400), lambda: mb.HHT(step=10**400)])
 def test_numbers_beyond_doubles(make):
     with pytest.raises(mb.DeclarationError, match="must be a number above 0"):

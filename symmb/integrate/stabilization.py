@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from symmb._options import require_between, require_whole
 
+LARGEST = 1e60
+"""Largest rate or penalty: its square is a number as well."""
 MOST_ITERATIONS = 100
 """Most corrections of the multipliers: each adds to the equations, and a few are enough."""
 
@@ -25,8 +27,8 @@ class Baumgarte:
     beta: float = 5.0
 
     def __post_init__(self) -> None:
-        require_between(self, "alpha", "[)", 0.0)
-        require_between(self, "beta", "[)", 0.0)
+        require_between(self, "alpha", "[]", 0.0, LARGEST)
+        require_between(self, "beta", "[]", 0.0, LARGEST)
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,9 @@ class AugmentedLagrangian:
     iterations: int = 2
 
     def __post_init__(self) -> None:
-        require_between(self, "penalty", "()", 0.0)
-        require_between(self, "omega", "[)", 0.0)
-        require_between(self, "damping", "[)", 0.0)
+        require_between(self, "penalty", "(]", 0.0, LARGEST)
+        require_between(self, "omega", "[]", 0.0, LARGEST)
+        require_between(self, "damping", "[]", 0.0, LARGEST)
         require_whole(self, "iterations", 0, MOST_ITERATIONS)
 
 

@@ -1,5 +1,6 @@
 """What an FMU says of itself, and whether symmb can run it: its version, interfaces, variables and their units."""
 
+import os
 import shutil
 import threading
 import zipfile
@@ -137,7 +138,7 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, list[Any]]:
 
 def _files(path: Path) -> list[str]:
     """The names of the files in an FMU."""
-    if not path.is_file():
+    if not os.path.isfile(path):  # also of a name that is too long for a file
         raise DeclarationError(f"{OWNER}: there is no file {path}.")
     try:
         with zipfile.ZipFile(path) as archive:

@@ -44,8 +44,8 @@ class Section:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (field.name.startswith("shear") and isinstance(value, float) and value == math.inf):
-                object.__setattr__(self, field.name, positive(value, "Section", field.name))
+            rigid = field.name.startswith("shear") and isinstance(value, float) and value == math.inf
+            object.__setattr__(self, field.name, math.inf if rigid else positive(value, "Section", field.name))
 
     @classmethod
     def circle(cls, radius: float, inner: float = 0.0) -> "Section":
