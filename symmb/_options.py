@@ -206,18 +206,15 @@ def require_between(options: object, name: str, text: str, low: float, high: flo
     `text` says which ends belong to the range: "[)" contains the lower one only.
     """
     value = getattr(options, name)
-    if (
-        not is_finite_number(value)
-        or not low <= value <= high
-        or (value == low and text[0] == "(")
-        or (value == high and text[1] == ")")
-    ):
+    number = python_number(value) if is_finite_number(value) else math.nan
+    outside = (low,) * (text[0] == "(") + (high,) * (text[1] == ")")
+    if not low <= number <= high or number in outside:
         words = [f"at least {low:g}" if text[0] == "[" else f"above {low:g}"]
         words += [f"at most {high:g}" if text[1] == "]" else f"below {high:g}"] if high < math.inf else []
         raise DeclarationError(
             f"{type(options).__name__}: {name} must be a number {' and '.join(words)}, got {shown(value)}."
         )
-    object.__setattr__(options, name, python_number(value))
+    object.__setattr__(options, name, number)
 
 
 def optional_package(name: str, what: str, extra: str) -> Any:
