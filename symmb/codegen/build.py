@@ -82,8 +82,13 @@ def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
     return otherwise()
 
 
-def load(source: str) -> ctypes.CDLL:
+def load(source: str, *names: str) -> ctypes.CDLL:
     """The library of a C source, from the cache or built now. A compiler that fails gives way to the next.
+
+    Parameters
+    ----------
+    source : str
+    *names                 of what the library must have: a compiler may leave it out
 
     Raises
     ------
@@ -93,7 +98,7 @@ def load(source: str) -> ctypes.CDLL:
     while True:
         compiler = _compiler()
         try:
-            return _loaded(source, compiler)
+            return _loaded(source, compiler, *names)
         except _BuildError as error:
             _give_up(compiler.path, str(error))
             _compiler.cache_clear()
@@ -106,9 +111,9 @@ def _give_up(compiler: str, reason: str) -> None:
 
 
 @functools.cache
-def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
+def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
     key = _key(source, compiler.path, compiler.version, *compiler.flags)
-    library_in_cache = _opened(cache.find(key))
+    library_in_cache = _opened(cache.find(key), *names)
     if library_in_cache is not None:
         return library_in_cache
     try:
@@ -117,21 +122,25 @@ def _loaded(source: str, compiler: "_Compiler") -> ctypes.CDLL:
             library_path = _built(source, folder, compiler)
             cache.keep(key, library_path.read_bytes())
             # The cache first, then the temporary folder: either may forbid the execution of programs.
-            library = _opened(cache.find(key)) or _opened(library_path)
+            library = _opened(cache.find(key), *names) or _opened(library_path, *names)
     except OSError as error:
         raise _BuildError(f"temporary files cannot be written ({error}). Set TMPDIR to another folder.") from error
     if library is None:
-        raise _BuildError("its libraries cannot be loaded. Set TMPDIR to a folder that may hold programs.")
+        raise _BuildError(
+            "its libraries lack functions, or cannot be loaded. Set TMPDIR to a folder that may hold programs."
+        )
     return library
 
 
-def _opened(library: Path | None) -> ctypes.CDLL | None:
+def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
+    """A library, if it can be loaded and has what is named."""
     if library is None:
         return None
     try:
-        return ctypes.CDLL(str(library))
+        opened = ctypes.CDLL(str(library))
     except OSError:
         return None
+    return opened if all(hasattr(opened, name) for name in names) else None
 
 
 def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:

@@ -148,7 +148,7 @@ class Engine:
         self._open()
 
     def _open(self) -> None:
-        self._library = load(self.source)
+        self._library = load(self.source, "width", "work")
         self.width = ctypes.c_int.in_dll(self._library, "width").value
 
     def __getstate__(self) -> dict:

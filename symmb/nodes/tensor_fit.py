@@ -69,7 +69,7 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
     m = blocks[0].shape[1]
     C = np.empty((len(rows), m))
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (at, C)]
-    library = load(_SOURCE)
+    library = load(_SOURCE, "fit", "squares")
 
     def work(next_response: ctypes.c_long) -> None:
         if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
@@ -84,7 +84,7 @@ def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
     rows, m = np.concatenate(groups).astype(int), ctypes.c_long(coefficients[0].size)
     sums = np.empty((len(groups), *coefficients.shape[1:]))
     of, begin, numbers, to = (ctypes.c_void_p(a.ctypes.data) for a in (C, first, rows, sums))
-    library, count = load(_SOURCE), ctypes.c_long(len(groups))
+    library, count = load(_SOURCE, "fit", "squares"), ctypes.c_long(len(groups))
     library.squares(m, of, count, begin, numbers, to)  # in less time than the start of a thread
     return sums
 

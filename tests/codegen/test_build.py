@@ -353,8 +353,17 @@ def test_a_compiler_that_does_not_work_gives_way_to_the_next(folder, compilers, 
     assert build._compiler().path != str(compiler)
 
 
+HIDDEN = f'exec {shutil.which("cc")} "$@" -fvisibility=hidden'
+EMPTY = (
+    f'for name; do [ "$last" = -o ] && break; last=$name; done; echo | {shutil.which("cc")} -shared -xc - -o "$name"'
+)
+"""Compilers whose libraries have no symbols."""
+
+
 @pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.Rosenbrock(step=1e-3)], ids=repr)
-@pytest.mark.parametrize("how", ["sleep 60", "exit 1", "exit 0"])
+@pytest.mark.parametrize(
+    "how", ["sleep 60", "exit 1", "exit 0", HIDDEN, EMPTY], ids=["slow", "fails", "does nothing", "hidden", "empty"]
+)
 def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_numpy(
     folder, compilers, tmp_path, monkeypatch, how, solver
 ):
@@ -364,7 +373,7 @@ def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_nump
     monkeypatch.setenv("CC", str(compiler))
     monkeypatch.setattr(build, "_BUILD_SECONDS", 8.0 if "sleep" in how else 60.0)
     with pytest.warns(mb.SymmbWarning, match=f"{compiler} is not used"):
-        assert build.load(ANSWER).answer() == 42
+        assert build.load(ANSWER, "answer").answer() == 42
     build._UNUSABLE.clear()
     build._compiler.cache_clear()
     build._loaded.cache_clear()

@@ -66,7 +66,7 @@ def compiled_ranges(
     depth = _LEVELS * b.d
     ranges, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
     of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, ranges, points, gaps))
-    library = load(_SOURCE)
+    library = load(_SOURCE, "ranges")
 
     def work(next_polynomial: ctypes.c_long) -> None:
         boxes = depth * (b.padded + 2 * b.d + 2), b.padded, b.d * (b.order + 1), b.d, b.d

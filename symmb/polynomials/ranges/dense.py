@@ -74,7 +74,7 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
     C, m = np.ascontiguousarray(coefficients, dtype=float), coefficients.shape[1]
     extremes, points = np.empty((2, m)), np.empty((2, MOST_PARAMETERS, m))
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (C, extremes, points)]
-    library = load(_SOURCE)
+    library = load(_SOURCE, "dense")
 
     def work(next_polynomial: ctypes.c_long) -> None:
         if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
