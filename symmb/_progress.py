@@ -5,7 +5,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import TracebackType
 from typing import Any
 
@@ -38,7 +38,8 @@ class Progress:
 
     def __enter__(self) -> "Progress":
         if self.is_shown and not os.environ.get("TQDM_DISABLE"):
-            self._thread.start()
+            with suppress(RuntimeError):  # no thread can be started
+                self._thread.start()
         return self
 
     def __exit__(

@@ -40,9 +40,13 @@ def end_at_signals() -> None:
         return
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
+    try:
+        Thread(target=_watch, args=(reader,), daemon=True).start()
+    except RuntimeError:  # no thread can be started: the handlers alone end the process
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # or else NumPy's would end it by SIGINT
+        return
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     sys.unraisablehook = partial(_report_unraisable, writer)
-    Thread(target=_watch, args=(reader,), daemon=True).start()
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:

@@ -3,7 +3,9 @@
 import ctypes
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from threading import Event, Thread
 from typing import TypeVar
 
 from symmb.codegen.c_source import c_number
@@ -13,18 +15,43 @@ R = TypeVar("R")
 
 
 def cores() -> int:
-    """Processors that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Processors that this process may run on, at most as many as threads can be started, which a user may limit.
+
+    CasADi would end Python at a thread that cannot be started.
+    """
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    end, threads = Event(), list[Thread]()
+    try:
+        with suppress(RuntimeError):
+            for _ in range(count):
+                thread = Thread(target=end.wait, daemon=True)
+                thread.start()
+                threads.append(thread)
+    finally:
+        end.set()
+    for thread in threads:
+        thread.join()
+    return max(1, len(threads))
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments. The first is computed in this thread, while others start."""
+    """Results for all arguments. The first is computed in this thread, as are those for which no thread can start."""
     first, *others = arguments
     if not others:
         return [work(first)]
     with ThreadPoolExecutor(len(others)) as pool:
-        running = [pool.submit(work, argument) for argument in others]
-        return [work(first), *(run.result() for run in running)]
+        running = _started(pool, work, others)
+        results = [work(first), *(run.result() for run in running)]
+    return [*results, *map(work, others[len(running) :])]
+
+
+def _started(pool: ThreadPoolExecutor, work: Callable[[A], R], arguments: Sequence[A]) -> list["Future[R]"]:
+    """Work on threads, for as many arguments as threads can be started."""
+    running: list[Future[R]] = []
+    with suppress(RuntimeError):
+        for argument in arguments:
+            running.append(pool.submit(work, argument))
+    return running
 
 
 def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) -> None:
@@ -40,8 +67,11 @@ def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) 
     count = max(1, min(cores(), n // _FEWEST))
     with ThreadPoolExecutor(count) as pool:
         try:
-            for run in [pool.submit(work, counter) for _ in range(count)]:
+            running = _started(pool, work, [counter] * count)
+            for run in running:
                 run.result()
+            if not running:
+                work(counter)
         except BaseException:
             counter.value = _STOPPED
             raise

@@ -269,3 +269,28 @@ def test_an_interrupt_that_python_drops_is_repeated():
     """Exceptions of callbacks, such as those of garbage collection, do not reach the program."""
     end = subprocess.run([sys.executable, "-c", IN_A_CALLBACK], capture_output=True, text=True)
     assert (end.stdout, end.stderr) == ("interrupted\n", "")
+
+
+ALONE = """
+import ctypes, os, resource
+resource.setrlimit(resource.RLIMIT_NPROC, (1, 1))
+if os.getuid() == 0:  # whom the limit does not concern
+    os.setresuid(65534, 65534, 0)
+    ctypes.CDLL(None).setfsuid(0)  # the files stay root's
+from symmb.cli.__main__ import run
+assert run() == 0
+import numpy as np
+from symmb import Vertex, propagate
+from models.double_pendulum import scene
+print(propagate(scene().with_times(np.linspace(0.0, 0.1, 3)), Vertex()))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of processes that Linux knows")
+def test_without_threads_and_processes_commands_and_studies_run(tmp_path):
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(interrupts.ROOT)}
+    environment.pop("OPENBLAS_NUM_THREADS", None)
+    command = [sys.executable, "-c", ALONE, "simulate", "double_pendulum"]
+    end = subprocess.run(command, env=environment, cwd="/", capture_output=True, text=True)
+    assert end.returncode == 0 and "theta2_dot" in end.stdout and "Vertex" in end.stdout, end.stderr
+    assert "cannot be started" in end.stderr and "Traceback" not in end.stderr
