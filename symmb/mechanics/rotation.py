@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
-from symmb._options import require_instance
+from symmb._errors import DeclarationError
+from symmb._options import require_instance, shown
 from symmb._types import Expr
 from symmb.symbolic import product, rotation_matrix, scalar, unit, vector, without_rounding
 
@@ -29,6 +31,10 @@ class Rotation:
 def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
     """Rotation by `angle` [rad] about `axis`.
 
+    Raises
+    ------
+    DeclarationError       if a number is not finite, or the axis has no direction
+
     Examples
     --------
     >>> import numpy as np
@@ -37,4 +43,11 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
     array([0.5  , 0.   , 0.   , 0.866])
     """
     half = scalar(angle, "rotation angle") / 2
-    return Rotation(ca.densify(ca.vertcat(ca.cos(half), ca.sin(half) * unit(vector(axis, "rotation axis")))))
+    with np.errstate(all="ignore"):
+        direction = unit(vector(axis, "rotation axis"))
+    numbers = [entry for entry in ca.vertsplit(ca.vertcat(half, direction)) if entry.is_constant()]
+    if not all(entry.is_regular() for entry in numbers):
+        raise DeclarationError(
+            f"rotation: angle {shown(angle)} and axis {shown(axis)} must be finite, and the axis not 0."
+        )
+    return Rotation(ca.densify(ca.vertcat(ca.cos(half), ca.sin(half) * direction)))

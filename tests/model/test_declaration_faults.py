@@ -267,6 +267,16 @@ def test_all_faults_of_the_laws_are_told_at_once():
         (lambda: ROD1.point("tip", 0), "point of 'rod1': .*neither numbers nor CasADi SX"),
         (lambda: mb.Body("b", 1.0, com=(0, 0, 0, 0)).point(0, 0), "com of 'b' has 4 components; expected two or three"),
         (lambda: TOP.theta, r"Body 'top' is Spatial\(\) and has no single angle theta\. Use joint\.angle"),
+        *(
+            (lambda turn=turn: mb.rotation(*turn), "rotation: angle .* must be finite, and the axis not 0")
+            for turn in (
+                ((1, 0, 0), np.nan),
+                ((1, 0, 0), np.array([np.inf])),
+                ((0, np.nan, 0), 0.3),
+                ((0, 0, 0), 0.3),
+                ((0, 0, 1e-200), P.l1),
+            )
+        ),
         (lambda: mb.ddt(ROD1.vx), r"ddt takes expressions of positions, but 'rod1\.vx' is a velocity"),
     ],
 )
