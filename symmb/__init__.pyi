@@ -119,6 +119,7 @@ from .simulation.fmu_simulator import FMUSimulator as FMUSimulator
 from .simulation.function_simulator import FunctionSimulator as FunctionSimulator
 from .simulation.single_run import simulate as simulate
 from .simulation.stored_simulator import StoredSimulator as StoredSimulator
+from .simulation.subject import prepare as prepare
 from .simulation.trajectory import Trajectory as Trajectory
 from .structures.beams import Beam as Beam
 from .structures.finite_elements import FiniteElements as FiniteElements

@@ -9,7 +9,6 @@ from symmb._types import Executor
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
-from symmb.events import longest_steps
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.simulation import DAESimulator, Noisy, Simulator
@@ -88,7 +87,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     d = len(box)
     unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else grid(_ENDS, d)
     P = np.vstack([simulator.dae.p_nominal, parameter_samples(simulator, box, unit)])
-    usual, *others = longest_steps(simulator.dae, simulator.times, P).tolist()
+    usual, *others = simulator.bodies.pulses(simulator.times)(P).tolist()
     k = int(np.argmin(others))
     if others[k] > min(usual / 2, _LONG * float(np.ptp(simulator.times))):
         return ()

@@ -79,7 +79,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
         )
     if options.store is not None:
         if isinstance(subject, mb.Scene):
-            subject, solver = mb.DAESimulator(subject, solver), None
+            subject, solver = mb.prepare(subject, solver), None
         subject = mb.StoredSimulator(subject, options.store)
     with _executor(options) as executor:
         comparison = mb.compare(subject, methods, box, solver=solver, executor=executor)

@@ -151,7 +151,7 @@ def _codegen(options: argparse.Namespace) -> None:
     if folder.exists() and not folder.is_dir():
         raise DeclarationError(f"{folder} is a file; -o takes the folder that the C files go to.")
     with Progress("generating C"):
-        simulator = mb.DAESimulator(load_scene(options.scene))
+        simulator = prepare_equations(load_scene(options.scene))
         files = simulator.dae.save_c(folder, {**simulator.start.nominal(), "times": simulator.times})
     print(*files, sep="\n")
 

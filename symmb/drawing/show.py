@@ -12,13 +12,13 @@ from symmb.drawing.still import STILLS, still
 from symmb.files import replacement, require_suffix
 from symmb.mechanics import Point
 from symmb.model import Scene
-from symmb.simulation import Trajectory, simulate
+from symmb.simulation import DAESimulator, Trajectory, simulate
 
 FORMATS = (".html", *STILLS, *FILMS)
 
 
 def view(
-    subject: Scene | Trajectory | Bounds,
+    subject: Scene | DAESimulator | Trajectory | Bounds,
     path: str | Path,
     *,
     output: str | None = None,
@@ -29,7 +29,7 @@ def view(
 
     Parameters
     ----------
-    subject : Scene, Trajectory or Bounds      a Scene is simulated at its nominal
+    subject : Scene, Trajectory or Bounds      a Scene, or one of `prepare`, is simulated at its nominal
                                                parameters; with Bounds, the runs that attain them are drawn as well
     path : str or Path                         .html: a page to play, turn and look into, which needs no network;
                                                .png, .svg: a still; .gif, .mp4: a film; .mp4 needs the program ffmpeg
@@ -55,7 +55,7 @@ def view(
     '<!DOCTYPE html>'
     """
     suffix = require_suffix(path, *FORMATS)
-    if not isinstance(subject, Scene | Trajectory | Bounds):
+    if not isinstance(subject, Scene | DAESimulator | Trajectory | Bounds):
         raise DeclarationError(f"view draws a Scene, a Trajectory or Bounds, got {type(subject).__name__}.")
     if not isinstance(point, Point | None):
         raise DeclarationError(f"view: point must be a point of a body, such as body.point(0, 0), got {point!r}.")
@@ -64,7 +64,7 @@ def view(
     elif output is not None:
         raise DeclarationError("view: output= chooses the bounds that runs attain. It goes with Bounds alone.")
     else:
-        exhibit = of_run(simulate(subject) if isinstance(subject, Scene) else subject, time, point)
+        exhibit = of_run(subject if isinstance(subject, Trajectory) else simulate(subject), time, point)
     with replacement(path) as file:
         if suffix == ".html":
             file.write(page(exhibit).encode())

@@ -5,5 +5,5 @@ The solvers that use this are in `integrate`.
 
 from symmb.events.impulses import Event, ImpactLaws, PostImpactState, evaluate_padded, event_doubts
 from symmb.events.location import Location, Steps
-from symmb.events.switches import Kinks, broken, kinks, longest_step, longest_steps, time_switches
+from symmb.events.switches import Kinks, Pulses, broken, kinks, longest_step, time_switches
 from symmb.events.time_switches import TimeSwitches

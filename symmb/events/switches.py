@@ -109,37 +109,42 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 
 
 def longest_step(dae: DAE, times: Array) -> float:
-    """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses.
+    """That of `Pulses` at the nominal parameters."""
+    return float(Pulses(dae, times)(dae.p_nominal[None])[0])
 
-    Pulses with a switch of time in them do not count: steps end there.
+
+class Pulses:
+    """Pulses of the laws of time of a DAE over the output times (n_t,).
 
     Step control does not detect a pulse between the evaluations of a step. A pulse is an interval, shorter than the
     horizon, in which a law is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000 of
-    the horizon are detected only at output times.
+    the horizon are detected only at output times. Those with a switch of time in them do not count: steps end there.
     """
-    return float(longest_steps(dae, times, dae.p_nominal[None])[0])
 
+    def __init__(self, dae: DAE, times: Array) -> None:
+        self._signals = None
+        if len(times) < 2 or not _is_timed(dae):
+            return
+        f, at = _equations(dae)
+        x, p, time = (symbol for symbol, _ in at)
+        time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
+        if time_laws.numel():
+            self._signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
+            self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
+            self._switches = time_switches(dae, times)
 
-def longest_steps(dae: DAE, times: Array, P: Array) -> Array:
-    """The `longest_step` (N,) at parameters P (N, n_p)."""
-    if len(times) < 2 or not _is_timed(dae):
-        return np.full(len(P), np.inf)
-    f, at = _equations(dae)
-    x, p, time = (symbol for symbol, _ in at)
-    time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
-    if not time_laws.numel():
-        return np.full(len(P), np.inf)
-    signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
-    t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
-    switches = time_switches(dae, times)
-    stops = np.empty((len(P), 0)) if switches is None else switches(P)
-    laws_at = (batch(signals, p, t[:, None])[0].T for p in P)
-    return np.array(
-        [
-            min((_shortest_pulse(t, law, own) for law in values), default=np.inf) / 2
-            for values, own in zip(laws_at, stops, strict=True)
-        ]
-    )
+    def __call__(self, P: Array) -> Array:
+        """Steps (N,) [s] shorter than every pulse at parameters P (N, n_p); infinite without pulses."""
+        if self._signals is None:
+            return np.full(len(P), np.inf)
+        stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
+        laws_at = (batch(self._signals, p, self._t[:, None])[0].T for p in P)
+        return np.array(
+            [
+                min((_shortest_pulse(self._t, law, own) for law in values), default=np.inf) / 2
+                for values, own in zip(laws_at, stops, strict=True)
+            ]
+        )
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:

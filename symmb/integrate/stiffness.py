@@ -1,6 +1,7 @@
 """Stiffness of a motion: eigenvalues of its linearisation along a run."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -44,16 +45,23 @@ STIFF = 2e3
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
     """From the symbolic Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
-    n = X.shape[1]
-    x, P, t, direction = ca.SX.sym("x", n), ca.SX.sym("p", len(p)), ca.SX.sym("t"), ca.SX.sym("dx", n)
-    rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, P, t))))
-    along = ca.Function("along", [x, direction, P, t], [ca.densify(ca.jtimes(rates, x, direction))], {"cse": True})
+    n, along = X.shape[1], _along(dae.rhs)
+    cuts = [dae.n_q, dae.n_q + dae.n_v][: along.n_in() - 4]
     decay = growth = frequency = 0.0
     for state, time in zip(X if n else X[:0], times if n else times[:0], strict=True):
-        (columns,) = batch(along, state, np.eye(n), p, np.array([time]))
+        (columns,) = batch(along, *np.split(state, cuts), p, np.array([time]), np.eye(n))
         if np.isfinite(columns).all():
             eigenvalues = np.linalg.eigvals(columns.reshape(n, n).T)
             decay = max(decay, float(-eigenvalues.real.min()))
             growth = max(growth, float(eigenvalues.real.max()))
             frequency = max(frequency, float(np.abs(eigenvalues.imag).max()))
     return Stiffness(decay, growth, frequency)
+
+
+@lru_cache(maxsize=64)
+def _along(rhs: ca.Function) -> ca.Function:
+    """(q, v [, s], p, t, dx) -> change of the rates along dx."""
+    at = rhs.sx_in()
+    x = ca.vertcat(*at[:-2])
+    direction, rates = ca.SX.sym("dx", x.numel()), ca.vertcat(*rhs.call(at))
+    return ca.Function("along", [*at, direction], [ca.densify(ca.jtimes(rates, x, direction))], {"cse": True})

@@ -12,7 +12,7 @@ from symmb._types import Array
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
 from symmb.model import Scene
-from symmb.simulation import BlackBox, require_scene
+from symmb.simulation import BlackBox, scene_of
 
 _VALUES = 65
 """Values of the parameter at which stability is looked at: a stable range must be wider than their distance."""
@@ -53,7 +53,7 @@ class CriticalSimulator(BlackBox):
     """What `critical` gives. With several critical values, outputs have numbers: v1, v2, ..."""
 
     def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
-        require_scene(scene)
+        scene = scene_of(scene)
         lower, upper = require_range("critical", scene, parameter, range)
         self._family = LinearFamily(scene)
         self.doubts = self._family.doubts

@@ -11,7 +11,7 @@ from symmb.linear.linearization import formulation_of, free_states
 from symmb.linear.point import LinearizationPoint, require_smooth, started
 from symmb.linear.steady import SteadyMotion
 from symmb.model import Scene
-from symmb.simulation import attached_loads, require_scene, with_loads
+from symmb.simulation import attached_loads, scene_of, with_loads
 
 
 class LinearFamily:
@@ -22,7 +22,7 @@ class LinearFamily:
     """
 
     def __init__(self, scene: Scene) -> None:
-        require_scene(scene)
+        scene = scene_of(scene)
         self.scene = scene
         formulation = formulation_of(scene)
         self.nominal = scene.system.parameters.nominal

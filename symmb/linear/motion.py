@@ -7,11 +7,11 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array
-from symmb.integrate import CVODES, project
+from symmb.integrate import project
 from symmb.linear.point import LinearizationPoint
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene
-from symmb.simulation import DAESimulator, Formulation, Trajectory
+from symmb.simulation import Formulation, Trajectory, prepare_equations
 from symmb.symbolic import batch
 
 _PERIODS, _PICTURES = 3, 36
@@ -52,7 +52,7 @@ class Origin:
         scene = self.scene.with_name(label).with_times(self.point.t + phase / rate)
         run = Trajectory(
             scene=scene,
-            simulator=DAESimulator(scene, CVODES()),  # nothing is integrated
+            simulator=prepare_equations(scene),
             parameters=dict(zip(self.scene.system.parameters, p.tolist(), strict=True)),
             solver="linearize",
             reason="",

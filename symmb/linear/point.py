@@ -12,7 +12,7 @@ from symmb._types import Array
 from symmb.events import kinks
 from symmb.linear.linear_equations import LinearEquations
 from symmb.model import DAE, Scene
-from symmb.simulation import Formulation, Trajectory, parameter_values, require_scene
+from symmb.simulation import DAESimulator, Formulation, Trajectory, parameter_values, scene_of
 
 _ON = 1e-9
 """Distance from a switch, in sizes of the states, below which a state is on it."""
@@ -35,11 +35,11 @@ class LinearizationPoint:
 
 
 def point_of(
-    subject: Scene | Trajectory, time: float | None, parameters: Mapping[str, float] | None
+    subject: Scene | DAESimulator | Trajectory, time: float | None, parameters: Mapping[str, float] | None
 ) -> tuple[Scene, dict[str, float], float, Array | None]:
     """Scene, parameters, time, and the state of the bodies if the subject is a run."""
     if not isinstance(subject, Trajectory):
-        require_scene(subject)
+        subject = scene_of(subject)
         if time is not None:
             raise DeclarationError("linearize: a scene is linearised at its start. Give time= with a run of simulate.")
         return (

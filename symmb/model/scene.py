@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib import import_module
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -97,6 +97,11 @@ class Scene:
 
     def __reduce__(self) -> tuple:
         return reduction(Scene, *(getattr(self, f.name) for f in fields(self)))
+
+    @cached_property
+    def memory(self) -> dict[Any, Any]:
+        """What was prepared for this scene, by whom it is for. Copies and pickles have none of it."""
+        return {}
 
     def _box_faults(self) -> list[str]:
         if self.box is None:

@@ -24,6 +24,6 @@ from symmb.simulation.simulator import (
 )
 from symmb.simulation.single_run import parameter_values, simulate
 from symmb.simulation.stored_simulator import StoredSimulator
-from symmb.simulation.subject import require_scene, simulator_of
+from symmb.simulation.subject import prepare, prepare_equations, scene_of, simulator_of
 from symmb.simulation.trajectory import Trajectory
 from symmb.simulation.worker_pool import WorkerPool

@@ -12,10 +12,19 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._options import require_instance, require_numbers, whole
-from symmb._types import Array, Executor
+from symmb._types import Array, Executor, Indices
 from symmb.codegen import NoCompilerError, cores
-from symmb.events import Kinks, broken, kinks
-from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, EventIntegration, Integration, Solver
+from symmb.events import broken
+from symmb.integrate import (
+    CVODES,
+    AnyEngine,
+    CompiledSolver,
+    DormandPrince,
+    EventIntegration,
+    Integration,
+    Solver,
+    refined,
+)
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import noise_of_outputs
@@ -38,47 +47,52 @@ _TIGHTENINGS = 4
 
 
 class DAESimulator:
-    """Runs a scene for samples of its parameters. It compiles once, at its first run, and it can be pickled.
+    """A scene that is prepared for runs: its equations, its start and its solver. `prepare` makes it.
+
+    It runs samples of the parameters. It compiles once, at its first run, and it can be pickled.
 
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default: pilot runs choose it at its first use, mostly DormandPrince()
+    solver : Solver, optional      default: pilot runs choose it here, mostly DormandPrince()
 
     Attributes
     ----------
+    scene : Scene
     parameters : dict              name -> nominal value, in the order of the columns of P
     times : (n_t,) array           [s]
     outputs : tuple of str         names of the n_y outputs
     units : tuple of str           of the outputs, '' where they do not follow from the expression
     solver : Solver
     reason : str                   why symmb chose this solver and these coordinates; empty if they were given
-    setup_seconds : float          time for deriving, compiling and starting; this property prepares the runs
+    setup_seconds : float          time for deriving, compiling and starting so far [s]
     threads : int                  CasADi threads for samples; 1 in a pickled copy
+    bodies : Formulation           in coordinates of the bodies
+    longest_step : float           a step shorter than every pulse of a law of time at the nominal parameters [s]
     unconstrained : Formulation    equations, start and outputs in coordinates that no row of constraints binds, or None
-    doubts : tuple of str          what cannot be trusted, from a nominal run that is made in two ways
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         require_instance("DAESimulator", scene, Scene, "a Scene")
         begin = time.perf_counter()
-        self.name, self.box = scene.name, scene.box
+        self.scene, self.name, self.box = scene, scene.name, scene.box
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs, self.units = scene.output_names, units_of(scene.system, scene.y)
-        self._bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
-        self.dae, self.start, self.y = self._bodies.dae, self._bodies.start, self._bodies.y
-        self._flexible = scene if any(isinstance(body, FlexibleBody) for body in scene.system.bodies) else None
+        self.bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
+        self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads, self._stateless = cores(), self.y.numel_in(0) == 0
-        self._seconds = time.perf_counter() - begin
-        self._solver, self._reason = None, ""
+        self.longest_step = float(self.bodies.pulses(self.times)(self.dae.p_nominal[None])[0])
+        self._is_flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
+        self.setup_seconds, reason = 0.0, ""
         if solver is None and self.dae.impacts is not None:
-            solver, self._reason = for_impacts(self.dae.impacts)
+            solver, reason = for_impacts(self.dae.impacts)
+        self._use(solver or DormandPrince())
         if solver is None:
-            require_able(DormandPrince(), self.dae, self.times, self._contradiction)
-        else:
-            self._use(solver)
+            reason = self._choose()
+        self.reason = "; ".join(filter(None, (reason, self.formulation.why)))
+        self.setup_seconds = time.perf_counter() - begin
 
     def __repr__(self) -> str:
         return f"DAESimulator({self.name!r}, {self.solver!r})"
@@ -86,39 +100,24 @@ class DAESimulator:
     def __getstate__(self) -> dict[str, Any]:
         self.prepare()
         state = {name: value for name, value in self.__dict__.items() if name not in ("_other", "theory")}
-        return {**state, "_ways": {}, "threads": 1}  # a pickled copy is one of many that run in parallel
+        scene = self.scene if self._is_flexible else None  # nothing else of a study asks for it
+        return {**state, "scene": scene, "_ways": {}, "_single": [], "threads": 1}  # a copy is one of many that run in parallel
 
-    @property
-    def solver(self) -> Solver:
-        """The solver. If none was given, pilot runs choose it at its first use."""
-        if self._solver is None:
-            begin = time.perf_counter()
-            pilots: dict[Solver, DAESimulator] = {}
-            chosen, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
-            pilot = pilots[chosen]
-            self.__dict__ |= pilot.__dict__ | {"_joints": self._joints, "_spare": self._spare}
-            if self.coordinates != pilot.coordinates:
-                self._use(chosen)
-            self._reason = "; ".join(filter(None, (reason, str(self._kinks or ""))))
-            self._seconds += time.perf_counter() - begin
-        return cast(Solver, self._solver)
-
-    @property
-    def reason(self) -> str:
-        """Why this solver and these coordinates were chosen; empty if they were given."""
-        _ = self.solver  # pilot runs choose it, and the coordinates
-        return "; ".join(filter(None, (self._reason, self.formulation.why)))
-
-    @property
-    def setup_seconds(self) -> float:
-        """Time for deriving, compiling and starting [s]."""
-        self.prepare()
-        return self._seconds
+    def _choose(self) -> str:
+        """Choose the solver by pilot runs, and keep what the pilot compiled in the same coordinates; the reason."""
+        pilots: dict[Solver, DAESimulator] = {}
+        solver, reason = choose(for_studies(), lambda solver: self._pilot(pilots, solver))
+        pilot = pilots[solver]
+        integrations, engines, coordinates = pilot._integrations, pilot._engines, pilot.coordinates
+        self._use(solver)
+        if self.coordinates == coordinates:
+            self._integrations, self._engines = integrations, engines
+        return "; ".join(filter(None, (reason, str(self.formulation.kinks(self.times) or ""))))
 
     @property
     def formulation(self) -> Formulation:
         """Equations, start and outputs in the coordinates in which the solver runs."""
-        return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self._bodies
+        return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self.bodies
 
     @property
     def coordinates(self) -> str:
@@ -132,19 +131,27 @@ class DAESimulator:
 
     def around(self, p: Array) -> "DAESimulator":
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
-        bodies, joints, spare = (form and form.around(p) for form in (self._bodies, self._joints, self._spare))
-        return self._with(_bodies=bodies, dae=bodies and bodies.dae, _joints=joints, _spare=spare)
+        bodies, joints, spare = (form and form.around(p) for form in (self.bodies, self._joints, self._spare))
+        copy = self._with(bodies=bodies, dae=bodies and bodies.dae, _joints=joints, _spare=spare)
+        copy.longest_step = float(self.bodies.pulses(self.times)(p[None])[0])
+        if copy.longest_step != self.longest_step:
+            copy._use(self.solver)  # what is compiled follows other pulses
+        return copy
 
     def _with(self, **changes: object) -> "DAESimulator":
         copy = object.__new__(DAESimulator)
-        copy.__dict__ = self.__dict__ | changes
+        vars(copy).update(vars(self) | changes)
         return copy
 
     def cautious(self) -> "DAESimulator":
         """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
-        if self._joints is None or not self._joints.why or not self._joints.dae.n_c:
-            return self
-        return self._with(_joints=None, _spare=self._joints)
+        return self if self._joints is None or not self._joints.why or not self._joints.dae.n_c else self._in_bodies
+
+    @cached_property
+    def _in_bodies(self) -> "DAESimulator":
+        copy = self._with(_joints=None, _spare=self._joints)
+        copy._use(self.solver)
+        return copy
 
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
@@ -176,19 +183,20 @@ class DAESimulator:
 
     def solved_by(self, solver: Solver) -> "DAESimulator":
         """The same simulator with another solver."""
-        if solver == self._solver:
+        if solver == self.solver:
             return self
-        copy = self._with(_reason="")
+        copy = self._with(reason="")
         copy._use(solver)
         return copy
 
     def _use(self, solver: Solver) -> None:
         require_able(solver, self.dae, self.times, self._contradiction)
-        self._solver: Solver | None = solver
+        self.solver = solver
         self._integrations: dict[tuple[int, bool], Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
+        self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
-        for of_another_solver in ("doubts", "noise", "_kinks", "_other"):
+        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
@@ -212,7 +220,7 @@ class DAESimulator:
         if self.dae.impacts is not None or self._contradiction or self._stateless:
             return self.tighter()
         joints = None if self.coordinates == "joint" else self._spare
-        other = self._with(_joints=joints, times=times, _reason="")
+        other = self._with(_joints=joints, times=times, reason="")
         other._use(solver := another(self.solver, finest))
         if isinstance(solver, CVODES):
             other._integrations[0, False] = solver.independent_integration(other.formulation.dae, times, finest)
@@ -236,7 +244,8 @@ class DAESimulator:
     @cached_property
     def theory(self) -> LinearTheory:
         """That of flexible bodies."""
-        return LinearTheory(self._flexible, lambda: self._other if self.compiled else self)
+        scene = self.scene if self._is_flexible else None
+        return LinearTheory(scene, lambda: self._other if self.compiled else self)
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -250,13 +259,26 @@ class DAESimulator:
         steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
         return np.maximum(steps, self.two_ways(p).error.max(axis=0, initial=0.0))
 
+    def single(self) -> tuple[Integration, Array, Indices]:
+        """The integration of one run with its work, its times (m,), and where the output times stand among them.
+
+        The times are close together where this leaves the steps as they are.
+        """
+        if not self._single:
+            dae, fine, outputs = self.formulation.dae, self.times, np.arange(len(self.times))
+            if self.solver.has_dense_output(dae):
+                fine, outputs = refined(self.times)
+            work = dae.power is not None or dae.impacts is not None
+            self._single.append((self.solver.integration(dae, fine, work=work), fine, outputs))
+        return self._single[0]
+
     def integration(self, order: int = 0, work: bool = False) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
         solver, key = self.solver, (order, work)
         if key not in self._integrations:
             begin = time.perf_counter()
             self._integrations[key] = solver.integration(self.formulation.dae, self.times, order=order, work=work)
-            self._seconds += time.perf_counter() - begin
+            self.setup_seconds += time.perf_counter() - begin
         return self._integrations[key]
 
     def engine(self, order: int = 0) -> AnyEngine:
@@ -267,7 +289,7 @@ class DAESimulator:
             y = jet_outputs(self.formulation.y, order) if order else self.formulation.y
             start = None if order else self.formulation.start
             self._engines[order] = solver.engine(self.formulation.dae, self.times, y, order=order, start=start)
-            self._seconds += time.perf_counter() - begin
+            self.setup_seconds += time.perf_counter() - begin
         return self._engines[order]
 
     def run(self, P: Array) -> Samples:
@@ -312,17 +334,14 @@ class DAESimulator:
                 raise SimulationError(f"{self!r}: derivatives break down at {failure}{near}.")
             return Y
 
-    @cached_property
-    def _kinks(self) -> Kinks | None:
-        return kinks(self.formulation.dae, self.times)
-
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
         with LOCK:
-            if self._kinks is None or not self._kinks.spoil_derivatives:
+            kinks = self.formulation.kinks(self.times)
+            if kinks is None or not kinks.spoil_derivatives:
                 return None
-            first = first_kink(self._kinks, self.formulation, self.integration(), np.asarray(p0, float), self.times)
-            return None if np.isnan(first) else (first, str(self._kinks))
+            first = first_kink(kinks, self.formulation, self.integration(), np.asarray(p0, float), self.times)
+            return None if np.isnan(first) else (first, str(kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """All samples in parallel with a fixed step: (i, Y_i (N, n_y)) for every output time.

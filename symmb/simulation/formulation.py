@@ -1,7 +1,8 @@
 """The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -9,11 +10,14 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
 from symmb._types import Array
+from symmb.events import Kinks, Pulses, kinks
 from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch
+
+T = TypeVar("T")
 
 _STAGE = 8
 """Operations of a stage of an explicit step for each state: sums of slopes."""
@@ -33,6 +37,7 @@ class Formulation:
     y : (x, p, t) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
+    memory : dict              what was derived from the equations, whatever the nominal parameters
     """
 
     dae: DAE
@@ -40,10 +45,25 @@ class Formulation:
     y: ca.Function
     bodies: "InBodies | None" = None
     why: str = ""
+    memory: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def around(self, p: Array) -> "Formulation":
         """The same for runs with parameters p (n_p,)."""
         return replace(self, dae=replace(self.dae, p_nominal=p))
+
+    def kinks(self, times: Array) -> Kinks | None:
+        """Kinks and jumps over the output times (n_t,), if there are any."""
+        return self._remembered(kinks, times)
+
+    def pulses(self, times: Array) -> Pulses:
+        """Pulses of laws of time over the output times (n_t,)."""
+        return self._remembered(Pulses, times)
+
+    def _remembered(self, derive: Callable[[DAE, Array], T], times: Array) -> T:
+        key = derive, times.tobytes()
+        if key not in self.memory:
+            self.memory[key] = derive(self.dae, times)
+        return self.memory[key]
 
     def singularity(self, X: Array, p: Array, times: Array) -> Singularity | None:
         """The position of the bodies closest to a singular one among states X (m, n_x), if one is close."""
@@ -100,15 +120,21 @@ class Formulations(NamedTuple):
     free: Formulation | None
 
 
-@kept_interrupts()
 def formulations(scene: Scene) -> Formulations:
-    """A scene in coordinates of its bodies and, as far as it has them, in others.
+    """A scene in coordinates of its bodies and, as far as it has them, in others. The scene remembers them.
 
     Raises
     ------
     AssemblyError              if the scene cannot be started
     DeclarationError           if the scene asks for coordinates of joints that it cannot have
     """
+    if formulations not in scene.memory:
+        with kept_interrupts():
+            scene.memory[formulations] = _formulations(scene)
+    return scene.memory[formulations]
+
+
+def _formulations(scene: Scene) -> Formulations:
     bodies = _in_bodies(scene)
     free = bodies if not bodies.dae.n_r else None
     if scene.coordinates == "body":

@@ -8,11 +8,12 @@ import numpy as np
 
 from symmb._interrupts import carry, runs_of
 from symmb._types import Array
-from symmb.integrate import Run, Solver, refined, stiffness
+from symmb.integrate import Run, Solver, stiffness
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.examination import Examination, work_of
 from symmb.simulation.solver_choice import MANY, Pilot
+from symmb.simulation.subject import prepare, prepare_equations
 from symmb.simulation.trajectory import Trajectory
 
 POSITION_DRIFT, ENERGY_DRIFT, SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
@@ -28,35 +29,38 @@ class PilotRuns:
     Attributes
     ----------
     simulator : DAESimulator
-    solver, reason              the given or the required solver, and the reason; None if it is to be chosen
+    solver, reason              those that were prepared; None if a solver is to be chosen here, for one run
     p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
     start_fault : str           why the scene cannot start; empty if it can
     where : str                 the parameters for a message; empty if there are none
     done : dict                 solver -> its run and trajectory
     """
 
-    def __init__(self, scene: Scene, parameters: Mapping[str, float], solver: Solver | None) -> None:
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], prepared: DAESimulator | None) -> None:
         begin = time.perf_counter()
         self.scene, self.parameters = scene, dict(parameters)
         self.p = np.array(list(parameters.values()))
-        self.simulator = DAESimulator(scene, solver).cautious().around(self.p)
-        is_free = solver is None and self.simulator.dae.impacts is None
-        self.solver, self.reason = (None, "") if is_free else (self.simulator.solver, self.simulator.reason)
+        self.simulator = self._at(prepared or prepare_equations(scene))
+        self.solver, self.reason = (prepared.solver, prepared.reason) if prepared else (None, "")
         self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
         text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
         self.where = f" ({text})" if text else ""
         self.done: dict[Solver, tuple[Run, Trajectory]] = {}
         self._setup = time.perf_counter() - begin
 
+    def _at(self, simulator: DAESimulator) -> DAESimulator:
+        """For runs that are judged, with the parameters of the run."""
+        return simulator.cautious().around(self.p)
+
     def run(self, solver: Solver) -> Pilot:
         """Run by a solver, and keep the trajectory."""
         begin = time.perf_counter()
-        simulator = self.simulator.solved_by(solver)
+        is_own = solver == self.simulator.solver
+        simulator = self.simulator if is_own else self._at(prepare(self.scene, solver))
         form, times = simulator.formulation, simulator.times
-        dae, x0 = form.dae, self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
-        is_close = solver.has_dense_output(dae)
-        fine, outputs = refined(times) if is_close else (times, np.arange(len(times)))
-        integration = solver.integration(dae, fine, work=dae.power is not None or dae.impacts is not None)
+        x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
+        integration, fine, outputs = simulator.single()
+        is_close = solver.has_dense_output(form.dae)
         built = time.perf_counter()
         try:
             run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)

@@ -11,20 +11,21 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
-from symmb.events import Kinks, kinks
+from symmb.events import Kinks
 from symmb.integrate import Solver, SwitchPasses
 from symmb.model import Scene, compile_dae
+from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.pilot_runs import PilotRuns
 from symmb.simulation.run_quality import unreached
 from symmb.simulation.solver_choice import choose, for_one_run
-from symmb.simulation.subject import require_scene, require_solver
+from symmb.simulation.subject import prepare, require_own, require_solver, scene_of
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
 
 
 def simulate(
-    scene: Scene,
+    scene: Scene | DAESimulator,
     solver: Solver | None = None,
     parameters: Mapping[str, float] | None = None,
     *,
@@ -36,7 +37,7 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene              or one of `prepare`, which has a solver
     solver : Solver            default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes;
                                CVODES with AugmentedLagrangian() if these fail; EventDriven() with impacts.
                                `trajectory.reason` gives the reason
@@ -65,23 +66,29 @@ def simulate(
     >>> float(traj["ball.y"][-1].round(6)), float(traj(ball.x)[-1])
     (-4.905, 2.0)
     """
-    require_scene(scene)
+    own = scene_of(scene)
     require_solver(solver)
     require_truth("simulate", "check", check)
+    if isinstance(scene, DAESimulator):
+        require_own(scene, solver, times, outputs)
     if times is not None:
-        scene = scene.with_times(times)
+        own = own.with_times(times)
     if outputs is not None:
-        scene = scene.with_outputs(outputs)
-    values = parameter_values(scene, {} if parameters is None else parameters)
+        own = own.with_outputs(outputs)
+    values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts():
-        solver, trajectory = _simulated(scene, solver, values, check)
-    warn_of(trajectory.doubts, f"{scene.name} by {solver!r}")
+        if isinstance(scene, DAESimulator):
+            prepared: DAESimulator | None = scene
+        else:
+            has_solver = solver is not None or bool(own.system.collected.impacts)
+            prepared = prepare(own, solver) if has_solver else None
+        solver, trajectory = _simulated(PilotRuns(own, values, prepared), check)
+    warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
 
 
-def _simulated(scene: Scene, solver: Solver | None, values: dict[str, float], check: bool) -> tuple[Solver, Trajectory]:
+def _simulated(runs: PilotRuns, check: bool) -> tuple[Solver, Trajectory]:
     """The solver that was chosen, and its run with all that is told about it."""
-    runs = PilotRuns(scene, values, solver)
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
         fault = f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}. {_start_fault(runs)}"
@@ -92,12 +99,12 @@ def _simulated(scene: Scene, solver: Solver | None, values: dict[str, float], ch
     else:
         stiff, ends = runs.starts_stiff, runs.simulator.dae.sampling is not None
         solver, reason = choose(
-            for_one_run(stiff, ends or kinks(runs.simulator.dae, runs.simulator.times) is not None), runs.judge
+            for_one_run(stiff, ends or runs.simulator.bodies.kinks(runs.simulator.times) is not None), runs.judge
         )
         reason = f"something dies away too fast for explicit steps; {reason}" if stiff else reason
         reason = "; ".join(filter(None, (reason, runs.simulator.solved_by(solver).formulation.why)))
     run, trajectory = runs.done[solver]
-    switches = kinks(runs.simulator.dae, runs.simulator.times)
+    switches = runs.simulator.bodies.kinks(runs.simulator.times)
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination

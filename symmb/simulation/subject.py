@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
-from symmb.integrate import Solver
+from symmb.integrate import CVODES, Solver
 from symmb.model import Box, Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.simulator import Simulator
@@ -39,22 +39,76 @@ def simulator_of(
             subject = subject.with_times(times)
         if outputs is not None:
             subject = subject.with_outputs(outputs)
-        simulator: Simulator = DAESimulator(subject, solver)
+        simulator: Simulator = prepare(subject, solver)
     elif not hasattr(subject, "outputs"):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
-    elif solver is not None or times is not None or outputs is not None:
-        raise DeclarationError(f"{subject!r} has its own solver, times and outputs; only a Scene takes others.")
     else:
+        require_own(subject, solver, times, outputs)
         simulator = subject
     return simulator, box
 
 
-def require_scene(scene: object) -> None:
-    """DeclarationError unless it is a Scene."""
-    if hasattr(scene, "stream"):
-        raise DeclarationError(f"{scene!r} is a simulator. It runs samples P (N, d) of its parameters by run(P).")
-    if not isinstance(scene, Scene):
-        raise DeclarationError(f"Expected a Scene, got {type(scene).__name__}. {_SCENE}")
+def require_own(subject: object, solver: object, times: object, outputs: object) -> None:
+    """DeclarationError if a simulator is given options that only a scene takes."""
+    if solver is not None or times is not None or outputs is not None:
+        raise DeclarationError(f"{subject!r} has its own solver, times and outputs; only a Scene takes others.")
+
+
+def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
+    """What runs of a scene share: equations, start, and solver. The scene remembers it.
+
+    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way, and take what is
+    prepared in the place of a scene. So nothing is derived, chosen or compiled twice.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : Solver, optional      default: pilot runs choose one for many runs, mostly DormandPrince()
+
+    Returns
+    -------
+    DAESimulator                   `formulation`, `solver` and `reason` tell what was chosen, `doubts` what is doubtful
+                                   about the run at the nominal parameters
+
+    Raises
+    ------
+    DeclarationError               if the solver cannot run the scene
+    AssemblyError                  if the scene cannot be started
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), start={"ball.vx": 2.0}, times=[0.0, 1.0])
+    >>> prepared = mb.prepare(fall)
+    >>> prepared.solver, prepared is mb.prepare(fall), float(mb.simulate(prepared)["ball.y"][-1].round(6))
+    (DormandPrince(), True, -4.905)
+    """
+    scene = scene_of(scene)
+    require_solver(solver)
+    if (simulator := scene.memory.get(solver)) is None:
+        simulator = scene.memory[solver] = DAESimulator(scene, solver)
+    return simulator
+
+
+def prepare_equations(scene: Scene) -> DAESimulator:
+    """A scene prepared for those who integrate nothing, or choose the solver themselves: no pilot run is made."""
+    return prepare(scene, None if scene.system.collected.impacts else CVODES())
+
+
+def scene_of(subject: Scene | DAESimulator) -> Scene:
+    """A Scene, or the one that was prepared.
+
+    Raises
+    ------
+    DeclarationError       if it is something else
+    """
+    scene = subject.scene if isinstance(subject, DAESimulator) else subject
+    if isinstance(scene, Scene):
+        return scene
+    if hasattr(subject, "stream"):
+        raise DeclarationError(f"{subject!r} is a simulator. It runs samples P (N, d) of its parameters by run(P).")
+    raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")
 
 
 def require_solver(solver: object) -> None:

@@ -20,13 +20,14 @@ from symmb._names import did_you_mean
 from symmb._options import require_instance
 from symmb._table import aligned
 from symmb._types import Array, Expr
-from symmb.events import Event, event_doubts, longest_step
+from symmb.events import Event, event_doubts
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.examination import Examination, drift, energy
 from symmb.simulation.linear_theory import linear_theory_doubts
 from symmb.simulation.outputs import output_function
 from symmb.simulation.run_quality import drift_doubts, pulse_doubts, unexplained
+from symmb.simulation.subject import prepare_equations
 from symmb.simulation.trajectory_file import PLAIN, Drift, Energy, labelled, of_record, of_table
 from symmb.simulation.trajectory_text import doubt_lines, event_lines, extremes, pulse_lines, start_lines
 from symmb.start import Singularity
@@ -138,13 +139,16 @@ class Trajectory(Result):
     @cached_property
     def values(self) -> Array:
         """Outputs, (n_t, n_y)."""
-        return self._along(self._model[0].y)
+        return self._of(self._model[1].y)
 
     def _along(self, y: ca.SX) -> Array:
-        if not y.numel():
-            return np.zeros((len(self.t), 0))
         scene, simulator = self._model
-        f = output_function(simulator.dae, scene, y)
+        return self._of(output_function(simulator.dae, scene, y))
+
+    def _of(self, f: ca.Function) -> Array:
+        """Values of a Function (x, p, t) along the run, (n_t, n)."""
+        if not f.numel_out(0):
+            return np.zeros((len(self.t), 0))
         return batch(f, self.x, self._p, self.t[:, None])[0].reshape(len(self.t), -1)
 
     def __call__(self, expression: Expr) -> Array:
@@ -235,7 +239,7 @@ class Trajectory(Result):
             *self.run_doubts,
             *drift_doubts(position, energy, is_singular, self._rtol, simulator.dae.Phi_t is not None),
             *linear_theory_doubts(self._model[0], simulator.dae, self.x, self._p, self.t),
-            *pulse_doubts(longest_step(simulator.dae, self.t), simulator.solver.step_taken(self.t)),
+            *pulse_doubts(simulator.longest_step, simulator.solver.step_taken(self.t)),
         ]
         return tuple(doubts)
 
@@ -264,7 +268,7 @@ class Trajectory(Result):
                 *([f"  solver      chosen: {self.reason}"] if self.reason else []),
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
                 *start_lines(self.statistics["start"]),
-                *pulse_lines(longest_step(dae, self.t), self._rtol),
+                *pulse_lines(self._model[1].longest_step, self._rtol),
                 *event_lines(self.events),
                 *([f"  drift       {drifts}"] if self.x.shape[1] else []),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
@@ -305,7 +309,7 @@ class Trajectory(Result):
             return run
         require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
         scene = scene.with_times(run.t)
-        simulator = DAESimulator(scene)
+        simulator = prepare_equations(scene)
         dae = simulator.start.dae
         if run.state_names != (dae.q_names, dae.v_names, dae.s_names) or list(run.parameters) != list(dae.p_names):
             raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")

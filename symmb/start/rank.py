@@ -261,12 +261,32 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     )
     scale = np.linalg.norm(G, axis=2, keepdims=True)
     G /= np.where(scale > 0, scale, 1.0)
-    sigma = np.linalg.svd(G, compute_uv=False)
-    ratios = sigma[:, dae.rank - 1] / sigma[:, 0]
-    k = int(np.argmin(ratios))
-    if not ratios[k] < NEARLY_SINGULAR:
+    k, ratio = _closest(G, dae.rank)
+    if not ratio < NEARLY_SINGULAR:
         return None
     least = np.linalg.svd(G[k], full_matrices=False)[0][:, dae.rank - 1]
     shares = {name: float(np.abs(least[where]).max()) for name, where in dae.rows.items()}
     names = tuple(name for name, share in shares.items() if share > _BLAMED)
-    return Singularity(float(times[k]), float(ratios[k]), names)
+    return Singularity(float(times[k]), ratio, names)
+
+
+def _closest(G: Array, rank: int) -> tuple[int, float]:
+    """Which of the matrices G (m, n_r, n_v) along a motion has the smallest ratio of extreme singular values, and this.
+
+    Singular values change by no more than the matrix does (Weyl). So a matrix between two whose ratios are known is
+    left out where it cannot have a ratio below that of a singular position, and below the smallest one so far.
+    """
+    change = np.abs(np.diff(G, axis=0))
+    norms = np.sqrt(change.sum(axis=1).max(axis=1, initial=0.0) * change.sum(axis=2).max(axis=1, initial=0.0))
+    travel = np.append(0.0, np.cumsum(norms))  # of spectral norms, which the sums of columns and rows bound
+    extremes, asked = np.full((len(G), 2), np.nan), np.unique([0, len(G) - 1])
+    while len(asked):
+        extremes[asked] = np.linalg.svd(G[asked], compute_uv=False)[:, [rank - 1, 0]]
+        known = np.flatnonzero(np.isfinite(extremes[:, 0]))
+        distance, (least, largest) = np.diff(travel[known]), (extremes[known[:-1]] + extremes[known[1:]]).T / 2
+        may_be_closer = least - distance / 2 < NEARLY_SINGULAR * (largest + distance / 2)
+        between = may_be_closer & (np.diff(known) > 1)
+        asked = (known[:-1][between] + known[1:][between]) // 2
+    ratios = extremes[:, 0] / extremes[:, 1]
+    k = int(np.nanargmin(ratios))
+    return k, float(ratios[k])

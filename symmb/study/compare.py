@@ -71,6 +71,7 @@ def compare(
         simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
         if isinstance(simulator, DAESimulator):
+            simulator.prepare()
             about |= {
                 "tighter": simulator.tighter(),
                 "scene": simulator.name,

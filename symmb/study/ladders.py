@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from symmb.integrate import CVODES, NSTIFFSI2, SOLVERS, DormandPrince, Rosenbrock, Solver, StabilizedIndex2, stiffness
 from symmb.model import Scene
-from symmb.simulation import DAESimulator
+from symmb.simulation import prepare_equations
 
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 """Relative tolerances that are tried: coarse, usual and fine."""
@@ -70,7 +70,7 @@ def finer_steps(scene: Scene, longest: float) -> Ladder:
 
 def start_rate(scene: Scene) -> float:
     """Rate of the fastest motion of the equations linearised at the start [rad/s, 1/s]."""
-    simulator = DAESimulator(scene, CVODES())
+    simulator = prepare_equations(scene)
     p = simulator.dae.p_nominal
     states, _ = simulator.start.states(p[None])
     return stiffness(simulator.dae, states, p, simulator.times[:1]).rate

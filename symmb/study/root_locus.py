@@ -18,7 +18,7 @@ from symmb._types import Array
 from symmb.bounds import Method, PolynomialChaos, parameter_samples, propagate
 from symmb.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.model import Box, Scene
-from symmb.simulation import require_scene
+from symmb.simulation import scene_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -226,7 +226,7 @@ def root_locus(
     >>> locus.bands["zeta"][1][:, 0].round(6)
     array([0.  , 0.25, 0.5 ])
     """
-    require_scene(scene)
+    scene = scene_of(scene)
     lower, upper = require_range("root_locus", scene, parameter, range)
     count = whole("root_locus", "count", count, 2, MOST_VALUES)
     box = _others(scene, parameter, box)

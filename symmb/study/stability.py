@@ -18,9 +18,9 @@ from symmb._options import is_finite_number
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.integrate import CVODES, Stiffness, stiffness
+from symmb.integrate import Stiffness, stiffness
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, require_scene
+from symmb.simulation import prepare, prepare_equations, scene_of
 from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
 from symmb.study.standard import Standard, standard_of
@@ -221,7 +221,7 @@ def stability(
     SimulationError            if there is nothing to integrate, there are impacts, or no solver finishes
     KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
-    require_scene(scene)
+    scene = scene_of(scene)
     if not is_finite_number(seconds) or not seconds > 0:
         raise DeclarationError(f"stability: seconds must be above 0, got {seconds!r}.")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
@@ -261,7 +261,7 @@ class _Study:
         self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
         if scene.system.collected.impacts:
             raise SimulationError(f"{scene.name} has impacts, which only EventDriven() locates: no solvers to compare.")
-        self._simulator = DAESimulator(scene, CVODES())
+        self._simulator = prepare_equations(scene)
         if len(scene.times) < 2 or not self._simulator.dae.n_v:
             raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
         self.whole, self.scene, self.done, self._order = scene, scene.with_times(self.times), [], []
@@ -335,7 +335,7 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     """Numbers of corners of wider boxes that fail, and of all corners."""
     if scene.box is None or len(scene.box) > 8:
         return {}
-    simulator, failures = DAESimulator(scene), {}
+    simulator, failures = prepare(scene), {}
     order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
     for width in _WIDTHS:
         box = Box.around(scene.system.parameters, width, scene.box.names)
