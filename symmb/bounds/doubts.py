@@ -87,7 +87,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     d = len(box)
     unit = np.random.default_rng(0).choice([-1.0, 1.0], (_CORNERS, d)) if 2**d > _CORNERS else grid(_ENDS, d)
     P = np.vstack([simulator.dae.p_nominal, parameter_samples(simulator, box, unit)])
-    usual, *others = simulator.bodies.pulses(simulator.times)(P).tolist()
+    usual, *others = simulator.formulation.pulses(simulator.times)(P).tolist()
     k = int(np.argmin(others))
     if others[k] > min(usual / 2, _LONG * float(np.ptp(simulator.times))):
         return ()

@@ -28,6 +28,7 @@ from symmb.codegen import cache
 from symmb.drawing import FORMATS
 from symmb.files import save_json
 from symmb.plot import PICTURES
+from symmb.simulation import prepare_equations
 
 _DOUBTFUL = 3
 """Exit status of a command whose result cannot be trusted."""

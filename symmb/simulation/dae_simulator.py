@@ -68,7 +68,6 @@ class DAESimulator:
     setup_seconds : float          time for deriving, compiling and starting so far [s]
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     bodies : Formulation           in coordinates of the bodies
-    longest_step : float           a step shorter than every pulse of a law of time at the nominal parameters [s]
     unconstrained : Formulation    equations, start and outputs in coordinates that no row of constraints binds, or None
     """
 
@@ -83,7 +82,6 @@ class DAESimulator:
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads, self._stateless = cores(), self.y.numel_in(0) == 0
-        self.longest_step = float(self.bodies.pulses(self.times)(self.dae.p_nominal[None])[0])
         self._is_flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
         self.setup_seconds, reason = 0.0, ""
         if solver is None and self.dae.impacts is not None:
@@ -133,7 +131,7 @@ class DAESimulator:
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
         bodies, joints, spare = (form and form.around(p) for form in (self.bodies, self._joints, self._spare))
         copy = self._with(bodies=bodies, dae=bodies and bodies.dae, _joints=joints, _spare=spare)
-        copy.longest_step = float(self.bodies.pulses(self.times)(p[None])[0])
+        copy.longest_step = float(self.formulation.pulses(self.times)(p[None])[0])
         if copy.longest_step != self.longest_step:
             copy._use(self.solver)  # what is compiled follows other pulses
         return copy
@@ -146,6 +144,11 @@ class DAESimulator:
     def cautious(self) -> "DAESimulator":
         """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
         return self if self._joints is None or not self._joints.why or not self._joints.dae.n_c else self._in_bodies
+
+    @cached_property
+    def longest_step(self) -> float:
+        """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses."""
+        return float(self.formulation.pulses(self.times)(self.dae.p_nominal[None])[0])
 
     @cached_property
     def _in_bodies(self) -> "DAESimulator":
@@ -196,7 +199,7 @@ class DAESimulator:
         self._engines: dict[int, AnyEngine] = {}
         self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
-        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies"):
+        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies", "longest_step"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
