@@ -99,7 +99,13 @@ class DAESimulator:
         self.prepare()
         state = {name: value for name, value in self.__dict__.items() if name not in ("_other", "theory")}
         scene = self.scene if self._is_flexible else None  # nothing else of a study asks for it
-        return {**state, "scene": scene, "_ways": {}, "_single": [], "threads": 1}  # a copy is one of many that run in parallel
+        return {
+            **state,
+            "scene": scene,
+            "_ways": {},
+            "_single": [],
+            "threads": 1,
+        }  # a copy is one of many that run in parallel
 
     def _choose(self) -> str:
         """Choose the solver by pilot runs, and keep what the pilot compiled in the same coordinates; the reason."""

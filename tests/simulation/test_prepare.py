@@ -1,0 +1,122 @@
+"""What is prepared once: a scene remembers its equations, its solvers, and what was compiled for them."""
+
+import gc
+import importlib
+import pickle
+import weakref
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+import symmb as mb
+from symmb.simulation import formulation
+
+
+def rod(length=1.0):
+    p = mb.Parameters(length=length, stiffness=40.0)
+    ground = mb.Ground()
+    body = mb.Body("rod", mass=p.length, inertia=p.length**3 / 12, pose=mb.Planar())
+    hinge = mb.Revolute("hinge", ground.point(0, 0), body.point(-p.length / 2, 0))
+    spring = mb.Spring("spring", ground.point(1, 1), body.point(p.length / 2, 0), p.stiffness, length=0.8)
+    system = mb.System(body, hinge, spring, mb.Gravity(0, -9.81), parameters=p)
+    box = mb.Box(length=(0.98, 1.02), stiffness=(36, 44))
+    return mb.Scene(system, {"rod.theta": 0.0}, np.linspace(0, 1, 21), {"y": body.y}, box=box, name="rod")
+
+
+@pytest.fixture
+def derivations(monkeypatch):
+    """Names of the scenes whose equations are derived, in order."""
+    names, derive = [], formulation._formulations
+    monkeypatch.setattr(formulation, "_formulations", lambda scene: names.append(scene.name) or derive(scene))
+    return names
+
+
+def test_equations_are_derived_once_whatever_is_asked(derivations):
+    scene = rod()
+    mb.simulate(scene)
+    mb.simulate(scene, mb.IDAS(), {"length": 1.01}, check=True)
+    mb.propagate(scene, mb.Vertex())
+    mb.propagate(scene, mb.PolynomialChaos())
+    mb.compare(scene, [mb.Vertex(), mb.Taylor(2)])
+    repr(mb.DAESimulator(scene))
+    assert derivations == ["rod"]
+
+
+def test_prepared_scenes_are_taken_in_the_place_of_scenes(derivations, tmp_path):
+    prepared = mb.prepare(rod(), mb.DormandPrince(rtol=1e-9))
+    assert prepared is mb.prepare(prepared.scene, mb.DormandPrince(rtol=1e-9))
+    run = mb.simulate(prepared, parameters={"length": 1.02})
+    assert run.solver == "DormandPrince(rtol=1e-09)"
+    assert_array_equal(run.values, mb.simulate(rod(), prepared.solver, {"length": 1.02}).values)
+    assert mb.propagate(prepared, mb.Vertex()).evaluations == 4
+    with pytest.warns(mb.SymmbWarning, match="neither an equilibrium nor a steady motion"):
+        assert mb.linearize(prepared).frequencies.size
+    mb.view(prepared, tmp_path / "rod.svg")
+    for options in ({"solver": mb.CVODES()}, {"times": [0.0, 1.0]}, {"outputs": {}}):
+        with pytest.raises(mb.DeclarationError, match="has its own solver, times and outputs"):
+            mb.simulate(prepared, **options)
+
+
+@pytest.mark.parametrize("solver", [None, mb.CVODES(), mb.DormandPrince(), mb.Rosenbrock()], ids=repr)
+def test_a_second_run_derives_and_compiles_nothing(solver, monkeypatch):
+    scene = rod()
+    first = mb.simulate(scene, solver, {"length": 1.01})
+
+    def made(*arguments):
+        raise AssertionError(f"{arguments[1:2]} is made anew")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ca.Function, "__init__", made)
+        other = mb.simulate(scene, solver, {"stiffness": 41.0})
+        again = mb.simulate(scene, solver, {"length": 1.01})
+    assert_array_equal(again.x, first.x)
+    assert again.reason == first.reason
+    assert_array_equal(other.x, mb.simulate(rod(), solver, {"stiffness": 41.0}).x)  # whatever ran before
+
+
+def test_runs_with_other_pulses_take_other_steps():
+    p = mb.Parameters(width=0.5)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    pulse = ca.exp(-(((mb.t - 0.5) / p.width) ** 2)) / (np.sqrt(np.pi) * p.width)
+    system = mb.System(ball, mb.Force("push", ball.point(0, 0), (pulse, 0)), parameters=p)
+    scene = mb.Scene(system, times=[0.0, 100.0], outputs={"v": ball.vx})
+    for solver in (mb.DormandPrince(), mb.CVODES()):
+        assert mb.simulate(scene, solver)["v"][-1] == pytest.approx(0.921350, abs=1e-5)  # (1 + erf(1)) / 2
+        assert mb.simulate(scene, solver, {"width": 0.1})["v"][-1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_solvers_are_chosen_when_a_simulator_is_made(monkeypatch):
+    simulator = mb.DAESimulator(rod())
+    monkeypatch.setattr(mb.DAESimulator, "run", lambda *_: pytest.fail("a run is made"))
+    assert repr(simulator) == "DAESimulator('rod', DormandPrince())"
+    assert simulator.solver == mb.DormandPrince() and "steps in a pilot run" in simulator.reason
+    assert simulator.setup_seconds > 0
+
+
+def test_nothing_keeps_a_scene_alive_that_was_prepared():
+    scene = rod()
+    mb.simulate(scene)
+    mb.propagate(scene, mb.Vertex())
+    known = weakref.ref(scene)
+    del scene
+    gc.collect()
+    assert known() is None
+
+
+def test_copies_and_pickles_of_scenes_remember_nothing():
+    scene = rod()
+    simulator = mb.prepare(scene)
+    assert not pickle.loads(pickle.dumps(scene)).memory and not scene.with_times([0.0, 1.0]).memory
+    copy = pickle.loads(pickle.dumps(simulator))
+    P = np.array([[1.01, 38.0]])
+    assert_array_equal(copy.run(P).Y, simulator.run(P).Y)
+
+
+@pytest.mark.parametrize("model", ["four_bar", "half_car", "six_axis_arm", "stick_slip"])
+def test_models_run_again_with_what_was_prepared(model, monkeypatch):
+    scene = importlib.import_module(f"models.{model}").scene()
+    first = mb.simulate(scene)
+    monkeypatch.setattr(ca.Function, "__init__", lambda *_: pytest.fail("a Function is made anew"))
+    assert_array_equal(mb.simulate(scene).x, first.x)
