@@ -91,7 +91,7 @@ def _simulated(runs: PilotRuns, check: bool) -> tuple[Solver, Trajectory]:
     """The solver that was chosen, and its run with all that is told about it."""
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
-        fault = f"{scene.name} does not start at {begin}{runs.where}: {runs.start_fault}. {_start_fault(runs)}"
+        fault = f"{runs.scene.name} does not start at {begin}{runs.where}: {runs.start_fault}. {_start_fault(runs)}"
         raise SimulationError(fault.rstrip())
     if runs.solver is not None:
         solver, reason = runs.solver, runs.reason

@@ -259,7 +259,6 @@ class Trajectory(Result):
 
     @cached_property
     def _text(self) -> str:
-        dae = self._model[1].dae
         energy = "nothing moves" if math.isnan(self.energy_drift) else f"energy {self.energy_drift:.1e}"
         drifts = f"position {self.position_drift:.1e}, velocity {self.velocity_drift:.1e}, {energy}"
         return "\n".join(
