@@ -1,12 +1,17 @@
 """The parts of an expression that depend on time alone, where expressions have kinks or jumps, and their branches."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
+from typing import Generic, NamedTuple, TypeVar
 
 import casadi as ca
 
 from symmb.symbolic.instructions import interpret
+
+T = TypeVar("T")
 
 _GUARD = 1e-20
 """Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
@@ -59,6 +64,9 @@ _LEVELS = (-40.0, -10.0, -1.0, 1.0, 10.0, 40.0)
 """Arguments where fronts begin, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions only touch.
 
 A motion may turn back on either flank: a step that begins far from it may end behind both passes of it."""
+_STEEP = 8
+"""Exponent from which on a power is a front, too: it halves within 9 % of its largest base, and is flat near 0.
+Steps are longer than a pulse of cos(angle)**50."""
 _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 """Operations that are not defined for negative numbers, powers unless their exponent is whole."""
 
@@ -139,7 +147,7 @@ class Branches:
     times : (k,) SX          what changes sign at kinks, jumps and fronts that depend on time, and perhaps parameters,
                              alone
     fronts : (l,) SX         what changes sign at smooth fronts that depend on the state
-    exponents : (e,) SX      their rates change sign at smooth fronts as well
+    exponents : (e,) SX      and of powers the bases: their rates change sign at smooth fronts as well
     """
 
     outputs: list[ca.SX]
@@ -150,9 +158,49 @@ class Branches:
     exponents: ca.SX
 
 
+@lru_cache(maxsize=256)
 def has_kinks(f: ca.Function) -> bool:
     """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
-    return any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
+    return any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions())) or _has_steep_power(f)
+
+
+def _has_steep_power(f: ca.Function) -> bool:
+    known: dict[int, _Power[int]] = {}  # of what stands in a place of the work vector
+    constants: dict[int, float] = {}
+    for k in range(f.n_instructions()):
+        code, places, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if code == ca.OP_OUTPUT:
+            continue
+        of = [known.get(i, _Power(-1, 1.0)) for i in places] if code in _POWERS else []
+        power = _power(code, of, constants.get(places[-1])) if of else None
+        if power is not None and power.exponent >= _STEEP:
+            return True
+        known[results[0]] = power or _Power(k, 1.0)
+        constants.pop(results[0], None)
+        if code == ca.OP_CONST:
+            constants[results[0]] = f.instruction_constant(k)
+    return False
+
+
+class _Power(NamedTuple, Generic[T]):
+    """A power of something, which `base` identifies."""
+
+    base: T
+    exponent: float
+
+
+_POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
+"""Operations that make powers: CasADi writes whole ones as squares and products."""
+
+
+def _power(code: int, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
+    """The result of one of these as a power; the exponent of `pow` may be a constant."""
+    base, exponent = of[0]
+    if code == ca.OP_MUL:
+        return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
+    if code == ca.OP_SQ:
+        return _Power(base, 2 * exponent)
+    return _Power(base, math.inf if constant is None else exponent * abs(constant))
 
 
 def with_common_expressions(f: ca.Function) -> ca.Function:
@@ -177,6 +225,8 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     times: dict[tuple[int, float], ca.SX] = {}
     fronts: dict[tuple[int, float], ca.SX] = {}
     exponents: dict[int, ca.SX] = {}
+    powers: dict[int, _Power[int]] = {}  # by the hash of their value, of a value with a hash
+    steepest: dict[int, tuple[ca.SX, float]] = {}
     (t,) = (symbols for symbols, on in inputs if on is On.TIME)
 
     def side(switch: ca.SX) -> ca.SX:
@@ -206,12 +256,24 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
         if code in _POSITIVE and on is On.STATE:
             of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
-        binary = len(of) == 2
-        return _Value(ca.SX.binary(code, *of) if binary else ca.SX.unary(code, of[0]), on)
+        value = ca.SX.binary(code, *of) if len(of) == 2 else ca.SX.unary(code, of[0])
+        if code in _POWERS and on is On.STATE:
+            of_powers = [powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]
+            constant = float(of[-1]) if of[-1].is_constant() else None
+            if (power := _power(code, of_powers, constant)) is not None:
+                powers[value.element_hash()] = power
+                base = steepest[power.base][0] if power.base in steepest else of[0]
+                steepest[power.base] = base, power.exponent
+        return _Value(value, on)
 
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     parts = interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
     outputs = [ca.vertcat(ca.SX(0, 1), *(value.sx for value in part)) for part in parts]
+    for key, (base, exponent) in steepest.items():
+        if exponent >= _STEEP:
+            exponents[key] = base
+            levels = [math.exp(level / exponent) for level in _LEVELS if level < 0 and math.isfinite(exponent)]
+            fronts.update({(key, level): ca.fabs(base) - level for level in levels})
     pairs = list(switches.values())
     return Branches(
         outputs,

@@ -63,10 +63,11 @@ def draw(seed: int) -> Machine:
         "sawtooth": phase,
         "steps": lambda a: ca.ceil(a / period) * 0.1,
         "table": lambda a: mb.Table(knots, [0, 0, 1, 0, 0])(phase(a)),
+        "power": lambda a: ((1 + ca.cos(a - shift)) / 2) ** round(1 / width**2),
         "bump": lambda a: ca.fmax(0, 1 / (1 + (ca.sin((a - shift) / 2) / width) ** 2) - 0.5),
     }
     kind = str(rng.choice(list(laws)))
-    long = turns * (2 * np.pi if kind in ("kick", "cam", "commutator", "valve", "bump") else period)
+    long = turns * (2 * np.pi if kind in ("kick", "cam", "commutator", "valve", "bump", "power") else period)
     growth = 0.0 if of_time or rng.random() < 0.5 else rng.uniform(0.1, 1) * rate**2 / long
     end = (
         long
@@ -121,8 +122,12 @@ def results(machine: Machine) -> dict[str, tuple[float, tuple[str, ...]]]:
     """Speeds at the end for a force of 1 N, and doubts: of runs, and of an ensemble."""
     own, found = scene(machine), {}
     for solver in (None, mb.DormandPrince(), mb.CVODES()):
-        run = mb.simulate(own, solver)
-        found[repr(solver) if solver else "chosen"] = float(run["v"][-1]), run.doubts
+        try:
+            run = mb.simulate(own, solver)
+        except mb.SimulationError as error:
+            found[repr(solver) if solver else "chosen"] = float("nan"), (str(error),)
+        else:
+            found[repr(solver) if solver else "chosen"] = float(run["v"][-1]), run.doubts
     bounds = mb.propagate(own, mb.Scanning(9))
     found["ensemble"] = float(bounds["v"][1][-1] + bounds["v"][0][-1]) / 2, bounds.doubts
     return found
@@ -135,7 +140,7 @@ def main(first: int, count: int) -> None:
         machine = draw(seed)
         exact = closed_form(machine)
         for name, (value, doubts) in results(machine).items():
-            if abs(value - exact) > TOLERANCE * max(abs(exact), 1e-3 * machine.end):
+            if not abs(value - exact) <= TOLERANCE * max(abs(exact), 1e-3 * machine.end):
                 wrong, doubted = wrong + (not doubts), doubted + bool(doubts)
                 print(f"seed {seed}, {machine.kind} of {'time' if machine.rate is None else 'angle'}, {name}: "
                       f"{value:.8g}, exact {exact:.8g}, doubts {doubts}", flush=True)  # fmt: skip

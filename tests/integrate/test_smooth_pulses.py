@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.special import gammaln
 from test_step_ends import ULP, pushed
 
 import symmb as mb
@@ -37,6 +38,19 @@ def test_pulses_of_position_do_their_work(solver, pulse, width):
 @pytest.mark.parametrize("solver", IMPLICIT, ids=repr)
 def test_implicit_solvers_follow_pulses_of_position(solver, pulse, width):
     check_work(solver, pulse, width)
+
+
+@pytest.mark.parametrize("power", [9, 50, 200, 5000])
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.CVODES(), mb.IDAS(), mb.CVODES(stiff=True)], ids=repr)
+def test_powers_of_a_wheel_s_cosine_act_in_each_turn(solver, power):
+    """The mean of cos(x)**2n over a turn is (2n)! / (2**n n!)**2, here for 2n = 2 power."""
+    body, wheel = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("wheel", 1.0, 2.0)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), wheel.point(0, 0))
+    push = mb.Force("push", body.point(0, 0), (((1 + ca.cos(hinge.angle - 2)) / 2) ** power, 0))
+    system = mb.System(body, wheel, hinge, push)
+    scene = mb.Scene(system, {"hinge.angle": 0.3, "hinge.angle_rate": 6.0}, [0.0, 10 * np.pi / 3], {"v": body.vx})
+    mean = np.exp(gammaln(2 * power + 1) - 2 * gammaln(power + 1) - 2 * power * np.log(2))
+    assert_allclose(mb.simulate(scene, solver)["v"][-1], 10 * np.pi / 3 * mean, rtol=2e-6)
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-7])
