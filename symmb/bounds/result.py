@@ -36,7 +36,7 @@ _NAMED_WINDOWS = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bounds(Result):
+class Bounds(Result, files.Saved):
     """Lower and upper bounds of every output at every time.
 
     `print` shows their kind and where they are widest, `plot` draws them, `save` and `load` keep them in a file.
@@ -200,35 +200,13 @@ class Bounds(Result):
             )
         return moments(self.expansion, self.t, self.names)
 
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file with everything, or a .csv table of the bounds and their estimated error.
-
-        Raises
-        ------
-        DeclarationError
-            If the name has another suffix.
-        """
-        files.save(path, self._record(), self._table)
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Bounds":
+        return cls(**attributes_of(record))
 
     @classmethod
-    def load(cls, path: str | Path) -> "Bounds":
-        """Read a file of ``save``. A .csv file lacks ``inner``, failed runs, seconds, expansion, units, box.
-
-        Raises
-        ------
-        DeclarationError
-            If the file is damaged or has other contents.
-        """
-        return files.load(
-            path,
-            "saved Bounds",
-            lambda record: cls(**attributes_of(record)),
-            lambda table: cls(**attributes_of(record_of_table(table))),
-        )
-
-    def to_json(self) -> dict[str, Any]:
-        """The bounds as lists, texts and numbers. Numbers that are not finite are None."""
-        return files.in_json(self._record())
+    def _of_table(cls, table: files.Record) -> "Bounds":
+        return cls(**attributes_of(record_of_table(table)))
 
     def _record(self) -> dict[str, Any]:
         inner_lower, inner_upper = self.inner or (None, None)

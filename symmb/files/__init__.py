@@ -3,3 +3,4 @@
 from symmb.files.formats import Table, in_json, load, require_usual_size, save, save_json
 from symmb.files.record import Record
 from symmb.files.replacement import replacement, require_suffix, told
+from symmb.files.saved import Saved

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,7 +60,7 @@ def _displacement_text(name: str, amplitude: complex) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Linearization:
+class Linearization(files.Saved):
     """Linear equations x' = A x + B u, y = C x + D u of small deviations from a state, and their eigenvalues.
 
     `print` shows the modes, `save` and `load` keep them in a file.
@@ -206,28 +205,6 @@ class Linearization:
         ]
         values = [_pair(value) for value in self.eigenvalues.tolist()]
         return files.in_json(self._record()) | {"eigenvalues": values, "modes": modes, "stability": self.stability}
-
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file. The .json file has the entries of `to_json`.
-
-        Raises
-        ------
-        DeclarationError       if the name has another suffix
-        """
-        if files.require_suffix(path, ".npz", ".json") == ".json":
-            files.save_json(path, self.to_json())
-        else:
-            files.save(path, self._record())
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Linearization":
-        """Read a file of `save`.
-
-        Raises
-        ------
-        DeclarationError       if the file is damaged or has other contents
-        """
-        return files.load(path, "a saved Linearization", cls._of_record)
 
     def _record(self) -> Mapping[str, Any]:
         names = ("A", "B", "C", "D", "states", "inputs", "time", "parameters", "doubts", "shapes", "displacements")

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(Result):
+class Trajectory(Result, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
@@ -276,19 +276,6 @@ class Trajectory(Result):
             ]
         )
 
-    def to_json(self) -> dict[str, Any]:
-        """The run as lists, texts and numbers. Numbers that are not finite are None."""
-        return files.in_json(self._record())
-
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file with outputs, states and multipliers, or a .csv table of times and outputs.
-
-        Raises
-        ------
-        DeclarationError       if the name has another suffix
-        """
-        files.save(path, self._record(), lambda: {"t": self.t} | dict(zip(self.names, self.values.T, strict=True)))
-
     @classmethod
     def load(cls, path: str | Path, scene: Scene | None = None) -> "Trajectory":
         """Read a file of `save`. A .csv file has times and outputs only.
@@ -301,7 +288,7 @@ class Trajectory(Result):
         ------
         DeclarationError       if the file is damaged, has other contents, or is of another scene
         """
-        known, derived = files.load(path, "a saved Trajectory", of_record, of_table)
+        known, derived = files.load(path, "what Trajectory.save writes", of_record, of_table)
         run = cls(scene=None, simulator=None, **known)
         vars(run).update(derived)  # in place of the values that cached properties would compute
         if scene is None:
@@ -329,6 +316,9 @@ class Trajectory(Result):
             "energy": self.energy._asdict(),
             "text": self._text,
         }
+
+    def _table(self) -> files.Table:
+        return {"t": self.t} | dict(zip(self.names, self.values.T, strict=True))
 
     def _labelled(self) -> Labelled:
         return labelled(self._record())

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(Result):
+class Comparison(Result, files.Saved):
     """Bounds of one scene by several methods, measured against one reference.
 
     `print` gives a table, `plot` a picture, `save` the file that `load` reads.
@@ -86,31 +86,8 @@ class Comparison(Result):
             "Sampled bounds are attained, not proved.",
         ]
 
-    def to_json(self) -> dict[str, Any]:
-        """The comparison as lists, texts and numbers. Numbers that are not finite are None."""
-        return files.in_json(self._record())
-
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file.
-
-        Raises
-        ------
-        DeclarationError    if the name has another suffix
-        """
-        files.save(path, self._record())
-
     def _labelled(self) -> Labelled:
         return labelled(self)
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Comparison":
-        """Read a file of `save`.
-
-        Raises
-        ------
-        DeclarationError    if the file is damaged or has other contents
-        """
-        return files.load(path, "a saved Comparison", cls._of_record)
 
     def _record(self) -> dict[str, Any]:
         return {

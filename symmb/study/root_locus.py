@@ -32,7 +32,7 @@ _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "least damping [-]", "at")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RootLocus:
+class RootLocus(files.Saved):
     """Eigenvalues over one parameter. `print` tells its oscillations, `plot` draws them, `save` and `load` keep all.
 
     Attributes
@@ -116,29 +116,6 @@ class RootLocus:
         return plot.plot_root_locus(
             self.values, self.eigenvalues, curves, self.bands, path, parameter=self.parameter, title=self.name, ax=ax
         )
-
-    def to_json(self) -> dict[str, Any]:
-        """The result as lists, texts and numbers. Complex numbers are two arrays, numbers that are not known None."""
-        return files.in_json(self._record())
-
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file.
-
-        Raises
-        ------
-        DeclarationError       if the name has another suffix
-        """
-        files.save(path, self._record())
-
-    @classmethod
-    def load(cls, path: str | Path) -> "RootLocus":
-        """Read a file of `save`.
-
-        Raises
-        ------
-        DeclarationError       if the file is damaged or has other contents
-        """
-        return files.load(path, "a saved RootLocus", cls._of_record)
 
     def _record(self) -> Mapping[str, Any]:
         parts = {"eigenvalues": self.eigenvalues, "modes": self.modes}

@@ -50,7 +50,7 @@ _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stability:
+class Stability(files.Saved):
     """Results of the solvers on a scene. `print` shows them, `plot` draws them, `save` and `load` keep them in a file.
 
     Attributes
@@ -111,29 +111,6 @@ class Stability:
         numbers = [self.errors.get(trial.key, np.nan), *(drift if not trial.reason else [np.nan] * 3), trial.seconds]
         cells = ["–" if np.isnan(number) else f"{number:.1e}" for number in numbers]
         return [trial.family, f"{trial.setting:.1e}", *cells, trial.reason or "finished"]
-
-    def to_json(self) -> dict[str, Any]:
-        """The results as lists, texts and numbers. Numbers that are not known are None."""
-        return files.in_json(self._record())
-
-    def save(self, path: str | Path) -> None:
-        """Write an .npz or .json file. It holds neither outputs nor states of the trials.
-
-        Raises
-        ------
-        DeclarationError    if the name has another suffix
-        """
-        files.save(path, self._record())
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Stability":
-        """Read a file of `save`.
-
-        Raises
-        ------
-        DeclarationError    if the file is damaged or has other contents
-        """
-        return files.load(path, "a saved Stability", cls._of_record)
 
     def _record(self) -> dict[str, Any]:
         errors = [self.errors.get(trial.key) for trial in (*self.trials, *self.stress)]

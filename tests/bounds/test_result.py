@@ -105,7 +105,7 @@ def test_another_file_is_refused(tmp_path, content):
         np.savez(path, t=TIMES, about="{}")
     else:
         path.write_bytes({"text": b"lower, upper", "nothing": b"", "archive": b"PK\x03\x04 no more"}[content])
-    with pytest.raises(DeclarationError, match=r"other\.npz does not hold saved Bounds"):
+    with pytest.raises(DeclarationError, match=r"other\.npz does not hold what Bounds.save writes"):
         Bounds.load(path)
 
 

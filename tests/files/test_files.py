@@ -144,7 +144,7 @@ def test_nonsense_is_refused(tmp_path, entry):
     else:
         arrays["about"] = np.array(json.dumps(json.loads(str(arrays["about"])) | {entry: nonsense[entry]}))
     np.savez(path, **arrays)
-    with pytest.raises(mb.DeclarationError, match=f"bounds.npz does not hold saved Bounds: .*{entry}"):
+    with pytest.raises(mb.DeclarationError, match=f"bounds.npz does not hold what Bounds.save writes: .*{entry}"):
         mb.Bounds.load(path)
 
 

@@ -44,7 +44,7 @@ def test_a_damaged_file(tmp_path):
     mb.linearize(oscillators()).save(path)
     entries = json.loads(path.read_text())
     path.write_text(json.dumps(entries | {"A": entries["A"][1:]}))
-    with pytest.raises(mb.DeclarationError, match=r"does not hold a saved Linearization: A must be an array"):
+    with pytest.raises(mb.DeclarationError, match=r"does not hold what Linearization.save writes: A must be an array"):
         mb.Linearization.load(path)
     with pytest.raises(mb.DeclarationError, match="json"):
         mb.linearize(oscillators()).save(tmp_path / "lin.csv")

@@ -90,7 +90,7 @@ def test_what_is_saved_is_what_is_loaded(tmp_path):
 def test_another_file_is_refused(tmp_path, text):
     path = tmp_path / "other.json"
     path.write_text(text)
-    with pytest.raises(DeclarationError, match=r"other\.json does not hold a saved Comparison"):
+    with pytest.raises(DeclarationError, match=r"other\.json does not hold what Comparison.save writes"):
         Comparison.load(path)
 
 

@@ -72,7 +72,7 @@ def test_pictures_and_files(tmp_path):
         np.testing.assert_array_equal(again.modes, locus.modes)
         np.testing.assert_array_equal(again.bands["im"], locus.bands["im"])
         again.plot()
-    with pytest.raises(mb.DeclarationError, match="does not hold a saved Linearization"):
+    with pytest.raises(mb.DeclarationError, match=r"does not hold what Linearization.save writes"):
         mb.Linearization.load(tmp_path / "locus.json")
 
 

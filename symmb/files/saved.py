@@ -1,0 +1,62 @@
+"""Results that files keep."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Self
+
+from symmb.files.formats import Table, in_json, load, save, save_json
+from symmb.files.record import Record
+from symmb.files.replacement import require_suffix
+
+
+class Saved:
+    """A result with a record, from which it is built again, and perhaps a table."""
+
+    def _record(self) -> Mapping[str, Any]:
+        raise NotImplementedError
+
+    @classmethod
+    def _of_record(cls, record: Record) -> Self:
+        raise NotImplementedError
+
+    def _table(self) -> Table:
+        raise NotImplementedError
+
+    @classmethod
+    def _of_table(cls, table: Record) -> Self:
+        raise NotImplementedError
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as lists, texts and numbers. Numbers that are not finite are None."""
+        return in_json(self._record())
+
+    def save(self, path: str | Path) -> None:
+        """Write an .npz or .json file with everything, or, of runs and bounds, a .csv table over time.
+
+        Raises
+        ------
+        DeclarationError       if the name has another suffix
+        FileError              if the file cannot be written; the previous one is kept
+        """
+        table = self._table if _has_table(type(self)) else None
+        if require_suffix(path, ".npz", ".json", *([".csv"] if table else [])) == ".json":
+            save_json(path, self.to_json())
+        else:
+            save(path, self._record(), table)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a file of `save`. A table holds times and outputs only.
+
+        Raises
+        ------
+        DeclarationError       if the file is damaged or has other contents
+        FileError              if it cannot be read
+        """
+        return load(
+            path, f"what {cls.__name__}.save writes", cls._of_record, cls._of_table if _has_table(cls) else None
+        )
+
+
+def _has_table(kind: type[Saved]) -> bool:
+    return kind._table is not Saved._table
