@@ -26,6 +26,7 @@ from scipy.special import erf
 
 from symmb._types import Array, Mask
 from symmb.enclosures.rounding import COMPLEX, above
+from symmb.symbolic import Entry
 
 Disc = tuple[Any, Array]
 """Centres, real or complex, and radii."""
@@ -293,6 +294,16 @@ def _if_else_zero(condition: Disc, a: Disc) -> Disc:
     return _if(truth == truth, a if truth else disc(0.0))
 
 
+def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:
+    """An entry of a table, if all patches are in one piece."""
+    number = float(np.real(group[0]).flat[0])
+    value, before, behind = entry.between(number, float(np.real(at[0]).flat[0]))
+    is_known = np.all(group[0] == number) and np.all(group[1] <= above(0.0))
+    is_behind = np.isinf(before) or np.all(_right(_subtract(at, disc(before))))
+    is_before = np.isinf(behind) or np.all(_left(_subtract(at, disc(behind))))
+    return _if(is_known and is_behind and is_before, disc(value))
+
+
 OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _add,
@@ -337,5 +348,6 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_AND: lambda a, b: _decided(_holds(a) * _holds(b)),
     ca.OP_OR: lambda a, b: _decided(float(np.maximum(_holds(a), _holds(b)))),
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_CALL: _entry,
 }
 """Operations of CasADi on discs."""

@@ -1,5 +1,6 @@
 """Times at which equations of motion have kinks or jumps that depend on time, and perhaps on parameters, alone."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -8,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.impulses import evaluate_padded
 from symmb.schemes import roots
-from symmb.symbolic import batch, has_kinks, ranges_along
+from symmb.symbolic import Pieces, Sides, batch, has_kinks, ranges_along
 
 _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
 """Parts of the horizon at first, how often those are halved in which a switch may change sign more than its values at
@@ -30,16 +31,28 @@ class TimeSwitches:
     switches : (k,) SX       what changes sign at the kinks and jumps, of p and t
     p, t : SX symbols
     times : (n_t,) array     output times; switches outside do not count
+    knots : list             arguments of tables, of p and t, and their pieces: they switch where these meet
     instants : (k,) array    further switches, of all samples [s]
     """
 
-    def __init__(self, switches: ca.SX, p: ca.SX, t: ca.SX, times: Array, instants: Array | None = None) -> None:
+    def __init__(
+        self,
+        switches: ca.SX,
+        p: ca.SX,
+        t: ca.SX,
+        times: Array,
+        instants: Array | None = None,
+        knots: Sequence[tuple[ca.SX, Pieces]] = (),
+    ) -> None:
         self._instants = np.empty(0) if instants is None else instants
         self._begin, self._end = float(times[0]), float(times[-1])
+        straight = [_is_linear(at, p, t) for at, _ in knots]
+        waves = [Sides.of(pieces.knots).wave(at) for (at, pieces), is_linear in zip(knots, straight) if not is_linear]
+        knots = [knot for knot, is_linear in zip(knots, straight, strict=True) if is_linear]
+        switches = ca.vertcat(ca.SX(0, 1), switches, *waves, *(at for at, _ in knots))
+        self._places = [pieces.knots for _, pieces in knots]
         slopes = ca.densify(ca.jacobian(switches, t))
-        pairs = list(zip(ca.vertsplit(switches), ca.vertsplit(slopes), strict=True))
-        # The slope of a sawtooth is constant as well.
-        is_linear = [not ca.depends_on(slope, t) and not has_kinks(ca.Function("f", [p, t], [u])) for u, slope in pairs]
+        is_linear = [_is_linear(switch, p, t) for switch in ca.vertsplit(switches)]
         linear = ca.substitute(ca.horzcat(switches, slopes)[np.flatnonzero(is_linear).tolist(), :], t, 0)
         curved = switches[np.flatnonzero(np.logical_not(is_linear)).tolist()]
         box, bounds = ranges_along(curved, ca.SX(0, 1), p, t)
@@ -55,7 +68,10 @@ class TimeSwitches:
         if self._linear.numel_out(0):
             at_zero, slope = batch(self._linear, p)
             with np.errstate(all="ignore"):
-                switches.append(-at_zero / slope)
+                count = at_zero.shape[1] - len(self._places)
+                switches.append(-at_zero[:, :count] / slope[:, :count])
+                for k, places in enumerate(self._places, count):
+                    switches.append((places - at_zero[:, k : k + 1]) / slope[:, k : k + 1])
         if self._curved.numel_out(0):
             rows = [self._curved_roots(row) for row in (p if self._depends else p[:1])]
             longest = max(map(len, rows), default=0)
@@ -112,3 +128,8 @@ class TimeSwitches:
         margin = _ROUNDING * (np.abs(least) + np.abs(largest))
         exact = (np.minimum(at_low, at_high) >= least - margin) & (np.maximum(at_low, at_high) <= largest + margin)
         return np.asarray(exact & ((least > 0) | (largest < 0) | (fall >= 0) | (rise <= 0) | between))
+
+
+def _is_linear(switch: ca.SX, p: ca.SX, t: ca.SX) -> bool:
+    """Whether its slope is constant, and unlike a sawtooth it has no jumps."""
+    return not ca.depends_on(ca.jacobian(switch, t), t) and not has_kinks(ca.Function("f", [p, t], [switch]))

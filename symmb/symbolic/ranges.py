@@ -5,28 +5,47 @@ They are as exact as numbers are, without rounding outward.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from symmb.symbolic.instructions import interpret
+from symmb.symbolic.pieces import Entry, Pieces, applied
 from symmb.symbolic.switching import is_soft
 
 _INFINITE = ca.SX.inf()
+
+
+class _Parts(NamedTuple):
+    """Ranges of a value before and behind a place in the range `at`, whose own parts are `own`."""
+
+    at: Any
+    own: Any
+    before: Any
+    behind: Any
+
+    def of(self, a: "Range") -> tuple["Range", "Range"]:
+        """The parts of any range."""
+        if a.parts is not None and a.parts.own is self.own:
+            return a.parts.before, a.parts.behind
+        return self.own if _is_same(a, self.at) else (a, a)
 
 
 class Range(NamedTuple):
     """From low to high, SX scalars. A range of one point holds the same expression twice.
 
     `jumps` is 1 where the value may jump within the range of its arguments. `chosen` are the ranges of a condition and
-    of what the value is where it holds, if it is 0 elsewhere.
+    of what the value is where it holds, if it is 0 elsewhere. `parts` are the ranges on both sides of a place where pieces
+    of a table meet.
     """
 
     low: ca.SX
     high: ca.SX
     jumps: ca.SX = ca.SX(0)
     chosen: Any = None
+    parts: Any = None
 
     @property
     def is_point(self) -> bool:
@@ -42,7 +61,7 @@ def ranges(f: ca.Function, inputs: Sequence[Sequence[Range]]) -> list[list[Range
     --------
     >>> x = ca.SX.sym("x")
     >>> ranges(ca.Function("f", [x], [x + 1]), [[Range(ca.SX(2), ca.SX(5))]])
-    [[Range(low=SX(3), high=SX(6), jumps=SX(0), chosen=None)]]
+    [[Range(low=SX(3), high=SX(6), jumps=SX(0), chosen=None, parts=None)]]
     """
     return interpret(f, inputs, _operation, lambda number: _point(ca.SX(number)))
 
@@ -79,11 +98,17 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
     )
 
 
-def _operation(code: int, arguments: tuple[Range, ...]) -> Range:
+def _operation(code: int | Entry, arguments: tuple[Range, ...]) -> Range:
     if all(a.is_point for a in arguments):
         of = [a.low for a in arguments]
-        return _point(ca.SX.binary(code, *of) if len(of) == 2 else ca.SX.unary(code, of[0]))
-    if code in _RISING:
+        return _point(applied(code, *of))
+    parts = next((a.parts for a in arguments if a.parts is not None), None)
+    if parts is not None:
+        before, behind = (_operation(code, side) for side in zip(*map(parts.of, arguments), strict=True))
+        result = _hull(*before[:2], *behind[:2])._replace(parts=parts._replace(before=before, behind=behind))
+    elif isinstance(code, Entry):
+        result = _entry(code, *arguments)
+    elif code in _RISING:
         (a,), (low, high) = arguments, _RISING[code]
         ends = [ca.fmin(ca.fmax(end, low), high) if math.isfinite(low) or math.isfinite(high) else end for end in a[:2]]
         result = Range(*(ca.SX.unary(code, end) for end in ends))
@@ -93,6 +118,42 @@ def _operation(code: int, arguments: tuple[Range, ...]) -> Range:
     own = ca.ne(result.low, result.high) if steps else result.jumps
     jumps = [jump for jump in (own, *(a.jumps for a in arguments)) if not jump.is_zero()]
     return result._replace(jumps=reduce(ca.logic_or, jumps, ca.SX(0)))
+
+
+def _entry(entry: Entry, group: Range, at: Range) -> Range:
+    """An entry of one piece, of two that meet, or of any."""
+    pieces, column = entry
+    ends = group.low, group.high, at.low, at.high
+    own, first, last, are_near = _meeting(pieces, tuple(end.element_hash() for end in ends), _Same(ends))
+    least, most = (float(end(pieces.data[2 + column])) for end in (np.min, np.max))
+    sides = [Range(ca.if_else(are_near, v[column], least), ca.if_else(are_near, v[column], most)) for v in (first, last)]
+    return _hull(*sides[0][:2], *sides[1][:2])._replace(parts=_Parts(at, own, *sides))
+
+
+class _Same(tuple):
+    """What does not count in keys of a cache."""
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+    def __hash__(self) -> int:
+        return 0
+
+
+@lru_cache(maxsize=16)
+def _meeting(pieces: Pieces, hashes: tuple[int, ...], ends: _Same) -> tuple[Any, list[ca.SX], list[ca.SX], ca.SX]:
+    """Parts of a range of places up to the last knot in it and from there on, and the pieces at both ends.
+
+    The cache keeps the expressions, and with these their hashes.
+    """
+    low, high = ends[2:]
+    first, last = pieces(ends[0], low), pieces(ends[1], high)
+    place = ca.if_else(last[-1] > first[-1], last[0], high)
+    return (Range(low, ca.fmin(high, place)), Range(ca.fmax(low, place), high)), first, last, last[-1] - first[-1] <= 1
+
+
+def _is_same(a: Range, b: Range) -> bool:
+    return a.low.element_hash() == b.low.element_hash() and a.high.element_hash() == b.high.element_hash()
 
 
 def _point(value: ca.SX) -> Range:

@@ -7,6 +7,7 @@ from enum import IntEnum
 import casadi as ca
 
 from symmb.symbolic.instructions import interpret
+from symmb.symbolic.pieces import Entry, Pieces, Sides, applied, called
 
 _GUARD = 1e-20
 """Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
@@ -107,7 +108,7 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     located: dict[int, bool] = {}
     kinks: set[str] = set()
 
-    def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
+    def operation(code: int | Entry, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         if on > On.PARAMETERS and code in _KINKS and not any(_is_guard(a.sx) for a in arguments):
             name, of = _KINKS[code]
@@ -116,9 +117,12 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
             key = switch.element_hash()
             switches.setdefault(key, switch)
             located[key] = located.get(key, False) or (code in _ON_A_SIDE and not any(is_soft(a.sx) for a in arguments))
-        if len(arguments) == 2:
-            return _Value(ca.SX.binary(code, arguments[0].sx, arguments[1].sx), on)
-        return _Value(ca.SX.unary(code, arguments[0].sx), on)
+        if on > On.PARAMETERS and isinstance(code, Entry):
+            kinks.add("table")
+            if isinstance(code.pieces, Sides):
+                switch = code.pieces.wave(arguments[1].sx)
+                switches[switch.element_hash()], located[switch.element_hash()] = switch, True
+        return _Value(applied(code, *(a.sx for a in arguments)), on)
 
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
@@ -140,6 +144,7 @@ class Branches:
                              alone
     fronts : (l,) SX         what changes sign at smooth fronts that depend on the state
     exponents : (e,) SX      their rates change sign at smooth fronts as well
+    knots : list             arguments of tables that depend on time as `times` do, and the pieces of these
     """
 
     outputs: list[ca.SX]
@@ -148,11 +153,12 @@ class Branches:
     times: ca.SX
     fronts: ca.SX
     exponents: ca.SX
+    knots: list[tuple[ca.SX, Pieces]]
 
 
 def has_kinks(f: ca.Function) -> bool:
     """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
-    return any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
+    return bool(called(f)) or any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
 
 
 def with_common_expressions(f: ca.Function) -> ca.Function:
@@ -177,6 +183,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     times: dict[tuple[int, float], ca.SX] = {}
     fronts: dict[tuple[int, float], ca.SX] = {}
     exponents: dict[int, ca.SX] = {}
+    knots: dict[tuple[int, str], tuple[ca.SX, Pieces]] = {}
     (t,) = (symbols for symbols, on in inputs if on is On.TIME)
 
     def side(switch: ca.SX) -> ca.SX:
@@ -187,13 +194,15 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             switches[a, b] = switch, ca.SX.sym(f"side_{len(switches)}")
         return switches[a, b][1]
 
-    def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
+    def operation(code: int | Entry, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         of = tuple(a.sx for a in arguments)
         is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
         if is_switch and on is On.TIME:
             switch = _KINKS[code][1](*of)
             times.setdefault((switch.element_hash(), 0.0), switch)
+        if on is On.TIME and isinstance(code, Entry):
+            knots[of[1].element_hash(), code.pieces.name] = of[1], code.pieces
         if code in _FRONTS and on is On.TIME:
             times.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
             if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], t), t):
@@ -202,12 +211,18 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             fronts.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
             if code == ca.OP_EXP:
                 exponents.setdefault(of[0].element_hash(), of[0])
+        if on is On.STATE and isinstance(code, Entry):
+            group, at = of
+            if isinstance(code.pieces, Sides):
+                return _Value(code.pieces.on_side(side(code.pieces.wave(at)), at), on)
+            if type(code.pieces) is Pieces and group.is_constant():
+                sides, pieces = code.pieces.sided
+                return _Value(pieces(sides.on_side(side(sides.wave(at)), at), at)[code.column], on)
         if is_switch and on is On.STATE and code in _ON_A_SIDE:
             return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
         if code in _POSITIVE and on is On.STATE:
             of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
-        binary = len(of) == 2
-        return _Value(ca.SX.binary(code, *of) if binary else ca.SX.unary(code, of[0]), on)
+        return _Value(applied(code, *of), on)
 
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     parts = interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
@@ -218,6 +233,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
         ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
         ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
         *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (times, fronts, exponents)),
+        list(knots.values()),
     )
 
 
