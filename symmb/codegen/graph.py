@@ -57,7 +57,9 @@ class Graph:
         depends = frozenset().union(*(self.nodes[a].depends for a in arguments))
         if isinstance(code, Entry):
             pieces, column = code
-            found = self._add((SEARCH, pieces.name, *arguments), Node(SEARCH, arguments, depends=depends, pieces=pieces))
+            found = self._add(
+                (SEARCH, pieces.name, *arguments), Node(SEARCH, arguments, depends=depends, pieces=pieces)
+            )
             entry = Node(ENTRY, (found,), index=column, depends=depends, pieces=pieces)
             return self._add((ENTRY, found, column), entry)
         return self._add((code, *arguments), Node(code, arguments, depends=depends))

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
+from symmb.symbolic import On, batch, branches, common, has_kinks, laws, switching, with_common_expressions
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -131,7 +131,7 @@ def longest_steps(dae: DAE, times: Array, P: Array) -> Array:
     time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
     if not time_laws.numel():
         return np.full(len(P), np.inf)
-    signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
+    signals = common("signals", [p, time], [time_laws])
     t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
     switches = time_switches(dae, times)
     stops = np.empty((len(P), 0)) if switches is None else switches(P)

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.impulses import evaluate_padded
 from symmb.schemes import roots
-from symmb.symbolic import Pieces, Sides, batch, has_kinks, ranges_along
+from symmb.symbolic import Pieces, Sides, batch, common, has_kinks, ranges_along
 
 _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
 """Parts of the horizon at first, how often those are halved in which a switch may change sign more than its values at
@@ -46,9 +46,8 @@ class TimeSwitches:
     ) -> None:
         self._instants = np.empty(0) if instants is None else instants
         self._begin, self._end = float(times[0]), float(times[-1])
-        straight = [_is_linear(at, p, t) for at, _ in knots]
-        waves = [Sides.of(pieces.knots).wave(at) for (at, pieces), is_linear in zip(knots, straight) if not is_linear]
-        knots = [knot for knot, is_linear in zip(knots, straight, strict=True) if is_linear]
+        waves = [Sides.of(pieces.knots).wave(at) for at, pieces in knots if not _is_linear(at, p, t)]
+        knots = [(at, pieces) for at, pieces in knots if _is_linear(at, p, t)]
         switches = ca.vertcat(ca.SX(0, 1), switches, *waves, *(at for at, _ in knots))
         self._places = [pieces.knots for _, pieces in knots]
         slopes = ca.densify(ca.jacobian(switches, t))
@@ -58,7 +57,7 @@ class TimeSwitches:
         box, bounds = ranges_along(curved, ca.SX(0, 1), p, t)
         self._linear = ca.Function("linear", [p], [linear[:, 0], linear[:, 1]])
         self._curved = ca.Function("curved", [p, t], [ca.densify(curved)])
-        self._bounds = ca.Function("bounds", [p, box], [bounds], {"cse": True})
+        self._bounds = common("bounds", [p, box], [bounds])
         self._depends = ca.depends_on(curved, p)
 
     def __call__(self, p: Array) -> Array:

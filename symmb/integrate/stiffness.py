@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.model import DAE
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
     n = X.shape[1]
     x, P, t, direction = ca.SX.sym("x", n), ca.SX.sym("p", len(p)), ca.SX.sym("t"), ca.SX.sym("dx", n)
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, P, t))))
-    along = ca.Function("along", [x, direction, P, t], [ca.densify(ca.jtimes(rates, x, direction))], {"cse": True})
+    along = common("along", [x, direction, P, t], [ca.densify(ca.jtimes(rates, x, direction))])
     decay = growth = frequency = 0.0
     for state, time in zip(X if n else X[:0], times if n else times[:0], strict=True):
         (columns,) = batch(along, state, np.eye(n), p, np.array([time]))

@@ -58,7 +58,9 @@ class Table:
             raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
         points = len(self.x) if isinstance(self.x, Sequence) else 0 if x is None else x.size
         if points > _MOST_POINTS:  # perhaps too many for an array of them
-            raise DeclarationError(f"Table: {points} points, at most {_MOST_POINTS}. Leave out points that are not needed.")
+            raise DeclarationError(
+                f"Table: {points} points, at most {_MOST_POINTS}. Leave out points that are not needed."
+            )
         if x is None or y is None:
             raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
@@ -81,7 +83,13 @@ class Table:
             )
         zero = np.zeros(1)
         begins = np.concatenate([x[:1], x])
-        columns = [begins, [y[0], *y], [0.0, *m[:-1], 0.0], np.concatenate([zero, c, zero]), np.concatenate([zero, d, zero])]
+        columns = [
+            begins,
+            [y[0], *y],
+            [0.0, *m[:-1], 0.0],
+            np.concatenate([zero, c, zero]),
+            np.concatenate([zero, d, zero]),
+        ]
         object.__setattr__(self, "_pieces", Pieces(np.zeros(len(begins)), begins, np.column_stack(columns)))
 
     def __call__(self, at: Expr) -> ca.SX:

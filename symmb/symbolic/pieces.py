@@ -34,7 +34,9 @@ class Pieces:
         rows = [groups, begins, *columns.T, np.arange(len(begins))]
         self.data = np.ascontiguousarray(rows, dtype=float)  # (2 + m + 1, n)
         # CasADi's names start with a letter.
-        self.name = f"{type(self).__name__.strip('_')}_{len(begins)}_{hashlib.sha256(self.data.tobytes()).hexdigest()[:24]}"
+        self.name = (
+            f"{type(self).__name__.strip('_')}_{len(begins)}_{hashlib.sha256(self.data.tobytes()).hexdigest()[:24]}"
+        )
         self._last: tuple[int, int, list[ca.SX]] = 0, 0, []
 
     def __reduce__(self) -> tuple[Callable[..., "Pieces"], tuple[Array, ...]]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret
 from symmb.symbolic.pieces import Entry, Pieces, applied
 from symmb.symbolic.switching import is_soft
@@ -37,8 +38,8 @@ class Range(NamedTuple):
     """From low to high, SX scalars. A range of one point holds the same expression twice.
 
     `jumps` is 1 where the value may jump within the range of its arguments. `chosen` are the ranges of a condition and
-    of what the value is where it holds, if it is 0 elsewhere. `parts` are the ranges on both sides of a place where pieces
-    of a table meet.
+    of what the value is where it holds, if it is 0 elsewhere. `parts` are the ranges on both sides of a place where
+    pieces of a table meet.
     """
 
     low: ca.SX
@@ -79,7 +80,7 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
     dx, dt, box = ca.SX.sym("dx", n), ca.SX.sym("dt"), ca.SX.sym("box", 4 * n + 3)
     along_x = ca.jtimes(values, x, dx) if n and values.numel() else ca.SX(values.numel(), 1)
     changes = along_x + ca.jacobian(values, t) * dt
-    f = ca.Function("f", [x, dx, t, dt, p], [ca.densify(values), ca.densify(changes)], {"cse": True})
+    f = common("f", [x, dx, t, dt, p], [ca.densify(values), ca.densify(changes)])
     low, high, least, most = (ca.vertsplit(box[k * n : (k + 1) * n]) for k in range(4))
     own = [
         [Range(*ends) for ends in zip(low, high, strict=True)],
@@ -126,7 +127,9 @@ def _entry(entry: Entry, group: Range, at: Range) -> Range:
     ends = group.low, group.high, at.low, at.high
     own, first, last, are_near = _meeting(pieces, tuple(end.element_hash() for end in ends), _Same(ends))
     least, most = (float(end(pieces.data[2 + column])) for end in (np.min, np.max))
-    sides = [Range(ca.if_else(are_near, v[column], least), ca.if_else(are_near, v[column], most)) for v in (first, last)]
+    sides = [
+        Range(ca.if_else(are_near, v[column], least), ca.if_else(are_near, v[column], most)) for v in (first, last)
+    ]
     return _hull(*sides[0][:2], *sides[1][:2])._replace(parts=_Parts(at, own, *sides))
 
 

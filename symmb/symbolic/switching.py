@@ -6,6 +6,7 @@ from enum import IntEnum
 
 import casadi as ca
 
+from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret
 from symmb.symbolic.pieces import Entry, Pieces, Sides, applied, called
 
@@ -164,7 +165,7 @@ def has_kinks(f: ca.Function) -> bool:
 def with_common_expressions(f: ca.Function) -> ca.Function:
     """The same SX Function, in which expressions that are equal are one."""
     inputs = f.sx_in()
-    return ca.Function(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out(), {"cse": True})
+    return common(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out())
 
 
 def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
