@@ -294,14 +294,11 @@ def _if_else_zero(condition: Disc, a: Disc) -> Disc:
     return _if(truth == truth, a if truth else disc(0.0))
 
 
-def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:
-    """An entry of a table, if all patches are in one piece."""
-    number = float(np.real(group[0]).flat[0])
-    value, before, behind = entry.between(number, float(np.real(at[0]).flat[0]))
-    is_known = np.all(group[0] == number) and np.all(group[1] <= above(0.0))
-    is_behind = np.isinf(before) or np.all(_right(_subtract(at, disc(before))))
-    is_before = np.isinf(behind) or np.all(_left(_subtract(at, disc(behind))))
-    return _if(is_known and is_behind and is_before, disc(value))
+def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:  # if all patches are in one piece of a table
+    value, *knots = entry.between(*(float(np.real(a[0]).flat[0]) for a in (group, at)))
+    first, last = (disc(knot) for knot in np.clip(knots, -1e300, 1e300))
+    is_known = np.ptp(group[0]) == 0.0 and np.all(group[1] <= above(0.0))
+    return _if(is_known and is_positive(_subtract(at, first)) and is_positive(_subtract(last, at)), disc(value))
 
 
 OPERATIONS: dict[int, Callable[..., Disc]] = {

@@ -7,7 +7,7 @@ import casadi as ca
 
 from symmb.symbolic import called, operation_name
 
-_INPUT, _OUTPUT, _CONSTANT, _UNARY, _BINARY, _ENTRY = range(6)
+_INPUT, _OUTPUT, _CONSTANT, _UNARY, _BINARY, _ENTRIES = range(6)
 
 
 class Tape:
@@ -28,8 +28,7 @@ class Tape:
             elif k in calls:
                 self._codes |= {code}
                 used = [(entry, place) for entry, place in zip(calls[k], out, strict=True) if place >= 0]
-                self._steps += [(_CONSTANT, place, 0, 0, 0.0) for entry, place in used if entry is None]
-                self._steps += [(_ENTRY, place, a[0], a[1], entry) for entry, place in used if entry is not None]
+                self._steps.append((_ENTRIES, 0, a[0], a[1], used))
             else:
                 self._codes.add(code)
                 kind = _UNARY if len(a) == 1 else _BINARY
@@ -51,8 +50,10 @@ class Tape:
         for kind, out, a, b, code in self._steps:
             if kind == _BINARY:
                 work[out] = operations[code](work[a], work[b])
-            elif kind == _ENTRY:
-                work[out] = operations[ca.OP_CALL](code, work[a], work[b])
+            elif kind == _ENTRIES:  # results may take the places of arguments
+                group, at = work[a], work[b]
+                for entry, place in code:
+                    work[place] = operations[ca.OP_CALL](entry, group, at) if entry else constant(0.0)
             elif kind == _UNARY:
                 work[out] = operations[code](work[a])
             elif kind == _CONSTANT:

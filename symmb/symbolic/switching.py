@@ -118,11 +118,11 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
             key = switch.element_hash()
             switches.setdefault(key, switch)
             located[key] = located.get(key, False) or (code in _ON_A_SIDE and not any(is_soft(a.sx) for a in arguments))
-        if on > On.PARAMETERS and isinstance(code, Entry):
+        if on > On.PARAMETERS and isinstance(code, Entry) and type(code.pieces) in (Pieces, Sides):
             kinks.add("table")
-            if isinstance(code.pieces, Sides):
-                switch = code.pieces.wave(arguments[1].sx)
-                switches[switch.element_hash()], located[switch.element_hash()] = switch, True
+            sides = code.pieces if isinstance(code.pieces, Sides) else code.pieces.sided[0]
+            switch = sides.wave(arguments[1].sx)
+            switches[switch.element_hash()], located[switch.element_hash()] = switch, sides is code.pieces
         return _Value(applied(code, *(a.sx for a in arguments)), on)
 
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
