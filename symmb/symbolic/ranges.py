@@ -5,7 +5,7 @@ They are as exact as numbers are, without rounding outward.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache, reduce
+from functools import reduce
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -13,7 +13,7 @@ import numpy as np
 
 from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret
-from symmb.symbolic.pieces import Entry, Pieces, applied
+from symmb.symbolic.pieces import Entry, applied
 from symmb.symbolic.switching import is_soft
 
 _INFINITE = ca.SX.inf()
@@ -122,37 +122,24 @@ def _operation(code: int | Entry, arguments: tuple[Range, ...]) -> Range:
 
 
 def _entry(entry: Entry, group: Range, at: Range) -> Range:
-    """An entry of one piece, of two that meet, or of any."""
+    """An entry of one piece, of two that meet at a place, or of any."""
     pieces, column = entry
-    ends = group.low, group.high, at.low, at.high
-    own, first, last, are_near = _meeting(pieces, tuple(end.element_hash() for end in ends), _Same(ends))
-    least, most = (float(end(pieces.data[2 + column])) for end in (np.min, np.max))
-    sides = [
-        Range(ca.if_else(are_near, v[column], least), ca.if_else(are_near, v[column], most)) for v in (first, last)
-    ]
+    key = (pieces.name, *(end.element_hash() for end in (*group[:2], *at[:2])))
+    if key not in _MET:  # the next columns have the same parts
+        first, last = pieces(group.low, at.low), pieces(group.high, at.high)
+        place = ca.if_else(last[-1] > first[-1], last[0], at.high)
+        own = Range(at.low, ca.fmin(at.high, place)), Range(ca.fmax(at.low, place), at.high)
+        _MET.clear()
+        _MET[key] = group, at, own, first, last
+    _, at, own, *both = _MET[key]
+    are_near = both[1][-1] - both[0][-1] <= 1
+    ends = [float(end(pieces.data[2 + column])) for end in (np.min, np.max)]
+    sides = [Range(*(ca.if_else(are_near, values[column], end) for end in ends)) for values in both]
     return _hull(*sides[0][:2], *sides[1][:2])._replace(parts=_Parts(at, own, *sides))
 
 
-class _Same(tuple):
-    """What does not count in keys of a cache."""
-
-    def __eq__(self, other: object) -> bool:
-        return True
-
-    def __hash__(self) -> int:
-        return 0
-
-
-@lru_cache(maxsize=16)
-def _meeting(pieces: Pieces, hashes: tuple[int, ...], ends: _Same) -> tuple[Any, list[ca.SX], list[ca.SX], ca.SX]:
-    """Parts of a range of places up to the last knot in it and from there on, and the pieces at both ends.
-
-    The cache keeps the expressions, and with these their hashes.
-    """
-    low, high = ends[2:]
-    first, last = pieces(ends[0], low), pieces(ends[1], high)
-    place = ca.if_else(last[-1] > first[-1], last[0], high)
-    return (Range(low, ca.fmin(high, place)), Range(ca.fmax(low, place), high)), first, last, last[-1] - first[-1] <= 1
+_MET: dict[tuple[Any, ...], Any] = {}
+"""The last entry's ranges, kept with their hashes."""
 
 
 def _is_same(a: Range, b: Range) -> bool:
