@@ -17,7 +17,8 @@ def common(name: str, *parts: Any) -> ca.Function:
     """
     f = ca.Function(name, *parts)
     if not (f.is_a("SXFunction") and called(f)):
-        return ca.Function(name, *parts, {"cse": True})
+        options: Any = {"cse": True}
+        return ca.Function(name, *parts, options)
     known: dict[tuple[Any, ...], ca.SX] = {}
 
     def operation(code: int | Entry, of: tuple[ca.SX, ...]) -> ca.SX:

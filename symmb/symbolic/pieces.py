@@ -39,7 +39,7 @@ class Pieces:
         )
         self._last: tuple[int, int, list[ca.SX]] = 0, 0, []
 
-    def __reduce__(self) -> tuple[Callable[..., "Pieces"], tuple[Array, ...]]:
+    def __reduce__(self) -> tuple[Callable[..., "Pieces"], tuple[str, Array]]:
         return _from_data, (self.name.partition("_")[0], self.data)
 
     @property
@@ -119,7 +119,7 @@ class Sides(Pieces):
     def _nearest(self) -> "_Nearest":
         """The odd and the even numbers next to a place, which change in the middle of parts."""
         knots = self.knots
-        number = np.arange(len(knots))
+        number = np.arange(float(len(knots)))
         begins = np.concatenate([knots[:1], (knots[1:] + knots[:-1]) / 2])
         rows = np.column_stack([begins, number + (number % 2 == 0), number + number % 2])
         # There are two knots at least.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import casadi as ca
 
@@ -109,7 +110,7 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     located: dict[int, bool] = {}
     kinks: set[str] = set()
 
-    def operation(code: int | Entry, arguments: tuple[_Value, ...]) -> _Value:
+    def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         if on > On.PARAMETERS and code in _KINKS and not any(_is_guard(a.sx) for a in arguments):
             name, of = _KINKS[code]
@@ -195,7 +196,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             switches[a, b] = switch, ca.SX.sym(f"side_{len(switches)}")
         return switches[a, b][1]
 
-    def operation(code: int | Entry, arguments: tuple[_Value, ...]) -> _Value:
+    def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         of = tuple(a.sx for a in arguments)
         is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
@@ -219,7 +220,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             if type(code.pieces) is Pieces and group.is_constant():
                 sides, pieces = code.pieces.sided
                 return _Value(pieces(sides.on_side(side(sides.wave(at)), at), at)[code.column], on)
-        if is_switch and on is On.STATE and code in _ON_A_SIDE:
+        elif is_switch and on is On.STATE and code in _ON_A_SIDE:
             return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
         if code in _POSITIVE and on is On.STATE:
             of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
@@ -234,7 +235,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
         ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
         ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
         *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (times, fronts, exponents)),
-        list(knots.values()),
+        knots=list(knots.values()),
     )
 
 
