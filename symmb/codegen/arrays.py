@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -194,7 +195,8 @@ def _operation(graph: Graph, k: int, at: tuple[int, ...]) -> tuple[Callable[...,
         if power.operation == CONSTANT and power.constant in _POWERS:
             return _POWERS[power.constant], at[:1]
     if node.pieces is not None:
-        return (node.pieces.find if node.operation == SEARCH else node.pieces.data[2 + node.index].__getitem__), at
+        read: Any = node.pieces.find if node.operation == SEARCH else node.pieces.data[2 + node.index].__getitem__
+        return read, at
     if node.operation not in _OPERATIONS:
         raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
     return _OPERATIONS[node.operation], at

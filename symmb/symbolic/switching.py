@@ -15,7 +15,7 @@ _GUARD = 1e-20
 """Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
 SOFT = 1e-300
 """A number that marks a comparison, a < -SOFT, over which value and slope are continuous: steps need not end there."""
-_KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
+_KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),
     ca.OP_COPYSIGN: ("copysign", lambda a, b: b),
@@ -41,7 +41,7 @@ def _fmod(side: ca.SX, a: ca.SX, b: ca.SX) -> ca.SX:
     return a - b * (whole + (whole < 0))  # the quotient is cut off toward 0
 
 
-_ON_A_SIDE: dict[int, Callable[..., ca.SX]] = {
+_ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
     ca.OP_FABS: lambda side, a: side * a,
     ca.OP_SIGN: lambda side, a: side,
     ca.OP_COPYSIGN: lambda side, a, b: side * ca.fabs(a),
@@ -199,12 +199,13 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         of = tuple(a.sx for a in arguments)
+        entry = code if isinstance(code, Entry) else None
         is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
         if is_switch and on is On.TIME:
             switch = _KINKS[code][1](*of)
             times.setdefault((switch.element_hash(), 0.0), switch)
-        if on is On.TIME and isinstance(code, Entry):
-            knots[of[1].element_hash(), code.pieces.name] = of[1], code.pieces
+        if on is On.TIME and entry is not None:
+            knots[of[1].element_hash(), entry.pieces.name] = of[1], entry.pieces
         if code in _FRONTS and on is On.TIME:
             times.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
             if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], t), t):
@@ -213,13 +214,13 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             fronts.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
             if code == ca.OP_EXP:
                 exponents.setdefault(of[0].element_hash(), of[0])
-        if on is On.STATE and isinstance(code, Entry):
+        if on is On.STATE and entry is not None:
             group, at = of
-            if isinstance(code.pieces, Sides):
-                return _Value(code.pieces.on_side(side(code.pieces.wave(at)), at), on)
-            if type(code.pieces) is Pieces and group.is_constant():
-                sides, pieces = code.pieces.sided
-                return _Value(pieces(sides.on_side(side(sides.wave(at)), at), at)[code.column], on)
+            if isinstance(entry.pieces, Sides):
+                return _Value(entry.pieces.on_side(side(entry.pieces.wave(at)), at), on)
+            if type(entry.pieces) is Pieces and group.is_constant():
+                sides, pieces = entry.pieces.sided
+                return _Value(pieces(sides.on_side(side(sides.wave(at)), at), at)[entry.column], on)
         elif is_switch and on is On.STATE and code in _ON_A_SIDE:
             return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
         if code in _POSITIVE and on is On.STATE:
