@@ -17,8 +17,8 @@ def common(name: str, *parts: Any) -> ca.Function:
     """
     f = ca.Function(name, *parts)
     if not (f.is_a("SXFunction") and called(f)):
-        options: Any = {"cse": True}
-        return ca.Function(name, *parts, options)
+        arguments: Any = (name, *parts, {"cse": True})
+        return ca.Function(*arguments)
     known: dict[tuple[Any, ...], ca.SX] = {}
 
     def operation(code: int | Entry, of: tuple[ca.SX, ...]) -> ca.SX:
