@@ -13,7 +13,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Mask
-from symmb.symbolic import operation_name
+from symmb.symbolic import Entry, operation_name
 
 FUNCTION_ULPS = 8
 """Units in the last place by which values of elementary functions are widened: four times the errors of C libraries.
@@ -32,7 +32,7 @@ class Interval(NamedTuple):
         return cls(np.asarray(value, dtype=float), np.asarray(value, dtype=float))
 
 
-def operate(code: int, arguments: tuple[Interval, ...]) -> Interval:
+def operate(code: int | Entry, arguments: tuple[Interval, ...]) -> Interval:
     """Interval extension of the operation with CasADi's code ``OP_...``.
 
     Raises
@@ -46,6 +46,8 @@ def operate(code: int, arguments: tuple[Interval, ...]) -> Interval:
     >>> float(square.lower), round(float(square.upper), 12)
     (0.0, 1.0)
     """
+    if isinstance(code, Entry):
+        return _entry(code, *arguments)
     extension = EXTENSIONS.get(code)
     if extension is None:
         raise PropagationError(f"IntervalArithmetic() has no interval extension of {operation_name(code)}.")
@@ -250,6 +252,16 @@ def _both(a: Interval, b: Interval) -> Interval:
 
 def _either(a: Interval, b: Interval) -> Interval:
     return _maximum(_is_true(a), _is_true(b))
+
+
+def _entry(entry: Entry, group: Interval, at: Interval) -> Interval:
+    """The least and the largest entry of the pieces between both ends, without rounding."""
+    pieces, column = entry
+    first, last = np.broadcast_arrays(pieces.find(group.lower, at.lower), pieces.find(group.upper, at.upper))
+    values = pieces.data[2 + column]
+    parts = [values[i : j + 1] for i, j in zip(first.ravel().tolist(), last.ravel().tolist(), strict=True)]
+    lower, upper = (np.reshape([end(part) for part in parts], first.shape) for end in (np.min, np.max))
+    return Interval(lower, upper)
 
 
 def _if_else_zero(condition: Interval, a: Interval) -> Interval:

@@ -3,13 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Mask
-from symmb.codegen.graph import BOX, CONSTANT, INPUT, Graph, Node
+from symmb.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Node
 from symmb.symbolic import operation_name
 
 
@@ -193,6 +194,9 @@ def _operation(graph: Graph, k: int, at: tuple[int, ...]) -> tuple[Callable[...,
         power = graph.nodes[node.arguments[1]]
         if power.operation == CONSTANT and power.constant in _POWERS:
             return _POWERS[power.constant], at[:1]
+    if node.pieces is not None:
+        read: Any = node.pieces.find if node.operation == SEARCH else node.pieces.data[2 + node.index].__getitem__
+        return read, at
     if node.operation not in _OPERATIONS:
         raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
     return _OPERATIONS[node.operation], at

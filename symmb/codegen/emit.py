@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb.codegen.graph import BOX, CONSTANT, INPUT, Graph
+from symmb.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph
 from symmb.symbolic import operation_name
 
 LARGE_MODEL = 5000
@@ -253,6 +253,11 @@ class Emitter:
         constant = [self._graph.nodes[a].operation == CONSTANT for a in node.arguments]
         if all(constant) or (any(constant) and node.operation in _MASKS):
             arguments = [f"each({a})" for a in arguments]
+        if node.pieces is not None:
+            count = node.pieces.data.shape[1]
+            if node.operation == SEARCH:
+                return f"v_search({node.pieces.name}, {count}, {', '.join(f'each({a})' for a in arguments)})"
+            return f"v_entry({node.pieces.name} + {(node.index + 2) * count}, {arguments[0]})"
         if node.operation in _FORMS:
             return _FORMS[node.operation].format(*arguments)
         if node.operation in _CALLS:

@@ -13,6 +13,7 @@ from symmb.codegen.build import load
 from symmb.codegen.model_source import REASONS, Scheme, source_of
 from symmb.codegen.threads import side_by_side
 from symmb.schemes import MOST_STEPS
+from symmb.symbolic import called
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,10 @@ class StepEnds:
 
 MOST_PASSES = 1000
 """Passes of switches of a sample that are noted: with more, other solvers end their steps at the first ones only."""
+
+
+_DATA: dict[str, Array] = {}
+"""What libraries read, which stay open: pieces by their names, which tell their values."""
 
 
 class _Study(ctypes.Structure):
@@ -145,10 +150,14 @@ class Engine:
         fixed = isinstance(control, FixedStep)
         self.ends = ends or StepEnds()
         self.source = source_of(f, fixed, scheme, self.ends.hysteresis)
+        self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 
     def _open(self) -> None:
         self._library = load(self.source, "width", "work")
+        for name, data in self._pieces.items():
+            kept = _DATA.setdefault(name, data)
+            ctypes.c_void_p.in_dll(self._library, name).value = kept.ctypes.data
         self.width = ctypes.c_int.in_dll(self._library, "width").value
 
     def __getstate__(self) -> dict:

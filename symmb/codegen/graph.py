@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from symmb.symbolic import interpret
+from symmb.symbolic import Entry, Pieces, interpret
 
-CONSTANT, INPUT = -1, -2
-"""Operations of a Node beside CasADi's, whose numbers are not negative."""
+CONSTANT, INPUT, SEARCH, ENTRY = -1, -2, -3, -4
+"""Operations of a Node beside CasADi's, whose numbers are not negative: a SEARCH finds the row of pieces, an ENTRY is
+the number in column `index` of that row."""
 BOX = 3
 """Number of the input that stands in the place of x for functions of a box of states, see `ranges_along`."""
 
@@ -23,6 +24,7 @@ class Node:
     source: int = 0
     index: int = 0
     depends: frozenset[int] = frozenset()  # the inputs it depends on, by number
+    pieces: Pieces | None = None
 
 
 @dataclass
@@ -42,8 +44,8 @@ class Graph:
         """The node of a nonzero of an input."""
         return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
 
-    def operation(self, code: int, arguments: tuple[int, ...]) -> int:
-        """The node of an operation on nodes, the existing one if there is one.
+    def operation(self, code: int | Entry, arguments: tuple[int, ...]) -> int:
+        """The node of an operation on nodes, or of an entry of pieces; the existing one if there is one.
 
         Divisions become products with reciprocals: denominators occur several times, those of parameters are computed
         before the run, and a vector division takes as long as twenty products.
@@ -53,7 +55,19 @@ class Graph:
         if code in (ca.OP_ADD, ca.OP_MUL):
             arguments = tuple(sorted(arguments))
         depends = frozenset().union(*(self.nodes[a].depends for a in arguments))
+        if isinstance(code, Entry):
+            pieces, column = code
+            found = self._add(
+                (SEARCH, pieces.name, *arguments), Node(SEARCH, arguments, depends=depends, pieces=pieces)
+            )
+            entry = Node(ENTRY, (found,), index=column, depends=depends, pieces=pieces)
+            return self._add((ENTRY, found, column), entry)
         return self._add((code, *arguments), Node(code, arguments, depends=depends))
+
+    @property
+    def pieces(self) -> dict[str, Pieces]:
+        """All pieces by their names."""
+        return {node.pieces.name: node.pieces for node in self.nodes if node.pieces is not None}
 
     def _add(self, key: object, node: Node) -> int:
         if key not in self._known:

@@ -26,6 +26,7 @@ from scipy.special import erf
 
 from symmb._types import Array, Mask
 from symmb.enclosures.rounding import COMPLEX, above
+from symmb.symbolic import Entry
 
 Disc = tuple[Any, Array]
 """Centres, real or complex, and radii."""
@@ -293,6 +294,13 @@ def _if_else_zero(condition: Disc, a: Disc) -> Disc:
     return _if(truth == truth, a if truth else disc(0.0))
 
 
+def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:  # if all patches are in one piece of a table
+    value, *knots = entry.between(*(float(np.real(a[0]).flat[0]) for a in (group, at)))
+    first, last = (disc(knot) for knot in np.clip(knots, -1e300, 1e300))
+    is_known = np.ptp(group[0]) == 0.0 and np.all(group[1] <= above(0.0))
+    return _if(is_known and is_positive(_subtract(at, first)) and is_positive(_subtract(last, at)), disc(value))
+
+
 OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _add,
@@ -337,5 +345,6 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_AND: lambda a, b: _decided(_holds(a) * _holds(b)),
     ca.OP_OR: lambda a, b: _decided(float(np.maximum(_holds(a), _holds(b)))),
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_CALL: _entry,
 }
 """Operations of CasADi on discs."""

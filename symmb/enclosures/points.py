@@ -14,6 +14,7 @@ from scipy.special import erf
 from symmb._types import Array
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.rounding import FUNCTION, U, above
+from symmb.symbolic import Entry
 
 Point = tuple[Array | float, float, float, float]
 
@@ -169,6 +170,17 @@ def _holds(condition: Point) -> bool:
     return not (_is_constant(condition) and condition[2] == 0.0) and bool(_sign(condition)[0])
 
 
+def _entry(entry: Entry, group: Point, at: Point) -> Point:
+    """An entry of a table, if all points are in one piece."""
+    if not _is_constant(group):
+        raise ProofError("an argument of a table may be in two of its pieces")
+    value, before, behind = entry.between(group[2], at[2])
+    for knot, side in ((before, 1.0), (behind, -1.0)):
+        if math.isfinite(knot) and _sign(_subtract(at, point(knot)))[0] != side:
+            raise ProofError("an argument of a table may be in two of its pieces")
+    return point(value)
+
+
 _SQRT = _function(np.sqrt, lambda low, high: 0.5 / math.sqrt(low))
 _LOG = _function(np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2)
 _EXP = _function(np.exp, lambda low, high: math.exp(high))
@@ -221,6 +233,7 @@ OPERATIONS: dict[int, Callable[..., Point]] = {
     ca.OP_AND: lambda a, b: point(float(_holds(a) and _holds(b))),
     ca.OP_OR: lambda a, b: point(float(_holds(a) or _holds(b))),
     ca.OP_IF_ELSE_ZERO: lambda condition, a: a if _holds(condition) else point(0.0),
+    ca.OP_CALL: _entry,
 }
 """Operations of CasADi on such numbers. Comparisons are decided where all points agree, and are 0 or 1."""
 
@@ -274,5 +287,6 @@ PLAIN: dict[int, Callable[..., Array | float]] = {
     ca.OP_AND: lambda a, b: np.logical_and(a, b) * 1.0,
     ca.OP_OR: lambda a, b: np.logical_or(a, b) * 1.0,
     ca.OP_IF_ELSE_ZERO: lambda condition, a: np.where(condition, a, 0.0),
+    ca.OP_CALL: lambda entry, group, at: entry.pieces.read(group, at)[entry.column],
 }
 """The same operations without bounds of errors."""

@@ -10,6 +10,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.enclosures.rounding import U, above
 from symmb.enclosures.tape import Tape
+from symmb.symbolic import common
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +97,7 @@ class Problem:
         if which not in self._tapes:
             arguments = [ca.SX.sym(f"a{i}", self.outputs.numel_in(i)) for i in range(3)]
             y = ca.densify(self.outputs(*arguments))[list(which)]
-            self._tapes[which] = Tape(ca.Function("some", arguments, [y], {"cse": True}))
+            self._tapes[which] = Tape(common("some", arguments, [y]))
         return self._tapes[which]
 
     @cached_property
@@ -134,4 +135,4 @@ def with_jacobian(f: ca.Function) -> Tape:
     arguments = [ca.SX.sym(f"a{i}", f.numel_in(i)) for i in range(f.n_in())]
     value = ca.densify(f(*arguments))
     jacobian = ca.densify(ca.jacobian(value, arguments[0]))
-    return Tape(ca.Function("with_jacobian", arguments, [value, ca.vec(jacobian)], {"cse": True}))
+    return Tape(common("with_jacobian", arguments, [value, ca.vec(jacobian)]))

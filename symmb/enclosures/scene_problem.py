@@ -14,7 +14,7 @@ from symmb.enclosures.tape import Tape
 from symmb.events import TimeSwitches, kinks
 from symmb.model import DAE, Box
 from symmb.simulation import DAESimulator, Formulation, Simulator
-from symmb.symbolic import On, branches
+from symmb.symbolic import On, branches, common
 
 
 def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
@@ -72,18 +72,18 @@ def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function,
         return outputs, ("",) * outputs.numel_out(0)
     x, p, t = (ca.SX.sym(name, outputs.numel_in(i)) for i, name in enumerate("xpt"))
     values = ca.vertsplit(outputs(x, p, t))
-    alone = (ca.Function("output", [x, p, t], [value], {"cse": True}) for value in values)
+    alone = (common("output", [x, p, t], [value]) for value in values)
     refused = tuple(", ".join(Tape(f).unknown(OPERATIONS)) for f in alone)
     if all(refused):
         _require_remainders(method, ", ".join(dict.fromkeys(refused)))
     known = [ca.SX(np.nan) if unknown else value for value, unknown in zip(values, refused, strict=True)]
-    return ca.Function(outputs.name(), [x, p, t], [ca.densify(ca.vertcat(*known))], {"cse": True}), refused
+    return common(outputs.name(), [x, p, t], [ca.densify(ca.vertcat(*known))]), refused
 
 
 def _later(f: ca.Function, begin: float) -> ca.Function:
     """f(x, p, begin + t)."""
     x, p, t = (ca.SX.sym(name, f.numel_in(i)) for i, name in enumerate("xpt"))
-    return ca.Function(f.name(), [x, p, t], [f(x, p, t + begin)], {"cse": True})
+    return common(f.name(), [x, p, t], [f(x, p, t + begin)])
 
 
 def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int, ...]]:
@@ -153,11 +153,11 @@ def _until_the_first_switch(
     begin, sides = times[0] + _AFTER * (times[-1] - times[0]), np.ones(branch.sides.numel())
     for _ in range(len(sides)):  # a switch may depend on the sides of those before it
         sides = np.where(switches(0, middle, begin, sides).full().ravel() >= 0, 1.0, -1.0)
-    valid = ca.Function("valid", [x, p, t], [ca.densify(sides * switches(x, p, t, sides))], {"cse": True})
+    valid = common("valid", [x, p, t], [ca.densify(sides * switches(x, p, t, sides))])
     at = TimeSwitches(valid(0, p, t), p, t, times)(np.vstack([middle, middle + radius * corners]))
     first = float(at.min(initial=np.inf)) + 0.0  # not -0
     smooth = ca.substitute(ca.vertcat(*branch.outputs), branch.sides, ca.DM(sides))
-    rates = ca.Function("rates", [x, p, t], [ca.densify(smooth)], {"cse": True})
+    rates = common("rates", [x, p, t], [ca.densify(smooth)])
     return (
         rates,
         valid if len(sides) else None,
@@ -178,8 +178,8 @@ def _equations(form: Formulation) -> tuple[ca.Function, ca.Function, Array]:
     n = dae.n_q + dae.n_v + dae.n_s
     x, p, t = ca.SX.sym("x", n), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t)))) if n else ca.SX(0, 1)
-    f = ca.Function("rates", [x, p, t], [ca.densify(rates)], {"cse": True})
-    return f, ca.Function("outputs", [x, p, t], [ca.densify(form.y(x, p, t))], {"cse": True}), dae.state_sizes.copy()
+    f = common("rates", [x, p, t], [ca.densify(rates)])
+    return f, common("outputs", [x, p, t], [ca.densify(form.y(x, p, t))]), dae.state_sizes.copy()
 
 
 def _start(form: Formulation) -> StartEquations:
@@ -196,7 +196,5 @@ def _start(form: Formulation) -> StartEquations:
         return np.where(ok[:, None], found, np.nan)
 
     return StartEquations(
-        ca.Function("residual", [u, p, t], [ca.densify(residual)], {"cse": True}),
-        ca.Function("states", [u, p, t], [ca.densify(states)], {"cse": True}),
-        solve,
+        common("residual", [u, p, t], [ca.densify(residual)]), common("states", [u, p, t], [ca.densify(states)]), solve
     )

@@ -5,9 +5,9 @@ from typing import Any
 
 import casadi as ca
 
-from symmb.symbolic import operation_name
+from symmb.symbolic import called, operation_name
 
-_INPUT, _OUTPUT, _CONSTANT, _UNARY, _BINARY = range(5)
+_INPUT, _OUTPUT, _CONSTANT, _UNARY, _BINARY, _ENTRIES = range(6)
 
 
 class Tape:
@@ -16,6 +16,7 @@ class Tape:
     def __init__(self, f: ca.Function) -> None:
         self.sizes = [f.numel_out(i) for i in range(f.n_out())]
         self._slots, self._steps, self._codes = f.sz_w(), [], set()
+        calls = called(f)
         for k in range(f.n_instructions()):
             code, a, out = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if code == ca.OP_INPUT:
@@ -24,6 +25,10 @@ class Tape:
                 self._steps.append((_OUTPUT, out[0], out[1], a[0], None))
             elif code == ca.OP_CONST:
                 self._steps.append((_CONSTANT, out[0], 0, 0, f.instruction_constant(k)))
+            elif k in calls:
+                self._codes |= {code}
+                used = [(entry, place) for entry, place in zip(calls[k], out, strict=True) if place >= 0]
+                self._steps.append((_ENTRIES, 0, a[0], a[1], used))
             else:
                 self._codes.add(code)
                 kind = _UNARY if len(a) == 1 else _BINARY
@@ -45,6 +50,10 @@ class Tape:
         for kind, out, a, b, code in self._steps:
             if kind == _BINARY:
                 work[out] = operations[code](work[a], work[b])
+            elif kind == _ENTRIES:  # results may take the places of arguments
+                group, at = work[a], work[b]
+                for entry, place in code:
+                    work[place] = operations[ca.OP_CALL](entry, group, at) if entry else constant(0.0)
             elif kind == _UNARY:
                 work[out] = operations[code](work[a])
             elif kind == _CONSTANT:

@@ -10,7 +10,7 @@ from symmb._types import Array, Indices, Mask
 from symmb.events.impulses import SMALL, ImpactLaws, evaluate_padded
 from symmb.model import DAE, Impacts
 from symmb.schemes import interpolated, parts, roots
-from symmb.symbolic import ranges_along
+from symmb.symbolic import common, ranges_along
 
 _TOUCHING = 1e-2
 """Share of a step up to which gaps must be known at least: a step that is cut to less makes no progress."""
@@ -68,7 +68,7 @@ class Location:
         x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
         gap, _ = impacts.gaps(*dae.arguments(x, p, t))
         box, bounds = ranges_along(gap, x, p, t)
-        self._bounds = ca.Function("bounds", [box, p], [bounds], {"cse": True})
+        self._bounds = common("bounds", [box, p], [bounds])
 
     def __call__(self, steps: Steps) -> Located:
         """The first events of N steps."""

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
+from symmb.symbolic import On, batch, branches, common, has_kinks, laws, switching, with_common_expressions
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -87,10 +87,11 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
         return None
     symbols = [symbol for symbol, _ in at]
     on_state = np.array(ca.which_depends(expression.switches, symbols[0], 1, True), dtype=bool)
-    of_time = branches(f, at).times
+    branch = branches(f, at)
     _, p, t = symbols
-    moved = [switch for switch in ca.vertsplit(of_time) if ca.depends_on(switch, p)]
-    moving = TimeSwitches(ca.vertcat(*moved), p, t, times) if moved else None
+    moved = [switch for switch in ca.vertsplit(branch.times) if ca.depends_on(switch, p)]
+    knots = [knot for knot in branch.knots if ca.depends_on(knot[0], p)]
+    moving = TimeSwitches(ca.vertcat(ca.SX(0, 1), *moved), p, t, times, knots=knots) if moved or knots else None
     located = on_state & np.array(expression.located, dtype=bool)
     return Kinks(expression.kinks, ca.Function("switches", symbols, [expression.switches]), on_state, located, moving)
 
@@ -102,10 +103,11 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     if not has_kinks(f) and instants is None:
         return None
     _, p, t = (symbol for symbol, _ in at)
-    switches = branches(with_common_expressions(f), at).times if has_kinks(f) else ca.SX(0, 1)
-    if not switches.numel() and instants is None:
+    branch = branches(with_common_expressions(f), at) if has_kinks(f) else None
+    switches, knots = (ca.SX(0, 1), []) if branch is None else (branch.times, branch.knots)
+    if not switches.numel() and not knots and instants is None:
         return None
-    return TimeSwitches(switches, p, t, times, instants)
+    return TimeSwitches(switches, p, t, times, instants, knots)
 
 
 def longest_step(dae: DAE, times: Array) -> float:
@@ -129,7 +131,7 @@ class Pulses:
         x, p, time = (symbol for symbol, _ in at)
         time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
         if time_laws.numel():
-            self._signals = ca.Function("signals", [p, time], [time_laws], {"cse": True})
+            self._signals = common("signals", [p, time], [time_laws])
             self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
             self._switches = time_switches(dae, times)
 

@@ -1,5 +1,6 @@
 """Times at which equations of motion have kinks or jumps that depend on time, and perhaps on parameters, alone."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -8,7 +9,7 @@ import numpy as np
 from symmb._types import Array, Mask
 from symmb.events.impulses import evaluate_padded
 from symmb.schemes import roots
-from symmb.symbolic import batch, has_kinks, ranges_along
+from symmb.symbolic import On, Pieces, batch, branches, common, has_kinks, ranges_along
 
 _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
 """Parts of the horizon at first, how often those are halved in which a switch may change sign more than its values at
@@ -22,6 +23,10 @@ _SAME = 8
 """Roundings of a time within which switches are one."""
 
 
+_BESIDE = 16
+"""Roundings by which a time is beside a jump: twice those within which switches are one."""
+
+
 class TimeSwitches:
     """Switches of time for samples of parameters.
 
@@ -30,22 +35,33 @@ class TimeSwitches:
     switches : (k,) SX       what changes sign at the kinks and jumps, of p and t
     p, t : SX symbols
     times : (n_t,) array     output times; switches outside do not count
+    knots : list             arguments of tables, of p and t, and their pieces: they switch where these meet
     instants : (k,) array    further switches, of all samples [s]
     """
 
-    def __init__(self, switches: ca.SX, p: ca.SX, t: ca.SX, times: Array, instants: Array | None = None) -> None:
+    def __init__(
+        self,
+        switches: ca.SX,
+        p: ca.SX,
+        t: ca.SX,
+        times: Array,
+        instants: Array | None = None,
+        knots: Sequence[tuple[ca.SX, Pieces]] = (),
+    ) -> None:
         self._instants = np.empty(0) if instants is None else instants
         self._begin, self._end = float(times[0]), float(times[-1])
+        self._tables = [_Knots(at, pieces.knots, p, t, times) for at, pieces in knots if not _is_linear(at, p, t)]
+        knots = [(at, pieces) for at, pieces in knots if _is_linear(at, p, t)]
+        switches = ca.vertcat(ca.SX(0, 1), switches, *(at for at, _ in knots))
+        self._places = [pieces.knots for _, pieces in knots]
         slopes = ca.densify(ca.jacobian(switches, t))
-        pairs = list(zip(ca.vertsplit(switches), ca.vertsplit(slopes), strict=True))
-        # The slope of a sawtooth is constant as well.
-        is_linear = [not ca.depends_on(slope, t) and not has_kinks(ca.Function("f", [p, t], [u])) for u, slope in pairs]
+        is_linear = [_is_linear(switch, p, t) for switch in ca.vertsplit(switches)]
         linear = ca.substitute(ca.horzcat(switches, slopes)[np.flatnonzero(is_linear).tolist(), :], t, 0)
         curved = switches[np.flatnonzero(np.logical_not(is_linear)).tolist()]
         box, bounds = ranges_along(curved, ca.SX(0, 1), p, t)
         self._linear = ca.Function("linear", [p], [linear[:, 0], linear[:, 1]])
         self._curved = ca.Function("curved", [p, t], [ca.densify(curved)])
-        self._bounds = ca.Function("bounds", [p, box], [bounds], {"cse": True})
+        self._bounds = common("bounds", [p, box], [bounds])
         self._depends = ca.depends_on(curved, p)
 
     def __call__(self, p: Array) -> Array:
@@ -55,12 +71,13 @@ class TimeSwitches:
         if self._linear.numel_out(0):
             at_zero, slope = batch(self._linear, p)
             with np.errstate(all="ignore"):
-                switches.append(-at_zero / slope)
+                count = at_zero.shape[1] - len(self._places)
+                switches.append(-at_zero[:, :count] / slope[:, :count])
+                for k, places in enumerate(self._places, count):
+                    switches.append((places - at_zero[:, k : k + 1]) / slope[:, k : k + 1])
         if self._curved.numel_out(0):
-            rows = [self._curved_roots(row) for row in (p if self._depends else p[:1])]
-            longest = max(map(len, rows), default=0)
-            padded = np.array([np.pad(row, (0, longest - len(row)), constant_values=np.inf) for row in rows])
-            switches.append(np.broadcast_to(padded, (len(p), longest)))
+            switches.append(_padded([self._curved_roots(row) for row in (p if self._depends else p[:1])], len(p)))
+        switches += [table(p) for table in self._tables]
         times = np.concatenate([np.full((len(p), 0), np.inf), *switches], axis=1)
         times[~((times >= self._begin) & (times <= self._end))] = np.inf
         times = np.sort(times, axis=1)
@@ -112,3 +129,51 @@ class TimeSwitches:
         margin = _ROUNDING * (np.abs(least) + np.abs(largest))
         exact = (np.minimum(at_low, at_high) >= least - margin) & (np.maximum(at_low, at_high) <= largest + margin)
         return np.asarray(exact & ((least > 0) | (largest < 0) | (fall >= 0) | (rise <= 0) | between))
+
+
+class _Knots:
+    """Times at which the argument of a table, a curved function of time, is at one of its knots (k,)."""
+
+    def __init__(self, at: ca.SX, knots: Array, p: ca.SX, t: ca.SX, times: Array) -> None:
+        self._at, self._knots, self._depends = ca.Function("at", [p, t], [at]), knots, ca.depends_on(at, p)
+        branch, slope = branches(common("at", [p, t], [at]), [(p, On.PARAMETERS), (t, On.TIME)]), ca.jacobian(at, t)
+        turns = ca.vertcat(branch.times, slope if ca.depends_on(slope, t) else ca.SX(0, 1))
+        self._turns, self._ends = TimeSwitches(turns, p, t, times, knots=branch.knots), (times[0], times[-1])
+
+    def __call__(self, p: Array) -> Array:
+        """The times (N, k) of N samples, infinite behind the last one [s]."""
+        some = p if self._depends else p[:1]
+        return _padded([self._of(row, turns) for row, turns in zip(some, self._turns(some), strict=True)], len(p))
+
+    def _of(self, p: Array, turns: Array) -> Array:
+        """Times of one sample: between turns and jumps the argument rises or falls."""
+
+        def values(t: Array) -> Array:
+            if not len(t):
+                return t
+            return evaluate_padded(self._at, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0][:, 0]
+
+        ends = np.unique([*self._ends, *turns[np.isfinite(turns)]])
+        margin = _BESIDE * np.spacing(np.maximum(np.abs(ends[:-1]), np.abs(ends[1:])))
+        low, high = ends[:-1] + margin, ends[1:] - margin
+        low, high = low[low < high], high[low < high]
+        at_low, at_high = values(low), values(high)
+        first = np.searchsorted(self._knots, np.minimum(at_low, at_high), "right")
+        counts = np.maximum(np.searchsorted(self._knots, np.maximum(at_low, at_high)) - first, 0)
+        part = np.repeat(np.arange(len(low)), counts)
+        knot = self._knots[np.arange(len(part)) + np.repeat(first - np.cumsum(counts) + counts, counts)]
+        if not len(part):
+            return np.empty(0)
+        return roots(lambda t: values(t) - knot, low[part], high[part], at_low[part] - knot, at_high[part] - knot)
+
+
+def _padded(rows: Sequence[Array], count: int) -> Array:
+    """Rows of different lengths, or one row for all, as an array (count, k), infinite behind their ends."""
+    longest = max(map(len, rows), default=0)
+    padded = [np.pad(row, (0, longest - len(row)), constant_values=np.inf) for row in rows]
+    return np.broadcast_to(np.array(padded).reshape(len(rows), longest), (count, longest))
+
+
+def _is_linear(switch: ca.SX, p: ca.SX, t: ca.SX) -> bool:
+    """Whether its slope is constant, and unlike a sawtooth it has no jumps."""
+    return not ca.depends_on(ca.jacobian(switch, t), t) and not has_kinks(ca.Function("f", [p, t], [switch]))

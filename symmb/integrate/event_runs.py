@@ -27,7 +27,7 @@ from symmb.integrate.stabilization import Projection
 from symmb.integrate.step_ends import switched
 from symmb.model import DAE, Impacts
 from symmb.schemes import StepControl, error_estimates, error_norm, first_step, interpolant, interpolation_error, stages
-from symmb.symbolic import ranges_along
+from symmb.symbolic import common, ranges_along
 
 CROWD_SPAN, CROWD = 1e-12, 1000
 """More events than this within this share of the run's time are an endless sequence. tests/events/test_impacts.py"""
@@ -65,11 +65,11 @@ class EventIntegration(Integration):
             x, p, t = problem.x, problem.p, problem.t
             box, bounds = ranges_along(on_sides.switches[: len(self.ends.hysteresis)], x, p, t)
             self.switches = ca.Function("switches", [x, p, t], [on_sides.switches])
-            self.bounds = ca.Function("bounds", [box, p, t], [bounds], {"cse": True})
+            self.bounds = common("bounds", [box, p, t], [bounds])
         quad = problem.quad if problem.quad.numel() else ca.SX.zeros(self.n_quad)
         y = ca.vertcat(problem.x, ca.SX.sym("work", self.n_quad))
         arguments = [y, problem.p, problem.t]
-        self.rates = ca.Function("rates", arguments, [ca.vertcat(problem.ode, quad)], {"cse": True})
+        self.rates = common("rates", arguments, [ca.vertcat(problem.ode, quad)])
         self.step = _step_function(self.rates)
         self.laws = ImpactLaws(dae, impacts)
         self.time_switches, self.longest = time_switches(dae, times), longest_step(dae, times)
@@ -336,4 +336,4 @@ def _projection(dae: DAE, impacts: Impacts, problem: Problem) -> ca.Function:
     x = problem.x if problem.projected is None else problem.projected
     q, v = impacts.project(*dae.arguments(x, problem.p, problem.t))
     x = ca.vertcat(q, v, x[dae.n_q + dae.n_v :])
-    return ca.Function("project", [problem.x, problem.p, problem.t], [x], {"cse": True})
+    return common("project", [problem.x, problem.p, problem.t], [x])

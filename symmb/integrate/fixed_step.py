@@ -8,6 +8,7 @@ from symmb.integrate.integration import Integration
 from symmb.integrate.marching import Advance, Marching, interval_steps
 from symmb.integrate.problem import Problem
 from symmb.schemes import Step, runge_kutta
+from symmb.symbolic import common
 
 
 def fixed_step_integration(
@@ -41,14 +42,14 @@ def fixed_step_integration(
 def explicit(problem: Problem) -> Advance:
     """The classical Runge-Kutta method."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
-    rates = ca.Function("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad], {"cse": True})
+    rates = common("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad])
     w, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
     begin, slopes = problem.t - h, []
     for c, row in zip(runge_kutta.C, runge_kutta.A, strict=True):
         shift = sum((a * slopes[j][:n_x] for j, a in row.items()), ca.SX.zeros(n_x))
         slopes.append(ca.vertcat(*rates(w[:n_x] + h * shift, problem.p, begin + c * h)))
     new = w + h * sum((b * slopes[j] for j, b in runge_kutta.B.items()), ca.SX.zeros(n_x + n_quad))
-    step = ca.Function("step", [w, problem.p, problem.t, h], [new], {"cse": True})
+    step = common("step", [w, problem.p, problem.t, h], [new])
     return Advance(_start_at_rest(problem), step, n_x, n_quad)
 
 
@@ -68,7 +69,7 @@ def collocation(problem: Problem, degree: int) -> Advance:
         "rootfinder_options": {"abstol": 1e-12, "abstolStep": 1e-10},
     }
     one = ca.integrator("one", "collocation", {k: e for k, e in dae.items() if e.numel()}, 0, 1, options)
-    guess = ca.Function("guess", [problem.x, problem.p, problem.t], [problem.z_guess], {"cse": True})
+    guess = common("guess", [problem.x, problem.p, problem.t], [problem.z_guess])
     w, p, t, h = (ca.MX.sym(n, k) for n, k in (("w", n_x + n_quad), ("p", problem.p.numel()), ("t", 1), ("h", 1)))
     x = w[:n_x]
     result = one(x0=x, z0=guess(x, p, t - h), p=ca.vertcat(p, t - h, h))
@@ -79,8 +80,8 @@ def collocation(problem: Problem, degree: int) -> Advance:
 def implicit(scheme: Step) -> Advance:
     """An implicit scheme; CasADi derives Newton's matrix."""
     arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
-    begin = ca.Function("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin], {"cse": True})
-    following = ca.Function("following", [scheme.z, *arguments], [ca.densify(scheme.following)], {"cse": True})
+    begin = common("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin])
+    following = common("following", [scheme.z, *arguments], [ca.densify(scheme.following)])
     symbols = [ca.MX.sym(name, s.numel()) for name, s in zip("wpth", arguments, strict=True)]
     z = ca.MX(0, 1)
     if scheme.z.numel():
@@ -90,7 +91,7 @@ def implicit(scheme: Step) -> Advance:
             {"x": scheme.z, "p": ca.vertcat(*arguments), "g": scheme.residual},
             {"abstol": 0.0, "abstolStep": 1e-12, "max_iter": 20, "linear_solver": "csparse"},
         )
-        guess = ca.Function("guess", arguments, [scheme.guess], {"cse": True})
+        guess = common("guess", arguments, [scheme.guess])
         z = newton(guess(*symbols), ca.vertcat(*symbols))
     return Advance(begin, ca.Function("step", symbols, [following(z, *symbols)]), scheme.n_x, scheme.n_quad)
 

@@ -20,6 +20,7 @@ from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE
 from symmb.schemes import Step, generalized_alpha, nstiff_si2
 from symmb.start import Start
+from symmb.symbolic import common
 
 FULL_MATRIX = 12
 """Velocities up to which a full Newton matrix costs no more than a sparse one. tests/benchmarks/latency.py"""
@@ -81,7 +82,7 @@ class _SchemeSolver(CompiledSolver):
             step = self.scheme(dae, order, work)
             project = None
             if step.projected is not None:
-                project = ca.Function("project", [step.x, step.p, step.t], [step.projected], {"cse": True})
+                project = common("project", [step.x, step.p, step.t], [step.projected])
             return fixed_step_integration(implicit(step), times, control.longest, project)
 
         if self.runs_in_lanes(dae) and dae.n_v + dae.n_s:

@@ -16,7 +16,7 @@ from symmb.integrate.problem import Problem
 from symmb.integrate.side_walk import SideWalk, Stops
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE, Lazy
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
 """Most steps of a run, and most steps times states: more take minutes."""
@@ -177,7 +177,7 @@ class _SmoothPieces:
         self._units = np.ones(problem.x.numel() + problem.quad.numel()) if units is None else units
         at = [problem.x, problem.p, problem.t]
         speed = equations.dae.rhs.call(list(equations.dae.arguments(*at)))[0]
-        self._start = ca.Function("start", at, [problem.z_guess, speed], {"cse": True})
+        self._start = common("start", at, [problem.z_guess, speed])
 
     def advance(self, begin: float, end: float, y: Array, p: Array) -> Array:
         """From one time to another, which may be before it: y is the state and the integral along."""

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.integrate.step_ends import hysteresis_of
 from symmb.model import DAE
-from symmb.symbolic import Branches, On, batch, branches, has_kinks
+from symmb.symbolic import Branches, On, batch, branches, common, has_kinks
 
 _SETTLINGS = 8
 """Passes over switches that depend on the sides of others."""
@@ -60,7 +60,7 @@ def one_sided(dae: DAE) -> OneSided | None:
     more = ca.vertcat(*(symbol for name, symbol in at.items() if name not in dae.rhs.name_in()))
     outputs = {name: f.call([at[i] for i in f.name_in()]) for name, f in functions.items()}
     kinked = sorted((name for name, f in functions.items() if has_kinks(f)), key=lambda name: name != "rhs")
-    whole = ca.Function("whole", [x, p, t, more], [e for name in kinked for e in outputs[name]], {"cse": True})
+    whole = common("whole", [x, p, t, more], [e for name in kinked for e in outputs[name]])
     branch = branches(whole, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME), (more, On.STATE)])
     nonzeros = iter(branch.outputs)
     for name in kinked:
@@ -77,7 +77,7 @@ def one_sided(dae: DAE) -> OneSided | None:
     sides, switches = branch.sides[used], branch.switches[used]
     own = at | {"p": ca.vertcat(p, sides)}
     one: dict[str, ca.Function] = {
-        name: ca.Function(name, [own[i] for i in f.name_in()], outputs[name], f.name_in(), f.name_out(), {"cse": True})
+        name: common(name, [own[i] for i in f.name_in()], outputs[name], f.name_in(), f.name_out())
         for name, f in functions.items()
     }
     rates = ca.densify(ca.jtimes(switches, x, rhs) + ca.jacobian(switches, t))
@@ -88,7 +88,7 @@ def one_sided(dae: DAE) -> OneSided | None:
             p_names=(*dae.p_names, *(f"side {k}" for k in used)),
             p_nominal=np.concatenate([dae.p_nominal, np.ones(len(used))]),
         ),
-        ca.Function("switches", [x, own["p"], t], [ca.densify(switches), rates], {"cse": True}),
+        common("switches", [x, own["p"], t], [ca.densify(switches), rates]),
         np.array(hysteresis_of(dae, switches, x, p, t, sides)),
     )
 

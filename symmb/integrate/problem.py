@@ -8,7 +8,7 @@ from symmb._types import Array
 from symmb.integrate.projection import normalize, project, sampled
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.model import DAE
-from symmb.symbolic import independent, jets, symmetric_solver
+from symmb.symbolic import common, independent, jets, symmetric_solver
 
 PROJECTION_STEPS = 3
 """Newton steps of a projection: Newton is quadratic, so these suffice for the drift of a whole output interval."""
@@ -36,7 +36,7 @@ class Problem:
         """(x, p, t) -> x on the constraints; None if states are not moved."""
         if self.projected is None:
             return None
-        return ca.Function("project", [self.x, self.p, self.t], [self.projected], {"cse": True})
+        return common("project", [self.x, self.p, self.t], [self.projected])
 
     def in_units(self, units: Array) -> "Problem":
         """The problem of x and integrals over units (n_x + n_quad,), in which one absolute tolerance holds for all."""

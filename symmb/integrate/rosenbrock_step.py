@@ -5,7 +5,7 @@ import casadi as ca
 from symmb.integrate.problem import Problem
 from symmb.schemes import Step
 from symmb.schemes import rosenbrock as rodas
-from symmb.symbolic import general_solver
+from symmb.symbolic import common, general_solver
 
 
 def rosenbrock(problem: Problem) -> Step:
@@ -14,7 +14,7 @@ def rosenbrock(problem: Problem) -> Step:
     n, nothing = n_x + n_quad + n_z, ca.SX(0, 1)
     y, h = ca.SX.sym("w", n), ca.SX.sym("h")
     rows = ca.vertcat(problem.ode, problem.quad, problem.alg)
-    f = ca.Function("f", [ca.vertcat(problem.x, ca.SX.sym("quad", n_quad), problem.z), p, t], [rows], {"cse": True})
+    f = common("f", [ca.vertcat(problem.x, ca.SX.sym("quad", n_quad), problem.z), p, t], [rows])
     slope = f(y, p, t)
     J = ca.Function("J", [y, p, t], [ca.jacobian(slope, y)])
     partial = ca.Function("partial", [y, p, t], [ca.densify(ca.jacobian(slope, t))])

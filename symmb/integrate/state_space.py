@@ -30,7 +30,7 @@ from symmb.schemes import (
     stages,
 )
 from symmb.start import independent_rows_and_columns
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +81,7 @@ class _Partitioned(Integration):
         self._equations = [_Equations.of(dae, work) for dae in daes]
         self._counts = {"steps": 0, "choices of coordinates": 0}
         at = ca.SX.sym("x", self.n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-        self._held = None if dae.sampling is None else ca.Function("held", [*at], [sampled(dae, *at)], {"cse": True})
+        self._held = None if dae.sampling is None else common("held", [*at], [sampled(dae, *at)])
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         self._counts = dict.fromkeys(self._counts, 0)
@@ -220,12 +220,12 @@ class _Equations:
         at = dae.arguments(there, p, t)
         rows = [none if f is None else f(*at) for f in (dae.Phi, dae.Phi_dot)]
         G = ca.SX(0, dae.n_v) if dae.G is None else dae.G(*at)
-        moved = ca.Function("moved", [x, delta, p, t], [ca.densify(e) for e in (there, *rows, G)], {"cse": True})
+        moved = common("moved", [x, delta, p, t], [ca.densify(e) for e in (there, *rows, G)])
         at = dae.arguments(x, p, t)
         rates = list(dae.rhs.call(list(at)))
         if work and dae.power is not None:
             rates.append(dae.power(*at, dae.forward(*at, none if dae.gamma is None else dae.gamma(*at))[1]))
-        return cls(dae, moved, ca.Function("rates", [x, p, t], [ca.densify(ca.vertcat(*rates))], {"cse": True}))
+        return cls(dae, moved, common("rates", [x, p, t], [ca.densify(ca.vertcat(*rates))]))
 
     def at(self, x: Array, p: Array, t: float, delta: Array | float = 0.0) -> tuple[Array, Array, Array, Array]:
         """The state x (n_x,) moved by delta (n_v,), and there Phi (n_c,), Phi_dot (n_r,) and G (n_r, n_v)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.model import DAE
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 
 @dataclass(frozen=True)
@@ -64,4 +64,4 @@ def _along(rhs: ca.Function) -> ca.Function:
     at = rhs.sx_in()
     x = ca.vertcat(*at[:-2])
     direction, rates = ca.SX.sym("dx", x.numel()), ca.vertcat(*rhs.call(at))
-    return ca.Function("along", [*at, direction], [ca.densify(ca.jtimes(rates, x, direction))], {"cse": True})
+    return common("along", [*at, direction], [ca.densify(ca.jtimes(rates, x, direction))])

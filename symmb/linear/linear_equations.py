@@ -11,7 +11,7 @@ from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
 from symmb.model import DAE
 from symmb.simulation import Formulation
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 _MOST_INSTRUCTIONS = 2_000_000
 """Instructions for all columns one by one, up to which the matrices are derived as a whole: this takes some seconds."""
@@ -127,7 +127,7 @@ class LinearEquations:
         parts = [ca.densify(part) for part in parts]
         slopes = ca.substitute(ca.jtimes(ca.vertcat(*parts), z, dz), z, ca.SX.zeros(z.numel()))
         cuts = np.cumsum([part.numel() for part in parts])[:-1].tolist()
-        return ca.Function("slopes", [x, p, t, dz], [ca.densify(slopes)], {"cse": True}), cuts
+        return common("slopes", [x, p, t, dz], [ca.densify(slopes)]), cuts
 
     @cached_property
     def _jacobian(self) -> ca.Function:

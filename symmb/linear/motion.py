@@ -12,7 +12,7 @@ from symmb.linear.point import LinearizationPoint
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene
 from symmb.simulation import Formulation, Trajectory, prepare_equations
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 _PERIODS, _PICTURES = 3, 36
 """Oscillations of the motion, and its output times in each."""
@@ -75,7 +75,7 @@ class Origin:
         delta, more = z[: dae.n_v], z[dae.n_v :]
         moved = ca.vertcat(dae.retract(x[: dae.n_q], delta), x[dae.n_q :] + more)
         closed = project(dae, moved, p, ca.SX(self.point.t), _PROJECTIONS)
-        return ca.Function("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)], {"cse": True})
+        return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
 
     def _amplitude(self, shape: Array) -> float:
         """The factor of displacements of bodies (n_b,) with which they are visible."""

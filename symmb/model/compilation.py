@@ -15,7 +15,7 @@ from symmb.model.redundancy import redundancy_equations
 from symmb.model.sampling import sampling_of
 from symmb.model.system import System
 from symmb.model.validation import require_inertia
-from symmb.symbolic import t
+from symmb.symbolic import shared, t
 
 Outputs = Mapping[str, ca.SX]
 """Expressions of a Function by the names of its outputs."""
@@ -171,7 +171,7 @@ def _functions(
     states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
     states += [("p", system.p), ("t", t)]
     expressions = [e for parts in outputs.values() for e in parts.values()]
-    reduced = iter(ca.cse(expressions) if expressions else ())
+    reduced = iter(shared(expressions) if expressions else ())
     functions: dict[str, ca.Function] = {}
     for name, parts in outputs.items():
         own = [*states, *([inputs[name]] if name in inputs else [])]

@@ -16,7 +16,7 @@ import numpy as np
 
 from symmb._types import Indices
 from symmb.model.system import System
-from symmb.symbolic import symmetric_solver, t
+from symmb.symbolic import common, symmetric_solver, t
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Contacts:
 
         def function(name: str, **outputs: ca.SX) -> ca.Function:
             dense = [ca.densify(e) for e in outputs.values()]
-            return ca.Function(name, [*z], dense, names, list(outputs), {"cse": True})
+            return common(name, [*z], dense, names, list(outputs))
 
         free, _ = system.solve(system.Q, system.gamma)
         force = self.force

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.model.system import System
-from symmb.symbolic import t
+from symmb.symbolic import common, t
 
 _DUE = 1e-6
 """Share of a period before an instant within which it is reached: steps end there but for rounding."""
@@ -78,5 +78,5 @@ def sampling_of(system: System) -> Sampling | None:
             (numbers[value.sx.element_hash()], numbers[count.sx.element_hash()])
             for value, count in (element.symbols for element, _ in sampled)
         ),
-        laws=tuple(ca.Function(f"sampled{k}", at, [law], {"cse": True}) for k, (_, law) in enumerate(sampled)),
+        laws=tuple(common(f"sampled{k}", at, [law]) for k, (_, law) in enumerate(sampled)),
     )

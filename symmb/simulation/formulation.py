@@ -15,7 +15,7 @@ from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.simulation.outputs import joint_output_function, output_function
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 T = TypeVar("T")
 
@@ -180,7 +180,7 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
     y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
 
     def states() -> ca.Function:
-        return ca.Function("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))], {"cse": True})
+        return common("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))])
 
     return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, Lazy(states)))
 

@@ -20,7 +20,7 @@ from symmb.model import DAE, Scene
 from symmb.simulation.formulation import Formulation
 from symmb.simulation.outputs import output_function
 from symmb.structures import Responses
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 from symmb.symbolic import t as time_symbol
 
 
@@ -143,7 +143,7 @@ def with_loads(scene: Scene, formulation: Formulation, some: tuple[AttachedLoads
     bodies = formulation.bodies
     wrenches = output_function((bodies or formulation).dae, scene, ca.vertcat(*(loads.wrenches for loads in some)))
     y = ca.vertcat(formulation.y(x, p, t), wrenches(x if bodies is None else bodies.states(x, p), p, t))
-    return replace(formulation, y=ca.Function("y", [x, p, t], [y], {"cse": True}))
+    return replace(formulation, y=common("y", [x, p, t], [y]))
 
 
 def left_out(
@@ -217,7 +217,7 @@ def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Funct
     for loads in some:
         R = loads.body.frame.R
         parts += [R[:2, :2] if loads.rigid == 3 else R, ca.jacobian(loads.wrenches, lam)]
-    return ca.Function("slopes", states, [ca.densify(part) for part in parts], {"cse": True})
+    return common("slopes", states, [ca.densify(part) for part in parts])
 
 
 def _numbers(f: ca.Function, x: Array, p: Array, t: float) -> list[Array]:

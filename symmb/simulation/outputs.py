@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.integrate import Run
 from symmb.model import DAE, JointSpace, Scene, System
-from symmb.symbolic import batch, jets
+from symmb.symbolic import batch, common, jets
 from symmb.symbolic import t as time_symbol
 
 
@@ -29,7 +29,7 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
             multipliers = dae.distribute_multipliers(*at, multipliers)
     if any(ca.which_depends(y, vdot, 1, True) or []):
         accelerations = dae.rhs(*at)[1]
-    return ca.Function("y", [x, p, t], [declared(*at, multipliers, accelerations)], {"cse": True})
+    return common("y", [x, p, t], [declared(*at, multipliers, accelerations)])
 
 
 def joint_output_function(
@@ -56,7 +56,7 @@ def joint_output_function(
         held = joint_dae.sampling.held(*joint_dae.arguments(own, system.p, t))
         declared = ca.substitute(declared, system.s, held)
     f = ca.Function("declared", [own, system.p, t], [declared])
-    return ca.Function("y", [x, p, t], [f(x, p, t)], {"cse": True})
+    return common("y", [x, p, t], [f(x, p, t)])
 
 
 def jet_outputs(y: ca.Function, order: int) -> ca.Function:
@@ -68,7 +68,7 @@ def jet_outputs(y: ca.Function, order: int) -> ca.Function:
     coefficients = ca.vertcat(*jets(y(X[0], P[0], t), [X, P]))
     if order > 1:  # parameters p_0 + p_1 eps have no higher coefficients
         coefficients = ca.substitute(coefficients, ca.vertcat(*P[2:]), ca.SX.zeros(n_p * (order - 1)))
-    return ca.Function("jets", [ca.vertcat(*X), ca.vertcat(*P[:2]), t], [coefficients], {"cse": True})
+    return common("jets", [ca.vertcat(*X), ca.vertcat(*P[:2]), t], [coefficients])
 
 
 def outputs_along(y: ca.Function, runs: Sequence[Run], P: Array, times: Array, threads: int) -> Array:

@@ -19,7 +19,7 @@ from symmb.start.rank import (
 )
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import Start, function_jets, parameter_jets
-from symmb.symbolic import batch, conjugate, product
+from symmb.symbolic import batch, common, conjugate, product
 
 
 def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
@@ -29,7 +29,7 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
     """
     bodies, p = scene.system, scene.system.p
     x = ca.vertcat(bodies.q, bodies.v, bodies.s)
-    measured = ca.Function("measured", [x, p], [ca.densify(ca.vertcat(*joints.joints.of_joints))], {"cse": True})
+    measured = common("measured", [x, p], [ca.densify(ca.vertcat(*joints.joints.of_joints))])
     states, (fault,) = start.states(start.dae.p_nominal[None])
     q0 = measured(states[0], start.dae.p_nominal).full().ravel()[: joints.q.numel()]
     dae = _with_independent_rows(start, joints, q0)
@@ -103,7 +103,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     of_bodies = ca.Function("of_bodies", [joints.q, p], [space.of_bodies[0]])
     u, scales = ca.SX.sym("u", dae.n_v), dae.displacement_scales
     q = dae.retract(ca.DM(q0), ca.DM(scales) * u)
-    place = ca.Function("place", [u, p], [q], {"cse": True})
+    place = common("place", [u, p], [q])
     q_b = of_bodies(q, p)
     moved = _displacement(bodies, start.reference(p, ca.DM(start.q_nominal)), q_b)
     held = list(start.held)
@@ -125,16 +125,16 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     q_of = of_bodies(q_j, p)
     s = start.dae.s_start(q_of, p) if start.dae.s_start is not None else ca.SX(0, 1)
     x_j = measured(ca.vertcat(q_of, start.velocities(q_of, p), s), p)
-    s_start = ca.Function("s_start", [q_j, p], [x_j[dae.n_q + dae.n_v :]], {"cse": True}) if dae.n_s else None
+    s_start = common("s_start", [q_j, p], [x_j[dae.n_q + dae.n_v :]]) if dae.n_s else None
     found = replace(
         start,
         dae=replace(dae, s_start=s_start),
         q_nominal=q0,
         place=place,
         position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
-        velocities=ca.Function("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]], {"cse": True}),
+        velocities=common("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]]),
         joint_residuals=None if start.joint_residuals is None else _residuals(start.joint_residuals, scene, joints),
-        implied=ca.Function("implied", [u, p], [ca.densify(implied)], {"cse": True}) if implied.numel() else None,
+        implied=common("implied", [u, p], [ca.densify(implied)]) if implied.numel() else None,
     )
     return None if found.states(p_nominal[None])[1][0] else found
 
@@ -157,7 +157,7 @@ def _residuals(of_bodies: ca.Function, scene: Scene, joints: System) -> ca.Funct
     names = (*joints.collected.q_names, *joints.collected.v_names)
     own = dict(zip(names, ca.vertsplit(ca.vertcat(joints.q, joints.v)), strict=True))
     values = [own[v.name] - v.value if v.name in own else at_bodies[k] for k, v in enumerate(scene.prescribed.joints)]
-    return ca.Function("listed", [*states], [ca.densify(ca.vertcat(*values))], {"cse": True})
+    return common("listed", [*states], [ca.densify(ca.vertcat(*values))])
 
 
 def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:

@@ -28,7 +28,7 @@ from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
 from symmb.start.start import VIOLATION, Start
 from symmb.start.unstretched import unstretched
 from symmb.start.velocities import start_velocities
-from symmb.symbolic import batch
+from symmb.symbolic import batch, common
 
 _PROBED = 1e-2
 """Relative distance of parameters at which decisions on velocities must hold as well. A listed speed that is a
@@ -180,14 +180,14 @@ def _solve_positions(
     places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
     q = dae.retract(reference(p, ca.DM(q0)), delta)
-    place = ca.Function("place", [u, p], [q], {"cse": True})
+    place = common("place", [u, p], [q])
     position = None
     if scene.equilibrium:
         # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
         share = ca.SX.sym("share", len(rows))
         z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
         position = ImplicitMap.of(imbalance(dae, place(u, p), lam, p, t0, free, rows), z, p)
-        place = ca.Function("place", [z, p], [q], {"cse": True})
+        place = common("place", [z, p], [q])
     elif len(solved) and dae.Phi is not None:
         residual = (dae.Phi(*resting(dae, place(u, p), p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
         position = ImplicitMap.of(residual, u, p)

@@ -17,7 +17,7 @@ from symmb._types import Array, Mask
 from symmb.model import DAE, Scales, is_linear
 from symmb.start.implicit_function import ROUNDING, ImplicitMap
 from symmb.start.scales import PART_ROUNDING, distances, length_of, power_of_two, sizes_of_parts
-from symmb.symbolic import batch, evaluated, jet_function, saddle_solver
+from symmb.symbolic import batch, common, evaluated, jet_function, saddle_solver
 
 MOST_COMPILED_STATES = 100
 """States up to which starts are compiled. With more states runs take much longer than starts, and so do compilers."""
@@ -158,7 +158,7 @@ class Start:
             return None
         x, p = ca.SX.sym("x", self.dae.n_q + self.dae.n_v + self.dae.n_s), ca.SX.sym("p", len(self.dae.p_names))
         at = self.dae.arguments(x, p, ca.SX(self.t0))
-        return ca.Function("sampled", [x, p], [ca.vertcat(*at[:2], self.dae.sampling.held(*at))], {"cse": True})
+        return common("sampled", [x, p], [ca.vertcat(*at[:2], self.dae.sampling.held(*at))])
 
     def state(self, u: ca.SX, p: ca.SX) -> ca.SX:
         """The state (n_x,) of unknowns u (n_u,) that solve the equations of positions."""

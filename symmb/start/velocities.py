@@ -19,7 +19,7 @@ from symmb.model import DAE, Scene
 from symmb.start.joint_tree import GROUND, Group, JointTree
 from symmb.start.rank import RANK_TOLERANCE, strong_rows
 from symmb.start.scales import evaluate_at_rest, resting
-from symmb.symbolic import is_singular, is_zero, pattern, saddle_solver
+from symmb.symbolic import common, is_singular, is_zero, pattern, saddle_solver
 
 _RIGID, _SOLVED = 1e-9, 1e-7
 """Rates of rows that are zero but for rounding: in rigid motions of unit size, and at the start over their terms."""
@@ -41,11 +41,11 @@ def start_velocities(
     rates = _Rates(scene, dae, listed, at, t0)
     if scene.restart is not None:
         v = rates.kept(scene.restart.v)
-        return ca.Function("velocities", [rates.q, rates.p], [ca.densify(v)], {"cse": True})
+        return common("velocities", [rates.q, rates.p], [ca.densify(v)])
     tree = JointTree(rates.connected, rates.roots)
     while (v := _along(tree, rates)) is None:
         pass
-    return ca.Function("velocities", [rates.q, rates.p], [ca.densify(v)], {"cse": True})
+    return common("velocities", [rates.q, rates.p], [ca.densify(v)])
 
 
 def _along(tree: JointTree, rates: "_Rates") -> ca.SX | None:

@@ -4,6 +4,7 @@ The files sympy_in, sympy_out and latex are the only ones that know SymPy.
 """
 
 from symmb.symbolic.batch import batch, evaluated, nonzeros, pattern, so_far
+from symmb.symbolic.common import common, shared
 from symmb.symbolic.geometry import (
     Z,
     components,
@@ -37,6 +38,7 @@ from symmb.symbolic.linear import (
 )
 from symmb.symbolic.nodes import with_nodes
 from symmb.symbolic.pickling import reduction
+from symmb.symbolic.pieces import Entry, Pieces, Sides, called
 from symmb.symbolic.ranges import ranges_along
 from symmb.symbolic.switching import SOFT, Branches, On, branches, has_kinks, laws, switching, with_common_expressions
 from symmb.symbolic.symbols import Kind, Symbol, TruthValueError, ddt, declare, is_time, lookup, rate, symbols_in, t

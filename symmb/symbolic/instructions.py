@@ -6,18 +6,19 @@ What each operation means is the caller's affair; here is only the walk.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb.symbolic.pieces import Entry, called
 
 T = TypeVar("T")
 
 _NAMES = {getattr(ca, name): name.removeprefix("OP_").lower() for name in dir(ca) if name.startswith("OP_")}
 
 
-def operation_name(code: int) -> str:
+def operation_name(code: int | Entry) -> str:
     """Name of an operation code for messages.
 
     Examples
@@ -26,13 +27,13 @@ def operation_name(code: int) -> str:
     >>> operation_name(ca.OP_ATAN2)
     'atan2'
     """
-    return _NAMES.get(code, f"operation {code}")
+    return "table" if isinstance(code, Entry) else _NAMES.get(code, f"operation {code}")
 
 
 def interpret(
     f: ca.Function,
     inputs: Sequence[Sequence[T]],
-    operation: Callable[[int, tuple[T, ...]], T],
+    operation: Callable[[Any, tuple[T, ...]], T],
     constant: Callable[[float], T],
     known: Mapping[int, T] | None = None,
 ) -> list[list[T]]:
@@ -43,7 +44,7 @@ def interpret(
     f : casadi.Function      built from SX expressions
     inputs                   for each input of ``f`` its structural nonzeros, in column-major order
     operation                ``operation(code, arguments)`` with ``code`` one of CasADi's ``OP_`` numbers and
-                             one or two arguments (none for a free symbol, ``OP_PARAMETER``)
+                             one or two arguments (none for a free symbol, ``OP_PARAMETER``), or an `Entry`
     constant                 turns a float into a T
     known                    values of scalar outputs by their numbers, which hold in the outputs that follow as well
 
@@ -73,7 +74,7 @@ def interpret(
     # Every work slot is written before it is read, so the filling value of `work` is never seen.
     work = [constant(0.0)] * f.sz_w()
     outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
-    known = {} if known is None else known
+    known, calls = {} if known is None else known, called(f)
     for k in range(f.n_instructions()):
         code, arguments, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
         if code == ca.OP_INPUT:
@@ -83,6 +84,11 @@ def interpret(
             outputs[results[0]][results[1]] = work[arguments[0]]
         elif code == ca.OP_CONST:
             work[results[0]] = constant(f.instruction_constant(k))
+        elif k in calls:
+            of = tuple(work[i] for i in arguments[:2])
+            for entry, place in zip(calls[k], results, strict=True):
+                if place >= 0:  # others are not used
+                    work[place] = constant(0.0) if entry is None else operation(entry, of)
         elif code == ca.OP_CALL:
             raise DeclarationError(
                 f"Function '{f.name()}' calls another Function inside: build that one without never_inline."

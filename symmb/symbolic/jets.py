@@ -7,6 +7,7 @@ from functools import lru_cache
 import casadi as ca
 
 from symmb._errors import PropagationError
+from symmb.symbolic.common import common
 
 HIGHEST_ORDER = 100
 """Highest order of jets: each has more operations than the last one, mostly three times as many."""
@@ -57,4 +58,4 @@ def jet_function(f: ca.Function, terms: int) -> ca.Function:
     """The Taylor coefficients of f, one output each, from so many coefficients of each of its inputs in turn."""
     curves = [[ca.SX.sym(f"a{i}_{j}", f.numel_in(i)) for j in range(terms)] for i in range(f.n_in())]
     coefficients = jets(f(*[curve[0] for curve in curves]), curves)
-    return ca.Function("jets", [a for curve in curves for a in curve], coefficients, {"cse": True})
+    return common("jets", [a for curve in curves for a in curve], coefficients)

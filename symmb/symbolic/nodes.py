@@ -4,6 +4,8 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from symmb.symbolic.pieces import applied
+
 
 def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
     """An expression in which nodes, given by their hashes, are replaced by scalars. What they were made of falls away.
@@ -48,8 +50,10 @@ def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
             new = [known[part.element_hash()] for part in parts]
             if all(a.element_hash() == b.element_hash() for a, b in zip(new, parts, strict=True)):
                 known[key] = node
-            elif len(new) == 2:
-                known[key] = ca.SX.binary(node.op(), *new)
+            elif node.is_output():
+                known[key] = new[0].get_output(node.which_output())
+            elif node.is_call():
+                known[key] = node.which_function()(*new)[0].dep(0)
             else:
-                known[key] = ca.SX.unary(node.op(), *new)
+                known[key] = applied(node.op(), *new)
     return ca.SX(expression.sparsity(), ca.vertcat(*[known[root.element_hash()] for root in roots]))

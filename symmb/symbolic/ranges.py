@@ -9,24 +9,44 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
+from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret
+from symmb.symbolic.pieces import Entry, applied
 from symmb.symbolic.switching import is_soft
 
 _INFINITE = ca.SX.inf()
+
+
+class _Parts(NamedTuple):
+    """Ranges of a value before and behind a place in the range `at`, whose own parts are `own`."""
+
+    at: Any
+    own: Any
+    before: Any
+    behind: Any
+
+    def of(self, a: "Range") -> tuple["Range", "Range"]:
+        """The parts of any range."""
+        if a.parts is not None and a.parts.own is self.own:
+            return a.parts.before, a.parts.behind
+        return self.own if _is_same(a, self.at) else (a, a)
 
 
 class Range(NamedTuple):
     """From low to high, SX scalars. A range of one point holds the same expression twice.
 
     `jumps` is 1 where the value may jump within the range of its arguments. `chosen` are the ranges of a condition and
-    of what the value is where it holds, if it is 0 elsewhere.
+    of what the value is where it holds, if it is 0 elsewhere. `parts` are the ranges on both sides of a place where
+    pieces of a table meet.
     """
 
     low: ca.SX
     high: ca.SX
     jumps: ca.SX = ca.SX(0)
     chosen: Any = None
+    parts: Any = None
 
     @property
     def is_point(self) -> bool:
@@ -42,7 +62,7 @@ def ranges(f: ca.Function, inputs: Sequence[Sequence[Range]]) -> list[list[Range
     --------
     >>> x = ca.SX.sym("x")
     >>> ranges(ca.Function("f", [x], [x + 1]), [[Range(ca.SX(2), ca.SX(5))]])
-    [[Range(low=SX(3), high=SX(6), jumps=SX(0), chosen=None)]]
+    [[Range(low=SX(3), high=SX(6), jumps=SX(0), chosen=None, parts=None)]]
     """
     return interpret(f, inputs, _operation, lambda number: _point(ca.SX(number)))
 
@@ -60,7 +80,7 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
     dx, dt, box = ca.SX.sym("dx", n), ca.SX.sym("dt"), ca.SX.sym("box", 4 * n + 3)
     along_x = ca.jtimes(values, x, dx) if n and values.numel() else ca.SX(values.numel(), 1)
     changes = along_x + ca.jacobian(values, t) * dt
-    f = ca.Function("f", [x, dx, t, dt, p], [ca.densify(values), ca.densify(changes)], {"cse": True})
+    f = common("f", [x, dx, t, dt, p], [ca.densify(values), ca.densify(changes)])
     low, high, least, most = (ca.vertsplit(box[k * n : (k + 1) * n]) for k in range(4))
     own = [
         [Range(*ends) for ends in zip(low, high, strict=True)],
@@ -79,11 +99,17 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
     )
 
 
-def _operation(code: int, arguments: tuple[Range, ...]) -> Range:
+def _operation(code: int | Entry, arguments: tuple[Range, ...]) -> Range:
     if all(a.is_point for a in arguments):
         of = [a.low for a in arguments]
-        return _point(ca.SX.binary(code, *of) if len(of) == 2 else ca.SX.unary(code, of[0]))
-    if code in _RISING:
+        return _point(applied(code, *of))
+    parts = next((a.parts for a in arguments if a.parts is not None), None)
+    if parts is not None:
+        before, behind = (_operation(code, side) for side in zip(*map(parts.of, arguments), strict=True))
+        result = _hull(*before[:2], *behind[:2])._replace(parts=parts._replace(before=before, behind=behind))
+    elif isinstance(code, Entry):
+        result = _entry(code, *arguments)
+    elif code in _RISING:
         (a,), (low, high) = arguments, _RISING[code]
         ends = [ca.fmin(ca.fmax(end, low), high) if math.isfinite(low) or math.isfinite(high) else end for end in a[:2]]
         result = Range(*(ca.SX.unary(code, end) for end in ends))
@@ -93,6 +119,31 @@ def _operation(code: int, arguments: tuple[Range, ...]) -> Range:
     own = ca.ne(result.low, result.high) if steps else result.jumps
     jumps = [jump for jump in (own, *(a.jumps for a in arguments)) if not jump.is_zero()]
     return result._replace(jumps=reduce(ca.logic_or, jumps, ca.SX(0)))
+
+
+def _entry(entry: Entry, group: Range, at: Range) -> Range:
+    """An entry of one piece, of two that meet at a place, or of any."""
+    pieces, column = entry
+    key = (pieces.name, *(end.element_hash() for end in (*group[:2], *at[:2])))
+    if key not in _MET:  # the next columns have the same parts
+        first, last = pieces(group.low, at.low), pieces(group.high, at.high)
+        place = ca.if_else(last[-1] > first[-1], last[0], at.high)
+        own = Range(at.low, ca.fmin(at.high, place)), Range(ca.fmax(at.low, place), at.high)
+        _MET.clear()
+        _MET[key] = group, at, own, first, last
+    _, at, own, *both = _MET[key]
+    are_near = both[1][-1] - both[0][-1] <= 1
+    ends = [float(end(pieces.data[2 + column])) for end in (np.min, np.max)]
+    sides = [Range(*(ca.if_else(are_near, values[column], end) for end in ends)) for values in both]
+    return _hull(*sides[0][:2], *sides[1][:2])._replace(parts=_Parts(at, own, *sides))
+
+
+_MET: dict[tuple[Any, ...], Any] = {}
+"""The last entry's ranges, kept with their hashes."""
+
+
+def _is_same(a: Range, b: Range) -> bool:
+    return a.low.element_hash() == b.low.element_hash() and a.high.element_hash() == b.high.element_hash()
 
 
 def _point(value: ca.SX) -> Range:

@@ -5,11 +5,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import casadi as ca
 
+from symmb.symbolic.common import common
 from symmb.symbolic.instructions import interpret
+from symmb.symbolic.pieces import Entry, Pieces, Sides, applied, called
 
 T = TypeVar("T")
 
@@ -17,7 +19,7 @@ _GUARD = 1e-20
 """Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
 SOFT = 1e-300
 """A number that marks a comparison, a < -SOFT, over which value and slope are continuous: steps need not end there."""
-_KINKS: dict[int, tuple[str, Callable[..., ca.SX]]] = {
+_KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),
     ca.OP_COPYSIGN: ("copysign", lambda a, b: b),
@@ -43,7 +45,7 @@ def _fmod(side: ca.SX, a: ca.SX, b: ca.SX) -> ca.SX:
     return a - b * (whole + (whole < 0))  # the quotient is cut off toward 0
 
 
-_ON_A_SIDE: dict[int, Callable[..., ca.SX]] = {
+_ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
     ca.OP_FABS: lambda side, a: side * a,
     ca.OP_SIGN: lambda side, a: side,
     ca.OP_COPYSIGN: lambda side, a, b: side * ca.fabs(a),
@@ -115,7 +117,7 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     located: dict[int, bool] = {}
     kinks: set[str] = set()
 
-    def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
+    def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         if on > On.PARAMETERS and code in _KINKS and not any(_is_guard(a.sx) for a in arguments):
             name, of = _KINKS[code]
@@ -124,9 +126,12 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
             key = switch.element_hash()
             switches.setdefault(key, switch)
             located[key] = located.get(key, False) or (code in _ON_A_SIDE and not any(is_soft(a.sx) for a in arguments))
-        if len(arguments) == 2:
-            return _Value(ca.SX.binary(code, arguments[0].sx, arguments[1].sx), on)
-        return _Value(ca.SX.unary(code, arguments[0].sx), on)
+        if on > On.PARAMETERS and isinstance(code, Entry) and type(code.pieces) in (Pieces, Sides):
+            kinks.add("table")
+            sides = code.pieces if isinstance(code.pieces, Sides) else code.pieces.sided[0]
+            switch = sides.wave(arguments[1].sx)
+            switches[switch.element_hash()], located[switch.element_hash()] = switch, sides is code.pieces
+        return _Value(applied(code, *(a.sx for a in arguments)), on)
 
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
     interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
@@ -148,6 +153,7 @@ class Branches:
                              alone
     fronts : (l,) SX         what changes sign at smooth fronts that depend on the state
     exponents : (e,) SX      and of powers the bases: their rates change sign at smooth fronts as well
+    knots : list             arguments of tables that depend on time as `times` do, and the pieces of these
     """
 
     outputs: list[ca.SX]
@@ -156,12 +162,14 @@ class Branches:
     times: ca.SX
     fronts: ca.SX
     exponents: ca.SX
+    knots: list[tuple[ca.SX, Pieces]]
 
 
 @lru_cache(maxsize=256)
 def has_kinks(f: ca.Function) -> bool:
     """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
-    return any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions())) or _has_steep_power(f)
+    is_bent = any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
+    return is_bent or bool(called(f)) or _has_steep_power(f)
 
 
 def _has_steep_power(f: ca.Function) -> bool:
@@ -175,8 +183,9 @@ def _has_steep_power(f: ca.Function) -> bool:
         power = _power(code, of, constants.get(places[-1])) if of else None
         if power is not None and power.exponent >= _STEEP:
             return True
-        known[results[0]] = power or _Power(k, 1.0)
-        constants.pop(results[0], None)
+        for place in results:  # several of a call
+            known[place] = power or _Power(k, 1.0)
+            constants.pop(place, None)
         if code == ca.OP_CONST:
             constants[results[0]] = f.instruction_constant(k)
     return False
@@ -206,7 +215,7 @@ def _power(code: int, of: Sequence[_Power[T]], constant: float | None) -> _Power
 def with_common_expressions(f: ca.Function) -> ca.Function:
     """The same SX Function, in which expressions that are equal are one."""
     inputs = f.sx_in()
-    return ca.Function(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out(), {"cse": True})
+    return common(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out())
 
 
 def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
@@ -227,6 +236,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     exponents: dict[int, ca.SX] = {}
     powers: dict[int, _Power[int]] = {}  # by the hash of their value, of a value with a hash
     steepest: dict[int, tuple[ca.SX, float]] = {}
+    knots: dict[tuple[int, str], tuple[ca.SX, Pieces]] = {}
     (t,) = (symbols for symbols, on in inputs if on is On.TIME)
 
     def side(switch: ca.SX) -> ca.SX:
@@ -237,13 +247,16 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             switches[a, b] = switch, ca.SX.sym(f"side_{len(switches)}")
         return switches[a, b][1]
 
-    def operation(code: int, arguments: tuple[_Value, ...]) -> _Value:
+    def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
         on = max((a.on for a in arguments), default=On.PARAMETERS)
         of = tuple(a.sx for a in arguments)
+        entry = code if isinstance(code, Entry) else None
         is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
         if is_switch and on is On.TIME:
             switch = _KINKS[code][1](*of)
             times.setdefault((switch.element_hash(), 0.0), switch)
+        if on is On.TIME and entry is not None:
+            knots[of[1].element_hash(), entry.pieces.name] = of[1], entry.pieces
         if code in _FRONTS and on is On.TIME:
             times.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
             if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], t), t):
@@ -252,11 +265,18 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
             fronts.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
             if code == ca.OP_EXP:
                 exponents.setdefault(of[0].element_hash(), of[0])
-        if is_switch and on is On.STATE and code in _ON_A_SIDE:
+        if on is On.STATE and entry is not None:
+            group, at = of
+            if isinstance(entry.pieces, Sides):
+                return _Value(entry.pieces.on_side(side(entry.pieces.wave(at)), at), on)
+            if type(entry.pieces) is Pieces and group.is_constant():
+                sides, pieces = entry.pieces.sided
+                return _Value(pieces(sides.on_side(side(sides.wave(at)), at), at)[entry.column], on)
+        elif is_switch and on is On.STATE and code in _ON_A_SIDE:
             return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
         if code in _POSITIVE and on is On.STATE:
             of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
-        value = ca.SX.binary(code, *of) if len(of) == 2 else ca.SX.unary(code, of[0])
+        value = applied(code, *of)
         if code in _POWERS and on is On.STATE:
             of_powers = [powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]
             constant = float(of[-1]) if of[-1].is_constant() else None
@@ -280,6 +300,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
         ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
         ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
         *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (times, fronts, exponents)),
+        knots=list(knots.values()),
     )
 
 

@@ -15,6 +15,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb.symbolic.instructions import interpret, operation_name
+from symmb.symbolic.pieces import Entry
 
 _DENOMINATOR = 1000
 """A float is shown as a fraction if one with at most this denominator is the very same float."""
@@ -81,7 +82,9 @@ def _constant(value: float) -> Any:
     return sympy.Float(value)
 
 
-def _operation(code: int, arguments: tuple[Any, ...]) -> Any:
+def _operation(code: int | Entry, arguments: tuple[Any, ...]) -> Any:
+    if isinstance(code, Entry):
+        return _entry(code, _number(arguments[1]))
     if code in _logic():
         return _logic()[code](*map(_condition, arguments))
     if code == ca.OP_IF_ELSE_ZERO:
@@ -89,6 +92,15 @@ def _operation(code: int, arguments: tuple[Any, ...]) -> Any:
     if code in _algebra():
         return _algebra()[code](*map(_number, arguments))
     raise DeclarationError(f"CasADi operation {operation_name(code)} has no SymPy counterpart.")
+
+
+def _entry(entry: Entry, at: Any) -> Any:
+    """An entry of a table, of which each piece becomes a case."""
+    import sympy
+
+    values = [_constant(value) for value in entry.pieces.data[2 + entry.column].tolist()]
+    cases = [sympy.Lt(at, _constant(knot), evaluate=False) for knot in entry.pieces.knots.tolist()]
+    return sympy.Piecewise(*zip(values, [*cases, True], strict=True), evaluate=False)
 
 
 def _number(value: Any) -> Any:

@@ -187,4 +187,23 @@ TREE_OF(tree_larger, v_larger)
 #endif
 #endif
 
+/* The rows of pieces (symbolic/pieces.py) in which numbers lie, of n rows: groups, and behind them their begins. */
+PRIVATE NOINLINE V v_search(const double *rows, long n, V group, V at) {
+  for (int l = 0; l < W; ++l) {
+    long low = -1, high = n; /* rows up to low are not behind (group, at), those from high on are */
+    while (high - low > 1) {
+      long row = low + (high - low) / 2;
+      if (rows[row] < group[l] || (rows[row] == group[l] && rows[n + row] <= at[l])) low = row;
+      else high = row;
+    }
+    if (low < 0 || (low + 1 < n && rows[low] < group[l])) ++low; /* before the first row of the group */
+    at[l] = low;
+  }
+  return at;
+}
+PRIVATE inline V v_entry(const double *column, V row) {
+  for (int l = 0; l < W; ++l) row[l] = column[(long)row[l]];
+  return row;
+}
+
 #endif
