@@ -202,7 +202,7 @@ _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
 """Operations that make powers: CasADi writes whole ones as squares and products."""
 
 
-def _power(code: int, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
+def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
     """The result of one of these as a power; the exponent of `pow` may be a constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
@@ -277,7 +277,7 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
         if code in _POSITIVE and on is On.STATE:
             of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
         value = applied(code, *of)
-        if code in _POWERS and on is On.STATE:
+        if entry is None and code in _POWERS and on is On.STATE:
             of_powers = [powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]
             constant = float(of[-1]) if of[-1].is_constant() else None
             if (power := _power(code, of_powers, constant)) is not None:
