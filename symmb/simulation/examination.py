@@ -143,7 +143,8 @@ class Examination:
         if dae.impacts is not None:
             return self.t, self.x
         t, _ = refined(self.t[[0, -1]])
-        return t, _AGAIN.integration(dae, t).run(self.x[:1], self.p[None])[0].X
+        integration = self.simulator.bodies.remembered(_AGAIN.integration, t, self.simulator.longest_step)
+        return t, integration.run(self.x[:1], self.p[None])[0].X
 
 
 def drift(simulator: DAESimulator, x: Array, p: Array, t: Array) -> Drift:

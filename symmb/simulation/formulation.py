@@ -53,14 +53,15 @@ class Formulation:
 
     def kinks(self, times: Array) -> Kinks | None:
         """Kinks and jumps over the output times (n_t,), if there are any."""
-        return self._remembered(kinks, times)
+        return self.remembered(kinks, times)
 
     def pulses(self, times: Array) -> Pulses:
         """Pulses of laws of time over the output times (n_t,)."""
-        return self._remembered(Pulses, times)
+        return self.remembered(Pulses, times)
 
-    def _remembered(self, derive: Callable[[DAE, Array], T], times: Array) -> T:
-        key = derive, times.tobytes()
+    def remembered(self, derive: Callable[[DAE, Array], T], times: Array, *more: float) -> T:
+        """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
+        key = derive, times.tobytes(), more
         if key not in self.memory:
             self.memory[key] = derive(self.dae, times)
         return self.memory[key]

@@ -59,7 +59,7 @@ def test_prepared_scenes_are_taken_in_the_place_of_scenes(derivations, tmp_path)
             mb.simulate(prepared, **options)
 
 
-@pytest.mark.parametrize("solver", [None, mb.CVODES(), mb.DormandPrince(), mb.Rosenbrock()], ids=repr)
+@pytest.mark.parametrize("solver", [None, mb.CVODES(), mb.DormandPrince(), mb.Rosenbrock(), mb.HHT(1e-3)], ids=repr)
 def test_a_second_run_derives_and_compiles_nothing(solver, monkeypatch):
     scene = rod()
     first = mb.simulate(scene, solver, {"length": 1.01})
