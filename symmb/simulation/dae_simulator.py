@@ -15,7 +15,7 @@ from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import Kinks, broken, kinks
-from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, EventIntegration, Integration, Solver
+from symmb.integrate import CVODES, AnyEngine, CompiledSolver, DormandPrince, Integration, Solver, round_otherwise
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene, units_of
 from symmb.simulation.certainty import noise_of_outputs
@@ -162,8 +162,8 @@ class DAESimulator:
         P = self.dae.p_nominal[None]
         nominal = self.run(P)
         finer = self.solved_by(self.solver.tighter(times=self.times))
-        if self.dae.impacts is not None:
-            cast(EventIntegration, finer.integration()).round_otherwise(cast(EventIntegration, self.integration()))
+        if self.dae.impacts is not None and nominal.ok.size:
+            round_otherwise(finer.engine(), self.engine())
             return finer
         for _ in range(_TIGHTENINGS if nominal.ok.all() and not self._stateless else 0):
             if not np.array_equal(finer.run(P).Y, nominal.Y):
