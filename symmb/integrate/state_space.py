@@ -56,14 +56,15 @@ class StateSpace(CompiledSolver):
     ) -> AnyEngine:
         problem = build_problem(dae, None, algebraic=False, work=work)
         frozen = switched(problem, dae, times) or SwitchedProblem(problem, ca.SX(0, 1), StepEnds())
-        problem = frozen.problem
+        outputs, problem = y(problem.x, problem.p, problem.t), frozen.problem
         control = cast(Tolerances, self.limited_control(dae, times, order, problem.quad.numel()))
         n_x = problem.x.numel()
         x = ca.vertcat(problem.x, ca.SX.sym("work", problem.quad.numel()))
         projected = None if problem.projected is None else ca.vertcat(problem.projected, x[n_x:])
         switches = frozen.switches if frozen.switches.numel() else None
         rates = ca.vertcat(problem.ode, problem.quad)
-        f = model_function(x, problem.p, problem.t, rates, x, projected, None, switches)
+        outputs = ca.vertcat(outputs, x[n_x:])
+        f = model_function(x, problem.p, problem.t, rates, outputs, projected, None, switches)
         return _Partitioned(dae, f, times, control, frozen.ends)
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
@@ -85,7 +86,8 @@ class _Partitioned(ArrayEngine):
 
     def __init__(self, dae: DAE, f: ca.Function, times: Array, control: Tolerances, ends: StepEnds) -> None:
         super().__init__(f, times, control, ends)
-        self.width, self._dae, self._held, self._rates_there = 1, dae, self.project, self.rates
+        self.width, self._dae, self._held = 1, dae, self.project
+        self._rates_there, self._outputs_there = self.rates, self.outputs
         self._choices, self._first_condition = 0, np.inf
         self._dependent: Indices | None = None
         x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
@@ -119,9 +121,10 @@ class _Partitioned(ArrayEngine):
             return np.full(x.shape, np.nan)
 
     def _completed_outputs(self, x: Array, c: Array, t: Array, out: Array | None = None) -> Array:
-        out = np.empty(x.shape) if out is None else out
-        out[:] = self._completed(x, c, t) if t[0] > self.times[0] else x
-        return out
+        y = self._outputs_there(self._completed(x, c, t) if t[0] > self.times[0] else x, c, t)
+        if out is not None:
+            out[:] = y
+        return y
 
     def _renewed(self, x: Array, c: Array, t: Array) -> Array:
         """The state where a step begins. It is completed where coordinates are chosen anew."""
