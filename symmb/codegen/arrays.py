@@ -1,6 +1,6 @@
 """Evaluation of a graph of values on NumPy arrays, one lane for each sample, as in the C but without a compiler."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -133,7 +133,7 @@ class Program:
         return out
 
 
-def programs(graph: Graph) -> tuple[Program, list[Program]]:
+def programs(graph: Graph) -> tuple[Program, Sequence[Program]]:
     """A Program for values that depend on parameters alone, computed once in a run, and one for each output."""
     parameter_rows: dict[int, int] = {}  # node -> row of a value that depends on parameters alone
 

@@ -2,13 +2,15 @@
 
 from bisect import bisect_right
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.codegen.c_source import c_number
+from symmb.codegen.contacts import ROUNDING, Contacts
 from symmb.codegen.engine import StepEnds
-from symmb.schemes import first_pass
+from symmb.schemes import first_pass, interpolated, roots
 
 Lanes = Mask | Indices | slice
 """Columns of arrays."""
@@ -19,11 +21,13 @@ WIDTH = int(c_number("lanes", "WIDTH"))
 _STOP_MARGIN, _REVERSAL, LATE, BEYOND = (
     c_number("switches", name) for name in ("STOP_MARGIN", "REVERSAL", "LATE", "BEYOND")
 )
-_SETTLINGS = int(c_number("switches", "SETTLINGS"))
+_SETTLINGS, _FORCE_PARTS = (int(c_number("switches", name)) for name in ("SETTLINGS", "FORCE_PARTS"))
 
 
 class BlockSwitches:
     """Switches of B blocks; lanes of those under way are columns, `width` for each block.
+
+    With contacts, whose gaps are the last switches, blocks are single lanes.
 
     Attributes
     ----------
@@ -42,8 +46,10 @@ class BlockSwitches:
         p: Array,
         B: int,
         width: int = WIDTH,
+        contacts: Contacts | None = None,
     ) -> None:
-        self._width = width
+        self._width, self._contacts = width, contacts
+        self.n_sided = len(ends.hysteresis) - (len(contacts.names) if contacts else 0)  # gaps keep their side
         self._prepare, self._p = prepare, np.ascontiguousarray(p)
         self._switches, self._bounds = switches, bounds
         self._hysteresis = np.array(ends.hysteresis, dtype=float)[:, None]
@@ -89,14 +95,26 @@ class BlockSwitches:
             u = self._switches(x, c, t)
             sides = self._sides[:, lanes]
             new = np.sign(np.where(np.abs(u[:m]) > self._hysteresis, u[:m], u[m:]))
-            new = np.where(new == 0, sides, new)
+            new = np.where((new == 0) | (np.arange(m)[:, None] >= self.n_sided), sides, new)
             if (new == sides).all():
                 break
             self._sides[:, lanes] = new
             c = self._prepare(x, self.parameters[:, lanes], t)
-        self._raised[:, lanes] = self._hysteresis
-        self._u[:, lanes] = self._on_sides(x, c, t, self._sides[:, lanes], self._raised[:, lanes])
+        raised = np.repeat(self._hysteresis, x.shape[1], axis=1)
+        u = self._on_sides(x, c, t, self._sides[:, lanes], raised)
+        lift = np.maximum(-u[self.n_sided : m], 0.0)  # of gaps that begin below 0 by rounding
+        raised[self.n_sided :] += lift
+        u[self.n_sided : m] += lift
+        self._raised[:, lanes], self._u[:, lanes] = raised, u
         return c
+
+    def lift_slow(self, lanes: Lanes, slow: Mask) -> None:
+        """Raise the gaps (n, L) that open so slowly that rounding may turn them back."""
+        m, lift = len(self._sides), 8 * ROUNDING * cast(Contacts, self._contacts).length * slow
+        for values in (self._raised, self._u):
+            part = values[:, lanes]
+            part[self.n_sided : m] += lift
+            values[:, lanes] = part
 
     def _on_sides(self, x: Array, c: Array, t: Array, sides: Array, raised: Array) -> Array:
         """Switches on their sides, and their rates (2 m, L)."""
@@ -136,8 +154,34 @@ class BlockSwitches:
             return least + raised[:, some], fall, rise
 
         when, which = first_pass(x, F, values, bounds, u[:m], self._hysteresis)
+        if self._contacts is not None:
+            self._first_release(x, F, self._p[:, lanes], t, h, when, which)
         first = when.reshape(-1, self._width).min(axis=1)
         return first, (when == np.repeat(first, self._width)) & np.isfinite(when), which
+
+    def _first_release(self, x: Array, F: Array, p: Array, t: Array, h: Array, when: Array, which: Indices) -> None:
+        """Where closed contacts open before shares `when` (L,): m + k is put in the place of `which` for number k."""
+        contacts, m = cast(Contacts, self._contacts), len(self._sides)
+        closed = x[list(contacts.closed)] > 0.5
+        lanes = np.flatnonzero(closed.any(axis=0))
+        if not lanes.size:
+            return
+
+        def forces(theta: Array, lane: Indices) -> Array:
+            at = interpolated(x[:, lane], F[:, :, lane], theta)
+            return contacts.laws.forces(at.T, p[:, lane].T, t[lane] + theta * h[lane]).T
+
+        shares = np.linspace(0, 1, _FORCE_PARTS + 1)
+        values = np.array([forces(np.full(len(lanes), share), lanes) for share in shares])
+        part, number, row = np.nonzero((values[:-1] >= 0) & (values[1:] < 0) & closed[:, lanes])
+        if not len(row):
+            return
+        every, lane = np.arange(len(row)), lanes[row]
+        ends, at_ends = (shares[part], shares[part + 1]), (values[part, number, row], values[part + 1, number, row])
+        theta = roots(lambda z: forces(z, lane)[number, every], *ends, *at_ends)
+        for i in np.argsort(-theta, kind="stable"):  # the earliest comes last
+            if theta[i] < when[lane[i]]:
+                when[lane[i]], which[lane[i]] = theta[i], m + number[i]
 
     def forget(self, lanes: Lanes) -> None:
         """The switches of lanes are again those at the begin of the step."""
@@ -154,7 +198,7 @@ class BlockSwitches:
         (b, width) mask        lanes that stick: a switch turns them back from both sides
         """
         m, sides = len(self._sides), self._sides[:, lanes]
-        changed = passed & (which == np.arange(m)[:, None])
+        changed = passed & (which < self.n_sided) & (which == np.arange(m)[:, None])
         falls = self._on_sides(end, c, t, sides, self._raised[:, lanes])[m:] < 0
         self._sides[:, lanes] = sides = np.where(changed, -sides, sides)
         raised = np.where(changed, self._hysteresis, self._raised[:, lanes])

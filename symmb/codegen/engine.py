@@ -1,8 +1,8 @@
 """Ensembles in compiled lanes: steps of W samples in parallel, in blocks on several threads."""
 
 import ctypes
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from symmb._types import Array
 from symmb.codegen.build import load
-from symmb.codegen.model_source import REASONS, Scheme, source_of
+from symmb.codegen.contacts import BLAMED, CROWD, EVENT, Contacts
+from symmb.codegen.failures import REASONS, FailureCode
+from symmb.codegen.model_source import Scheme, source_of
 from symmb.codegen.threads import side_by_side
 from symmb.schemes import MOST_STEPS
 from symmb.symbolic import called
@@ -59,6 +61,8 @@ class StepEnds:
     stops: Callable[[Array, Array], Array] | None = None
 
 
+_EVENTS = 50
+"""Events of a sample for which there is room at first: with more, the runs are made again."""
 MOST_PASSES = 1000
 """Passes of switches of a sample that are noted: with more, other solvers end their steps at the first ones only."""
 
@@ -89,6 +93,8 @@ class _Study(ctypes.Structure):
         ("passes", ctypes.c_void_p),
         ("most_passes", ctypes.c_long),
         *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
+        ("events", ctypes.c_void_p),
+        *((name, ctypes.c_long) for name in ("n_events", "most_events")),
     ]
 
 
@@ -98,26 +104,43 @@ class FailedSamples:
 
     The first columns of x_failed (N, ...) are the states where the last steps of failed samples began. `passes` are the
     first times (N, MOST_PASSES) at which samples pass switches of the state [s], nan behind the last one; None without.
+    `events` (k, 8) are those of contacts, sample after sample and in order of time, see `EVENT`. `faults` are texts
+    about samples that cannot start.
     """
 
     t_failed: Array
     failure: NDArray[np.int8]
     x_failed: Array
     passes: Array | None = None
+    events: Array = field(default_factory=lambda: np.empty((0, len(EVENT))))
+    contacts: tuple[str, ...] = ()
+    faults: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def reasons(self) -> list[str]:
-        """The reason of each failed sample; empty for others."""
-        return [REASONS[k] for k in self.failure]
+        """The reason of each failed sample."""
+        codes = enumerate(self.failure.tolist())
+        return [self.faults.get(i) or REASONS[code].format(self._blamed(i, code)) for i, code in codes]
+
+    def _blamed(self, sample: int, code: int) -> str:
+        """Names of the contacts that let a sample fail."""
+        if code < FailureCode.IMMOVABLE:
+            return ""
+        own = self.events[self.events[:, 0] == sample]
+        blamed = own[-CROWD:] if code == FailureCode.ENDLESS else own[own[:, 2] == BLAMED]
+        return ", ".join(repr(name) for name in dict.fromkeys(self.contacts[int(k)] for k in blamed[:, 1]))
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of the last call: steps of all blocks, iterations of Newton's method, and the most in a step."""
+    """Counts of the last call: steps of all blocks, iterations of Newton's method, the most in a step, and choices of
+    independent coordinates.
+    """
 
-    steps: int
-    iterations: int
-    most: int
+    steps: int = 0
+    iterations: int = 0
+    most: int = 0
+    choices: int = 0
 
 
 class Engine:
@@ -131,6 +154,7 @@ class Engine:
     scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
                                         and of the classical Runge-Kutta method with a fixed step
     ends : StepEnds, optional           switches, for the pair of Dormand and Prince
+    contacts : Contacts, optional       for the same: samples then have steps of their own
     """
 
     def __init__(
@@ -140,16 +164,18 @@ class Engine:
         control: Tolerances | FixedStep,
         scheme: Scheme | None = None,
         ends: StepEnds | None = None,
+        contacts: Contacts | None = None,
     ) -> None:
+        self.contacts, self._room = contacts, _EVENTS if contacts else 0
         self.starts = "start" in f.name_out()
         self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
         self.times, self.control = times, control
         self.newton = scheme.newton if scheme else 0.0
-        self.counts, self.most_steps = Counts(0, 0, 0), MOST_STEPS
+        self.counts, self.most_steps = Counts(), MOST_STEPS
         self._times = np.ascontiguousarray(times, dtype=float)
         fixed = isinstance(control, FixedStep)
         self.ends = ends or StepEnds()
-        self.source = source_of(f, fixed, scheme, self.ends.hysteresis)
+        self.source = source_of(f, fixed, scheme, self.ends.hysteresis, contacts)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 
@@ -188,11 +214,15 @@ class Engine:
 
     def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
         """Run blocks of W samples, fixed by sample index, on threads. Values go to Y or to extremes of a thread."""
-        N = len(p)
+        N, faults, given = len(p), {}, x0
+        if self.contacts is not None:
+            x0, faults = self.contacts.started(self.times, x0, p)
         if not self.starts and x0.shape[1] < self.n_x:  # the history follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        passes = np.full((N, MOST_PASSES), np.nan) if Y is not None and self.ends.hysteresis else None
+        notes = Y is not None and len(self.ends.hysteresis) > (len(self.contacts.names) if self.contacts else 0)
+        passes = np.full((N, MOST_PASSES), np.nan) if notes else None
+        events = np.empty((N * self._room, len(EVENT)))
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
         stops = None if self.ends.stops is None else np.ascontiguousarray(self.ends.stops(x0, p))
         control = self.control
@@ -223,6 +253,9 @@ class Engine:
             0,
             0,
             0,
+            events.ctypes.data,
+            0,
+            len(events),
         )
 
         def work(part: Array | None) -> bool:
@@ -231,5 +264,12 @@ class Engine:
 
         if not all(side_by_side(work, extremes[: max(1, -(-N // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
+        if study.n_events > len(events):
+            self._room = study.n_events // N + 1
+            return self._run(given, p, Y, extremes)
         self.counts = Counts(study.steps, study.iterations, study.most)
-        return failed_samples
+        if self.contacts is None:
+            return failed_samples
+        events = events[: study.n_events]
+        events = events[np.argsort(events[:, 0], kind="stable")]
+        return replace(failed_samples, events=events, contacts=self.contacts.names, faults=faults)

@@ -4,40 +4,20 @@ import functools
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from pathlib import Path
 
 import casadi as ca
 
 from symmb.codegen import cache, tableau
 from symmb.codegen.c_source import c_source
+from symmb.codegen.contacts import Contacts
 from symmb.codegen.emit import LARGE_MODEL, Emitter
+from symmb.codegen.failures import FailureCode
 from symmb.codegen.graph import BOX, INPUT, Graph, graph_of
-from symmb.schemes import MOST_STEPS
 from symmb.symbolic import ranges_along
 
 CACHED_STATES = 32
 """States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
-
-
-class FailureCode(IntEnum):
-    """The reason of a failed sample in the C."""
-
-    STEPS = 0
-    OUTPUT = 1
-    NEWTON = 2
-    MANY = 3
-    STICKS = 4
-
-
-REASONS = (
-    "the step became too short, or the state infinite or NaN",
-    "an output is not finite",
-    "Newton's method does not converge, however short the step",
-    f"{MOST_STEPS} steps are not enough",
-    "the motion sticks to a switch of a force, which turns it back from both sides",
-)
-"""The text of each FailureCode."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +48,7 @@ def model_function(
     projected: ca.SX | None,
     start: tuple[ca.SX, ca.SX] | None = None,
     switches: ca.SX | None = None,
+    contacts: Mapping[str, ca.SX] | None = None,
 ) -> ca.Function:
     """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
 
@@ -78,8 +59,9 @@ def model_function(
     start : Newton's step of unknowns u, the first entries of x, and x (n_x,) at the start as a function of them;
         without it the caller gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
+    contacts : mapping                  gaps, forces, impulses and held states of c/impacts.h
     """
-    parts, box = {"rates": rates, "outputs": outputs}, ca.SX(0, 1)
+    parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
     if switches is not None:
         parts["switches"] = switches
         box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2], x, p, t)
@@ -123,7 +105,13 @@ def scheme_function(
     return ca.Function("f", [x, p, t], [ca.densify(e) for e in parts.values()], ["x", "p", "t"], list(parts))
 
 
-def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None, hysteresis: Sequence[float] = ()) -> str:
+def source_of(
+    f: ca.Function,
+    fixed: bool,
+    scheme: Scheme | None,
+    hysteresis: Sequence[float] = (),
+    contacts: Contacts | None = None,
+) -> str:
     """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
 
     Parameters
@@ -132,15 +120,16 @@ def source_of(f: ca.Function, fixed: bool, scheme: Scheme | None, hysteresis: Se
     fixed : bool               whether steps are fixed, of an explicit method
     scheme : Scheme or None    of a `scheme_function`
     hysteresis : (m,)          by which each switch must be passed: a number above its rounding
+    contacts : Contacts        whose gaps are the last switches
     """
 
     def write() -> str:
-        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed, hysteresis)
+        return _scheme_source(f, scheme) if scheme else _explicit_source(f, fixed, hysteresis, contacts)
 
     if f.n_instructions() < LARGE_MODEL:
         return write()
     key = hashlib.sha256(
-        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis)), _generator()]).encode()
+        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts)), _generator()]).encode()
     ).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
@@ -157,13 +146,13 @@ def _generator() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float]) -> str:
+def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None) -> str:
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     order, n_own = _state_order(graph, nodes["rates"])
     place = [order.index(i) for i in range(len(order))]
     nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
-    for name in nodes.keys() & {"project", "start"}:
+    for name in nodes.keys() & {"project", "start", "held"}:
         nodes[name] = [nodes[name][i] for i in order]
     if hysteresis:  # most evaluations need no rates
         both, m = nodes["switches"], len(hysteresis)
@@ -173,8 +162,8 @@ def _explicit_source(f: ca.Function, fixed: bool, hysteresis: Sequence[float]) -
     if fixed:
         steps = [tableau.classical(), c_source("fixed_step")]
     else:
-        steps = [c_source("switches"), tableau.pair(), c_source("embedded_pair")]
-    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis)
+        steps = [tableau.pair(), c_source("embedded_pair")]
+    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts)
 
 
 def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
@@ -191,7 +180,7 @@ def _scheme_source(f: ca.Function, scheme: Scheme) -> str:
         "ORDER": scheme.order,
         "GROWTH": scheme.growth,
     }
-    steps = [c_source("switches"), c_source("implicit_step")]
+    steps = [c_source("implicit_step")]
     return _ensemble_source(graph, nodes, list(range(f.numel_in(0))), f.numel_in(1), sizes, steps)
 
 
@@ -203,6 +192,7 @@ def _ensemble_source(
     sizes: Mapping[str, float],
     steps: Sequence[str],
     hysteresis: Sequence[float] = (),
+    contacts: Contacts | None = None,
 ) -> str:
     """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
     emitter = Emitter(graph, place)
@@ -224,13 +214,19 @@ def _ensemble_source(
         "N_USED": len(used),
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
+        "N_G": 0,
         "N_RANGED": len(ranged),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
         **sizes,
     }
-    lists = {"place": place, "used": used, "ranged": ranged}
+    lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
+    numbers = {"hysteresis": hysteresis}
+    if contacts is not None:
+        own = {"N_G": len(contacts.names), "N_Q": contacts.n_q, "N_V": contacts.n_v, "WIDTH": 1}
+        sizes |= own | {"N_WORK": int(contacts.with_work), "LENGTH": contacts.length, "ENERGY": contacts.energy}
+        lists["contact_state"], numbers["displacement"] = contacts.closed, contacts.displacements
     return "\n".join(
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
@@ -238,12 +234,15 @@ def _ensemble_source(
             c_source("lanes"),
             *(f"PRIVATE const int {name}[] = {{{', '.join(map(str, v or [0]))}}};" for name, v in lists.items()),
             *(f"extern const double *{name};" for name in graph.pieces),
-            f"PRIVATE const double hysteresis[] = {{{', '.join(map(repr, hysteresis or [0.0]))}}};",
+            *(
+                f"PRIVATE const double {name}[] = {{{', '.join(map(repr, v or [0.0]))}}};"
+                for name, v in numbers.items()
+            ),
             *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
             _only_in(0),
             *(f"const double *{name}; /* set when the library is opened */" for name in graph.pieces),
             functions,
-            c_source("block", "projection"),
+            c_source("block", "projection", "switches", "impacts"),
             *steps,
             c_source("ensemble"),
             "#endif",

@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
 from symmb.codegen import ArrayEngine, Engine, FixedStep, Tolerances, has_compiler
-from symmb.events import longest_step
+from symmb.events import events_of, longest_step
 from symmb.integrate.integration import Integration, Run
 from symmb.integrate.projection import sampled_jets
 from symmb.integrate.side_walk import stops_at
@@ -79,11 +80,19 @@ class CompiledIntegration(Integration):
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
-        Y, failed_samples = self._engine.values(x0, p, threads)
+        try:
+            Y, failed_samples = self._engine.values(x0, p, threads)
+        except KeyboardInterrupt as interrupt:
+            runs = [Run(y[:, : self.n_x], y[:, self.n_x :], message="interrupted") for y in runs_of(interrupt)]
+            carry_runs(interrupt, runs)
+            raise
         runs = [
             Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
             for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
         ]
+        if (contacts := self._engine.contacts) is not None:
+            events = events_of(failed_samples.events, contacts.names, len(p))
+            runs = [replace(run, events=own) for run, own in zip(runs, events, strict=True)]
         if (passes := failed_samples.passes) is None:
             return runs
         return [replace(run, stops=stops_at(own)) for run, own in zip(runs, passes, strict=True)]
@@ -96,4 +105,5 @@ class CompiledIntegration(Integration):
     def statistics(self) -> dict[str, int]:
         counts = self._engine.counts
         named = {"steps": counts.steps, "nonlinear iterations": counts.iterations, "most in a step": counts.most}
+        named["choices of coordinates"] = counts.choices
         return {name: count for name, count in named.items() if count}

@@ -1,23 +1,29 @@
 """Runs with impacts: steps of the Dormand-Prince pair from event to event."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, cast
+
+import casadi as ca
+import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
-from symmb.integrate.event_runs import EventIntegration
-from symmb.integrate.explicit import DormandPrince
+from symmb.codegen import Tolerances
+from symmb.integrate.compiled import AnyEngine, CompiledIntegration
+from symmb.integrate.explicit import DormandPrince, Explicit
 from symmb.integrate.integration import Integration
-from symmb.integrate.solver import Solver
+from symmb.integrate.stabilization import Projection, Stabilization
 from symmb.model import DAE, Impacts
+from symmb.start import Start
 
 
 @dataclass(frozen=True, repr=False)
-class EventDriven(Solver):
+class EventDriven(Explicit):
     """Explicit pair of order 8 whose steps end where an `Impact` happens, located on their interpolant to rounding.
 
-    Samples run side by side, each with steps of its own. After every step positions and velocities are moved onto the
-    constraints, with those of closed contacts. At the time of an impact, outputs have their values after it.
+    Without a C compiler the same steps are taken with NumPy. Each sample has steps of its own. After every step
+    positions and velocities are moved onto the constraints, with those of closed contacts. At the time of an impact,
+    outputs have their values after it.
 
     Parameters
     ----------
@@ -31,22 +37,48 @@ class EventDriven(Solver):
     """
 
     locates_events: ClassVar[bool] = True
+    takes_any_coordinates: ClassVar[bool] = False
+    stabilization: ClassVar[Stabilization] = Projection()
+    projection_steps: ClassVar[int] = 1
 
     rtol: float = 1e-10
     atol: float | None = None
 
+    def runs_in_lanes(self, dae: DAE) -> bool:
+        return dae.impacts is not None
+
     def has_dense_output(self, dae: DAE) -> bool:
         return True
 
-    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
-        if dae.impacts is None:
-            return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)
-        if order:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances:
+        return replace(self.tolerances(dae, order, n_quad), growth=0.0, least=1.0, ahead=0.0)
+
+    def engine(
+        self, dae: DAE, times: Array, y: ca.Function, *, order: int = 0, work: bool = False, start: Start | None = None
+    ) -> AnyEngine:
+        if order and dae.impacts is not None:
             raise PropagationError(
                 f"Derivatives with respect to parameters, and Taylor with them, are not valid across the events of "
                 f"{impacts_text(dae.impacts)}. Use PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
             )
-        return EventIntegration(dae, dae.impacts, times, self.tolerances(dae, n_quad=int(work)), work)
+        return super().engine(dae, times, y, order=order, work=work, start=start)
+
+    def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
+        if dae.impacts is None:
+            return DormandPrince(self.rtol, self.atol).integration(dae, times, order=order, work=work)
+        return CompiledIntegration(self, dae, times, order, work)
+
+
+_SHORTER = 0.37
+"""Longest step of a run that checks another one, over the mean step of that: no simple fraction, so that it rounds
+otherwise."""
+
+
+def round_otherwise(engine: AnyEngine, other: AnyEngine) -> None:
+    """Let an engine take steps that are shorter than the mean one of the last run of another."""
+    control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
+    longest = min(control.longest or np.inf, _SHORTER * span / max(other.counts.steps, 1))
+    engine.control = replace(control, longest=longest)
 
 
 def impacts_text(impacts: Impacts) -> str:

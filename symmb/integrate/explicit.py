@@ -1,7 +1,7 @@
 """Explicit solvers on the ODE with multipliers eliminated."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import casadi as ca
 
@@ -9,6 +9,7 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, has_compiler, model_function
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
+from symmb.integrate.contacts import contact_functions, contacts_of, with_gaps
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.integrate.integration import Integration, stateless_integration
 from symmb.integrate.problem import PROJECTION_STEPS, build_problem
@@ -18,7 +19,9 @@ from symmb.model import DAE
 from symmb.start import Start
 
 
-class _Explicit(CompiledSolver):
+class Explicit(CompiledSolver):
+    """Explicit steps, compiled for many samples side by side."""
+
     stabilization: Stabilization
     projection_steps: ClassVar[int] = PROJECTION_STEPS
     """Newton steps of a projection."""
@@ -33,11 +36,15 @@ class _Explicit(CompiledSolver):
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
-        outputs, compiled = y(problem.x, problem.p, problem.t), has_compiler()
+        own, compiled, contacts = problem.p, has_compiler(), None
         frozen = switched(problem, dae, times) if self.controls_step and not order else None
         ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
-        ends = frozen.ends if frozen else ends
-        problem = frozen.problem if frozen else problem
+        if dae.impacts is not None:
+            contacts = contacts_of(dae, dae.impacts, work)
+            frozen, start = with_gaps(problem, frozen, dae, dae.impacts, work), None
+        problem, ends = (frozen.problem, frozen.ends) if frozen else (problem, ends)
+        # At the time of an event, outputs have their values after it.
+        outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
         control = self.limited_control(dae, times, order, problem.quad.numel())
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # an integral along the motion is a state like the others
@@ -55,14 +62,15 @@ class _Explicit(CompiledSolver):
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
             start.equations(x, p) if start is not None and compiled and start.compiles else None,
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
+            None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
         )
         if isinstance(control, Tolerances) and not compiled:
-            return ArrayEngine(f, times, control, ends)
-        return Engine(f, times, control, ends=ends)
+            return ArrayEngine(f, times, control, ends, contacts)
+        return Engine(f, times, control, ends=ends, contacts=contacts)
 
 
 @dataclass(frozen=True, repr=False)
-class DormandPrince(_Explicit):
+class DormandPrince(Explicit):
     """Embedded pair of order 8 with step control and dense output, compiled for many samples side by side.
 
     Without a C compiler the same steps are taken with NumPy, some 30 times slower. Samples share a step in blocks of 8,
@@ -101,7 +109,7 @@ class DormandPrince(_Explicit):
 
 
 @dataclass(frozen=True, repr=False)
-class RungeKutta(_Explicit):
+class RungeKutta(Explicit):
     """Classical Runge-Kutta method of order 4 with a fixed step.
 
     Compiled for many samples side by side where there is a C compiler.

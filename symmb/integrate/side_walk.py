@@ -67,23 +67,16 @@ class SideWalk:
     p : (n_p,)                   of one sample
     stops : Stops                of this sample
     span : float                 horizon [s]
-    one_sided, shift : Advance   by the equations of sides, which are the last parameters: along a piece, and by a time
+    one_sided : Advance          by the equations of sides, which are the last parameters: along a piece, and by a time
                                  that is short or below 0
     free : Advance               along a piece by equations that follow the state
     """
 
     def __init__(
-        self,
-        equations: OneSided,
-        p: Array,
-        stops: Stops,
-        span: float,
-        one_sided: Advance,
-        shift: Advance,
-        free: Advance,
+        self, equations: OneSided, p: Array, stops: Stops, span: float, one_sided: Advance, free: Advance
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
-        self._one_sided, self._shifted, self._free = one_sided, shift, free
+        self._one_sided, self._free = one_sided, free
         self._shift, self._least, self._next = _SHIFT * span, 1e-3 * span, 0
         self._sides: Array | None = None
 
@@ -122,7 +115,7 @@ class SideWalk:
             return y, self._behind(t, y, sides, k)
         new, to, parameters = y, t, np.concatenate([self._p, sides])
         for _ in range(_CORRECTIONS):
-            new = self._shifted(to, to + late, new, parameters)
+            new = self._one_sided(to, to + late, new, parameters)
             to += late
             values, rates = self._equations.on_sides(new, self._p, sides, t)
             late = float(-values[k] / rates[k])

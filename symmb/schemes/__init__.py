@@ -14,7 +14,6 @@ from symmb.schemes.embedded_pair import (
     first_step,
     interpolant,
     interpolated,
-    interpolated_change,
     interpolation_error,
     stages,
 )
@@ -22,4 +21,4 @@ from symmb.schemes.generalized_alpha import generalized_alpha
 from symmb.schemes.nstiff_si2 import nstiff_si2
 from symmb.schemes.roots import roots
 from symmb.schemes.step import Step
-from symmb.schemes.switch_search import Parts, first_pass, parts
+from symmb.schemes.switch_search import first_pass

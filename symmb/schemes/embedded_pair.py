@@ -133,7 +133,7 @@ class StepControl:
     ----------
     t : (G,) array           where they are [s]
     h : (G,) array           first steps [s]
-    end : (G,) or float      where they end, and where steps end before [s]
+    end : (G,) array         where steps end at the latest, which the caller may move [s]
     horizon : float          the length of the whole run [s]
     longest : float          longest step [s], 0 without a limit
 
@@ -144,11 +144,8 @@ class StepControl:
     most_steps : int         an integration fails with more
     """
 
-    def __init__(self, t: Array, h: Array, end: Array | float, horizon: float, longest: float = 0.0) -> None:
-        self.t, self.h = t, h
-        self.end = (
-            end if isinstance(end, np.ndarray) else np.full(t.shape, end)
-        )  # the caller may move the ends in arrays
+    def __init__(self, t: Array, h: Array, end: Array, horizon: float, longest: float = 0.0) -> None:
+        self.t, self.h, self.end = t, h, end
         self.live: Indices = np.arange(len(t))
         self.steps, self.most_steps = np.zeros(len(t), dtype=int), MOST_STEPS
         self._longest, self.shortest = longest or np.inf, STEP_CONTROL.SHORTEST * horizon

@@ -13,6 +13,8 @@ LEAST_PART = 2.0**-40
 """Share of a step: shorter parts are judged by their ends."""
 MOST_PARTS = 64
 """Open parts of a step at once: nothing is known behind them."""
+LONG_PART = 2.0**-6
+"""Share of a step in which parts are judged by their ends if there are so many: a step must not become too short."""
 _SLIGHT = 1e-3
 """Share of a switch's rounding that counts as 0 within a step: that of a narrow pulse exceeds its height."""
 _SLOPE_OFF = 16 * np.sqrt(3) / 9
@@ -25,7 +27,7 @@ Bounds = Callable[[Array, Array, Array, Indices], tuple[Array, Array, Array]]
 largest changes over the part."""
 
 
-class Parts(NamedTuple):
+class _Parts(NamedTuple):
     """Parts of steps of L lanes that nothing is open in but what their ends tell, lane after lane and in order.
 
     Attributes
@@ -43,7 +45,7 @@ class Parts(NamedTuple):
     known: Array
 
 
-def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, rounding: Array) -> Parts:
+def _parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, rounding: Array) -> _Parts:
     """Halve steps from x (n, L) with interpolants F (7, n, L) until ranges along them leave nothing open.
 
     Values (m,) begin (m, L) may fall below 0 by rounding (m, 1) and rise again.
@@ -64,6 +66,9 @@ def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, roun
         between = (u_high >= 0) & (start >= 0) & (start * rise - (u_high + lost) * fall > -fall * rise)
         told = (least > np.where(u_high < 0, 0.0, -lost)) | between | (fall >= 0) | (rise <= 0)
         open_ = ~told.all(axis=0) & (share > LEAST_PART)
+        rows = np.flatnonzero(open_)
+        crowded = lane[rows[_number_in_lane(lane[rows], L) == MOST_PARTS]]
+        open_ &= ~(np.isin(lane, crowded) & (low < LONG_PART))
         done = ~open_
         found.append((lane[done], low[done], high[done], u_low[:, done], u_high[:, done]))
         passed = done & ((u_low >= 0) & (u_high < 0)).any(axis=0)
@@ -89,7 +94,7 @@ def parts(x: Array, F: Array, values: Values, bounds: Bounds, begin: Array, roun
     lane, low, high, u_low, u_high = joined
     order = np.lexsort((low, lane))
     order = order[low[order] < known[lane[order]]]
-    return Parts(lane[order], low[order], high[order], u_low[:, order], u_high[:, order], known)
+    return _Parts(lane[order], low[order], high[order], u_low[:, order], u_high[:, order], known)
 
 
 def first_pass(
@@ -98,10 +103,10 @@ def first_pass(
     """The first switch that falls below 0 in each of L lanes: share of the step (L,), and its number.
 
     The share is infinite without one, and the number -1 where nothing is known behind the share. Parameters are those
-    of `parts`, switches (m,) being on their sides.
+    of `_parts`, switches (m,) being on their sides.
     """
     L = x.shape[1]
-    found = parts(x, F, values, bounds, begin, rounding)
+    found = _parts(x, F, values, bounds, begin, rounding)
     when, which = np.where(found.known < 1, found.known, np.inf), np.full(L, -1)
     number, part = np.nonzero(found.end < 0)
     first = part == _first_in_lane(found.lane, part, L)[found.lane[part]]

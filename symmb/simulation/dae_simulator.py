@@ -20,10 +20,10 @@ from symmb.integrate import (
     AnyEngine,
     CompiledSolver,
     DormandPrince,
-    EventIntegration,
     Integration,
     Solver,
     refined,
+    round_otherwise,
 )
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene, units_of
@@ -178,8 +178,8 @@ class DAESimulator:
         P = self.dae.p_nominal[None]
         nominal = self.run(P)
         finer = self.solved_by(self.solver.tighter(times=self.times))
-        if self.dae.impacts is not None:
-            cast(EventIntegration, finer.integration()).round_otherwise(cast(EventIntegration, self.integration()))
+        if self.dae.impacts is not None and nominal.ok.size:
+            round_otherwise(finer.engine(), self.engine())
             return finer
         for _ in range(_TIGHTENINGS if nominal.ok.all() and not self._stateless else 0):
             if not np.array_equal(finer.run(P).Y, nominal.Y):

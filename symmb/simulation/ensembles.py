@@ -8,8 +8,8 @@ from typing import cast
 
 import numpy as np
 
-from symmb._types import Array, Mask
-from symmb.codegen import REASONS, FailedSamples
+from symmb._types import Array, Indices, Mask
+from symmb.codegen import BLAMED, REASONS, FailedSamples
 from symmb.integrate import AnyEngine, Integration, Run
 from symmb.simulation.formulation import Formulation
 from symmb.simulation.lock import LOCK
@@ -91,7 +91,6 @@ class CompiledEnsemble:
     P: Array
     t_start: float
     threads: int
-    events = None
 
     def __post_init__(self) -> None:
         self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.form.start.states(self.P)[0]
@@ -120,6 +119,17 @@ class CompiledEnsemble:
         if self._failed is None:
             _ = self.Y
         return cast(FailedSamples, self._failed)
+
+    @property
+    def events(self) -> Indices | None:
+        """(N, n_t) events of contacts of each sample so far; None in scenes without."""
+        if self.engine.contacts is None:
+            return None
+        rows = self.failed_samples.events
+        rows = rows[rows[:, 2] != BLAMED]
+        counts = np.zeros((len(self.P), len(self.engine.times) + 1), dtype=np.intp)
+        np.add.at(counts, (rows[:, 0].astype(np.intp), np.searchsorted(self.engine.times, rows[:, 3])), 1)
+        return np.cumsum(counts[:, :-1], axis=1)
 
     @property
     def t_failed(self) -> Array:

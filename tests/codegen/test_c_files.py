@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from models import double_pendulum
+from models import bouncing_ball, double_pendulum
 from symmb.codegen import Engine, Tolerances, model_function
 from symmb.codegen.c_source import C_FOLDER
 from symmb.codegen.model_source import _generator
@@ -19,13 +19,13 @@ SANITIZED = ("-std=gnu11", "-O1", "-g", "-march=native", "-fsanitize=address,und
 MAIN = """
 #include <stdio.h>
 int main(void) {{
-  static const double x0[1], p[] = {{ {p} }}, times[] = {{ {times} }};
-  static double t_failed[{n}], x_failed[{n} * N_X], Y[{n} * {n_t} * N_Y];
+  static const double x0[] = {{ {x0} }}, p[] = {{ {p} }}, times[] = {{ {times} }};
+  static double events[800], t_failed[{n}], x_failed[{n} * N_X], Y[{n} * {n_t} * N_Y];
   static char failure[{n}];
   static const double atol[] = {{ {atol} }};
   for (int i = 0; i < {n}; ++i) t_failed[i] = NAN;
   Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, {ahead}, {least}, atol, {longest}, {newton}, 100000, 0,
-             t_failed, failure, x_failed, Y, 0, 0, 0}};
+             t_failed, failure, x_failed, Y, 0, 0, 0, 0, 0, 0, 0, events, 0, 100}};
   if (!work(&s, NULL, NULL)) return 1;
   for (int i = 0; i < {n} * {n_t} * N_Y; ++i) printf("%.17g ", Y[i]);
   return 0;
@@ -45,23 +45,26 @@ def test_each_file_compiles_by_itself(compiler, path):
 
 
 @pytest.mark.parametrize(
-    "solver",
+    ("model", "solver"),
     [
-        mb.DormandPrince(),
-        mb.Rosenbrock(),
-        mb.RungeKutta(steps=50),
-        pytest.param(mb.NSTIFFSI2(step=0.05), marks=pytest.mark.long),
+        (double_pendulum, mb.DormandPrince()),
+        (double_pendulum, mb.Rosenbrock()),
+        (double_pendulum, mb.RungeKutta(steps=50)),
+        (bouncing_ball, mb.EventDriven()),
+        pytest.param(double_pendulum, mb.NSTIFFSI2(step=0.05), marks=pytest.mark.long),
     ],
     ids=repr,
 )
-def test_generated_programs_are_clean_under_sanitizers(solver, tmp_path):
-    simulator = mb.DAESimulator(double_pendulum.scene().with_times(np.linspace(0, 1, 5)), solver)
+def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
+    simulator = mb.DAESimulator(model.scene().with_times(np.linspace(0, 1, 5)), solver)
     P = simulator.dae.p_nominal * np.random.default_rng(0).uniform(0.9, 1.1, (11, 2))
     engine = simulator.engine()
-    assert isinstance(engine, Engine) and engine.starts
+    assert isinstance(engine, Engine) and engine.starts == (model is double_pendulum)
+    x0 = np.zeros((1, 1)) if engine.starts else simulator.start.states(P)[0]
     controlled = isinstance(engine.control, Tolerances)
     atol = engine.control.absolute(engine.n_x) if controlled else np.zeros(1)
     numbers = {
+        "x0": ", ".join(map(repr, x0.ravel().tolist())),
         "p": ", ".join(map(repr, P.ravel().tolist())),
         "times": ", ".join(map(repr, simulator.times.tolist())),
         "n": len(P),

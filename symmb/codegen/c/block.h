@@ -32,6 +32,8 @@ typedef struct {
   double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN behind the last, or NULL */
   long most_passes;
   long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
+  double *events;               /* (most_events, 8) as impacts.h notes them; there may be more */
+  long n_events, most_events;
 } Study;
 
 /* What a block holds of W of its lanes. */
@@ -54,11 +56,17 @@ typedef struct {
   Part part[PARTS];
   double t, t_new, h, h_next;
   double before; /* logarithm of the error of the step before */
+  double soon;   /* longest step from t on: a contact may close after it */
   long number, next, live, sample[WIDTH];
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */
   double stop_time, from, to; /* rates are evaluated between these times */
   long steps, iterations, most;
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
+#if N_G > 0
+  V gap[2 * N_G], force[4 * N_G], law[2 * N_G * (N_V + 1)]; /* values of the functions of contacts, see impacts.h */
+  double crowd_start;     /* events follow each other at once from there */
+  long n_events, n_crowd; /* in all, and since then */
+#endif
 } Block;
 
 #define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)

@@ -7,7 +7,7 @@
 #ifndef EMBEDDED_PAIR_H
 #define EMBEDDED_PAIR_H
 
-#include "switches.h"
+#include "impacts.h"
 #include "tableau.h"
 
 enum { REJECTED, ACCEPTED, FAILED };
@@ -98,12 +98,12 @@ PRIVATE double interpolation_error(Block *b, const Study *s) {
   return sqrt(most / SIZE(N_USED)) / MOST_MISSED;
 }
 
-/* Outputs at the times that the step has passed; 0 if one is not finite. */
-PRIVATE int sample_outputs(Block *b, Study *s) {
-  while (b->next < s->n_t && s->times[b->next] <= b->t_new) {
+/* Outputs at the times of the step up to one; 0 if one is not finite. */
+PRIVATE int sample_outputs(Block *b, Study *s, double until) {
+  while (b->next < s->n_t && s->times[b->next] <= until) {
     double share[CHUNK];
     long n = 0;
-    for (; n < CHUNK && b->next + n < s->n_t && s->times[b->next + n] <= b->t_new; ++n)
+    for (; n < CHUNK && b->next + n < s->n_t && s->times[b->next + n] <= until; ++n)
       share[n] = (s->times[b->next + n] - b->t) / b->h;
     EACH_PART(b) {
       for (int u = 0; u < N_USED; ++u) {
@@ -186,6 +186,8 @@ PRIVATE int run(Block *b, Study *s) {
   while (b->next < s->n_t) {
     if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;
+    if (b->h > b->soon) b->h = b->soon;
+    b->soon = INFINITY;
     const double last = b->stop_time < end ? b->stop_time : end;
     b->t_new = b->t + b->h;
     if (b->t_new >= last) b->t_new = last;
@@ -210,7 +212,8 @@ PRIVATE int run(Block *b, Study *s) {
       continue;
     }
     if (z <= 1.0) b->t_new = b->t + z * b->h;
-    if (!sample_outputs(b, s)) return 0;
+    const int contact = contact_at(b, z), meets = N_G > 0 && (contact >= 0 || b->t_new >= end);
+    if (!sample_outputs(b, s, meets ? nextafter(b->t_new, -INFINITY) : b->t_new)) return 0;
     if (z <= 1.0 && !change_sides(b, s, z)) return 0;
     EACH_PART(b) {
       /* The slope before the projection serves the next step: it is as far off as the error of this one. */
@@ -223,8 +226,10 @@ PRIVATE int run(Block *b, Study *s) {
     const int at_stop = b->t >= b->stop_time && find_stop(b, s);
     if (z <= 1.0) raise_switches(b);
     if (at_stop) settle(b);
-    if (at_stop || z <= 1.0) restart(b, s);
-    else keep_switches(b);
+    if (meets && !(meet_contacts(b, s, contact) && observe_due(b, s))) return 0;
+    if (at_stop || (z <= 1.0 && contact < 0)) restart(b, s);
+    else if (contact < 0) keep_switches(b);
+    else EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
   }
   return 1;
 }

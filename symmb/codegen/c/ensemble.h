@@ -71,11 +71,11 @@ static int begin(Block *b, Study *s) {
     for (long l = 0; l < b->live && s->passes; ++l)
       for (long j = 0; j < s->most_passes; ++j) s->passes[b->sample[l] * s->most_passes + j] = NAN;
     memset(b->stop, 0, sizeof b->stop);
-    b->stop_time = b->to = INFINITY;
+    b->stop_time = b->to = b->soon = INFINITY;
     b->from = -INFINITY;
     if (!place_samples(b, s)) continue;
     observe(b);
-    if (store_outputs(b, s, 0, 1)) return 1;
+    if (begin_contacts(b, s) && store_outputs(b, s, 0, 1)) return 1;
   }
 }
 

@@ -9,8 +9,12 @@
 #include <math.h>
 #include <string.h>
 
+#ifndef WIDTH
 #define WIDTH 8
-#if defined(__AVX512F__)
+#endif
+#if WIDTH == 1 /* samples whose velocities jump at times of their own have steps of their own */
+#define W 1
+#elif defined(__AVX512F__)
 #define W 8
 #elif defined(__AVX2__)
 #define W 4
@@ -85,7 +89,7 @@ PRIVATE inline V v_ceil(V a) { return _mm256_ceil_pd(a); }
 PRIVATE inline V v_smaller(V a, V b) { return _mm256_min_pd(a, b); }
 PRIVATE inline V v_larger(V a, V b) { return _mm256_max_pd(a, b); }
 #else
-PRIVATE inline int all_below(V a, double b) { return (a[0] < b) & (a[1] < b); }
+PRIVATE inline int all_below(V a, double b) { return (a[0] < b) & (a[W - 1] < b); }
 BY_LANE_1(v_sqrt, sqrt)
 BY_LANE_1(v_floor, floor)
 BY_LANE_1(v_ceil, ceil)
@@ -160,7 +164,7 @@ BY_LANE_2(v_hypot, hypot)
 
 /* The smallest, or largest, lanes of W vectors in one vector, by a tree of shuffles. */
 #if defined(__has_builtin)
-#if __has_builtin(__builtin_shufflevector)
+#if __has_builtin(__builtin_shufflevector) && W > 1
 #define TREE
 #define MIX __builtin_shufflevector
 #if W == 8

@@ -15,9 +15,10 @@
 #define PROJECTED 0 /* 1: project() moves states onto the constraints */
 #define N_RANGED 0  /* states that the bounds of switches depend on; switches.h */
 #define N_S 0       /* switches of the state, whose sides are the last parameters; switches.h */
+#define N_G 0       /* contacts, whose gaps are the last switches; impacts.h */
 #define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
 #define N_U 0
-enum { STEPS, OUTPUT, NEWTON, MANY, STICKS }; /* why a sample failed, see FailureCode */
+enum { STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS }; /* why a sample failed, see FailureCode */
 
 PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
 

@@ -4,7 +4,10 @@
    switch of the state, so that all stages are smooth. u is a switch times its side. The switch is passed where u falls
    below 0. The step then ends there, and the side changes. u is raised by a hysteresis above rounding from then on until a
    step begins beyond it. switches(x, c, t, u) gives the N_S switches, and changes(x, c, t, u) their rates. Sides, 1 or -1,
-   are the last of the parameters. */
+   are the last of the parameters.
+
+   The last N_G switches are gaps of open contacts, and 1 of closed ones. They keep their side. A gap that begins below 0 by
+   rounding is raised to 0. A closed contact opens where the force in it falls to 0: switch N_S + k is that of contact k. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
@@ -44,6 +47,9 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define SLIGHT 1e-3         /* hystereses that count as 0 within a step: that of a narrow pulse is larger than its height */
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
+#define SMALL 1e-12         /* share of the terms of a sum below which the sum is zero but for rounding */
+#define FORCE_PARTS 6       /* equal parts of a step, in each of which the force in a closed contact may change sign once:
+                               its range is that of a linear system, too wide to tell more. tests/events/test_impacts.py */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 
@@ -67,7 +73,7 @@ PRIVATE void settle(Block *b) {
       switches(a->x, a->c, each(between_stops(b, b->t)), a->u);
       changes(a->x, a->c, each(between_stops(b, b->t)), a->du);
       changed = (M)zero();
-      for (int k = 0; k < N_S; ++k) {
+      for (int k = 0; k < N_S - N_G; ++k) {
         const V u = choose(v_fabs(a->u[k]) > hysteresis[k], a->u[k], a->du[k]);
         const V side = choose(u > 0.0, each(1.0), choose(u < 0.0, each(-1.0), sides(a)[k]));
         changed |= (M)(side != sides(a)[k]);
@@ -77,8 +83,26 @@ PRIVATE void settle(Block *b) {
     }
     for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
+    for (int k = N_S - N_G; k < N_S; ++k) {
+      a->raised[k] = v_larger(-a->u[k], zero());
+      a->u[k] += a->raised[k];
+    }
   }
 }
+
+#if N_G > 0
+/* Whether contact k is closed. */
+PRIVATE int is_closed(const Part *a, int k) { return a->x[place[contact_state[k]]][0] > 0.5; }
+
+/* The force in closed contact k at x, raised by its rounding: a pull above it opens the contact. */
+PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
+  forces(x, (V *)a->c, t, b->force);
+  return b->force[k] + SMALL * b->force[2 * N_G + k] * b->force[3 * N_G + k];
+}
+#else
+PRIVATE int is_closed(const Part *a, int k) { (void)a, (void)k; return 0; }
+PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) { (void)a, (void)b, (void)k, (void)x, (void)t; return zero(); }
+#endif
 
 /* The box of a part of a step, of a share of it: the cubic through states and slopes at its ends, x and dx over the step,
    and by how much the state may be off the cubic. A cubic's distance from its chord is z (1 - z) times a number between
@@ -120,6 +144,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
    slope at the end in k. */
 PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
+  for (int k = 0; k < N_G; ++k) any |= is_closed(b->part, k) - (M)zero();
   EACH_PART(b) {
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
@@ -164,15 +189,16 @@ PRIVATE V change_at(const Part *a, int i, double z) {
 }
 
 /* Number k of the switches at shares z of the step. */
-PRIVATE V switch_at(Part *a, const Block *b, int k, V z) {
+PRIVATE V switch_at(Part *a, Block *b, int k, V z) {
   state_at(a, z, a->x_at);
+  if (k >= N_S) return contact_force(a, b, k - N_S, a->x_at, b->t + z * b->h);
   on_sides(a, a->x_at, b->t + z * b->h, a->u_at);
   return a->u_at[k];
 }
 
 /* Where number k changes its sign between shares low and high of the step, in marked lanes: the end behind it, which is
    off by a share of it at most. */
-PRIVATE V sign_change(Part *a, const Block *b, int k, M marked, V low, V high, V at_low, V at_high, double off) {
+PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_low, V at_high, double off) {
   V kept_low = at_low, kept_high = at_high; /* by the rule of Anderson and Bjoerck, which shrinks the end that stays */
   for (int n = 0; n < MOST_ROOT_STEPS; ++n) {
     const M open = marked & (M)(high - low > off * high + 4.4e-16);
@@ -218,6 +244,29 @@ PRIVATE void bound_part(Part *a, double low, double high) {
   }
 }
 
+/* The first share of the step, before the given one, at which a closed contact opens, or the given one. */
+PRIVATE double first_release(Block *b, double first) {
+  Part *a = b->part;
+  for (int k = 0; k < N_G; ++k) {
+    if (!is_closed(a, k)) continue;
+    V from = switch_at(a, b, N_S + k, zero());
+    for (int i = 1; i <= FORCE_PARTS; ++i) {
+      const V low = each((i - 1.0) / FORCE_PARTS), high = each((double)i / FORCE_PARTS), to = switch_at(a, b, N_S + k, high);
+      if (from[0] >= 0.0 && to[0] < 0.0) {
+        const V when = sign_change(a, b, N_S + k, ~(M)zero(), low, high, from, to, 0.0);
+        if (when[0] < first) {
+          first = when[0];
+          a->when = when;
+          a->which = each((double)(N_S + k));
+        }
+        break;
+      }
+      from = to;
+    }
+  }
+  return first;
+}
+
 /* The first switch that each lane passes: the share of the step, and the switch. One that jumped below 0 at the begin of
    the step is passed there. Parts of the step are halved until ranges along the interpolant leave nothing open but what
    their ends tell. Returns the least share; if it is that of no lane, nothing is known behind it, and 2 without a pass. */
@@ -248,7 +297,7 @@ PRIVATE double first_pass(Block *b) {
       bound_part(a, low, high);
       open |= is_open(a, each(b->t + low * b->h), each(b->t + high * b->h), share, b->h, a->u_low, a->u_new);
     }
-    if (++parts > MOST_PARTS && low >= LONG_PART) return low;
+    if (++parts > MOST_PARTS && low >= LONG_PART) return first_release(b, low);
     if (!none(open) && share > (parts > MOST_PARTS ? LONG_PART : LEAST_PART)) {
       share *= 0.5;
       continue;
@@ -271,7 +320,13 @@ PRIVATE double first_pass(Block *b) {
     low = high;
     while (share < 1.0 && fmod(low, 2.0 * share) == 0.0 && low + 2.0 * share <= 1.0) share *= 2.0;
   }
-  return first;
+  return first_release(b, first);
+}
+
+/* The contact that closes, or N_G more than that which opens, at the share z where the step ends; -1 without one. */
+PRIVATE int contact_at(const Block *b, double z) {
+  const Part *a = b->part;
+  return N_G > 0 && z <= 1.0 && a->when[0] <= z ? (int)fmax(a->which[0] - (N_S - N_G), -1.0) : -1;
 }
 
 /* Moves x_new to the share z of the step, at t_new, and changes the sides of the switches that are passed there. Returns 0
@@ -285,12 +340,12 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     state_at(a, each(z), a->x_new);
     rates_on_sides(a, a->x_new, t, before);
     for (int k = 0; k < N_S; ++k) {
-      passed[k] = (M)(a->when <= z) & (M)(a->which == (double)k);
+      passed[k] = k < N_S - N_G ? (M)(a->when <= z) & (M)(a->which == (double)k) : (M)zero();
       sides(a)[k] = blend(passed[k], -sides(a)[k], sides(a)[k]);
       a->raised[k] = blend(passed[k], each(hysteresis[k]), a->raised[k]);
     }
     for (long l = 0; l < W && s->passes; ++l)
-      if (a->when[l] <= z && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
+      if (a->when[l] <= z && a->which[l] < N_S - N_G && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
     prepare(a->p, a->c);
     on_sides(a, a->x_new, t, a->u);
     rates_on_sides(a, a->x_new, t, a->du);
@@ -338,6 +393,7 @@ PRIVATE void settle(Block *b) { (void)b; }
 PRIVATE int may_pass(Block *b, int last) { (void)b, (void)last; return 0; }
 PRIVATE double rough_pass(Block *b) { (void)b; return 2.0; }
 PRIVATE double first_pass(Block *b) { (void)b; return 2.0; }
+PRIVATE int contact_at(const Block *b, double z) { (void)b, (void)z; return -1; }
 PRIVATE int change_sides(Block *b, Study *s, double z) { (void)b, (void)s, (void)z; return 1; }
 PRIVATE void raise_switches(Block *b) { (void)b; }
 PRIVATE void keep_switches(Block *b) { (void)b; }

@@ -1,0 +1,221 @@
+/* Impacts, and contacts that close and open. Velocities jump by B P, where P are impulses along the gaps of contacts.
+
+   A block is one sample here, since velocities of each jump at times of its own. The model gives gaps(x, c, t, out), with
+   their rates behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
+   these and effective inertias; impulses(x, c, t, out): W (N_G, N_V) and B (N_V, N_G) by columns, rates of gaps at rest and
+   restitutions; and held(x, c, t, out), the state moved into its closed contacts. contact_state tells the states that are 1
+   for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those of displacements (N_V). */
+#ifndef IMPACTS_H
+#define IMPACTS_H
+
+#include "switches.h"
+
+enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed for a failure */
+
+#if N_G > 0
+#define ROUNDING 2.220446049250313e-16
+#define MOST_IMPACTS 1000 /* at one instant: impacts that lose energy die away long before. tests/events/test_impacts.py */
+#define SAME_JUMP 1e-6    /* difference of jumps of velocity, over their size, above which the order of impacts matters */
+#define CROWD_SPAN 1e-12  /* share of the run's time: more than CROWD events within it are an endless sequence */
+#define CROWD 1000
+#define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
+#define CONTACT_STEP 1e-13  /* share of the run's time: shorter steps after an event are lost in rounding */
+
+/* Contacts at one instant. */
+typedef struct {
+  double rate[N_G], rest[N_G]; /* rates of gaps, and those that count as rest: a rebound rises no higher than rounding */
+  double D[N_G][N_G], impulse[N_G];
+  int touching[N_G], movable[N_G];
+} Instant;
+
+PRIVATE void note_event(const Block *b, Study *s, int what, int k, double from, double to, double work, int ordered) {
+  const long i = __atomic_fetch_add(&s->n_events, 1, __ATOMIC_RELAXED);
+  const double event[] = {b->sample[0], k, what, b->t, from, to, work, ordered};
+  if (i < s->most_events) memcpy(s->events + 8 * i, event, sizeof event);
+}
+
+/* The sample fails by the contacts that are marked. Returns 0. */
+PRIVATE int blame(Block *b, Study *s, const int *marked, char why) {
+  for (int k = 0; k < N_G; ++k)
+    if (marked[k]) note_event(b, s, BLAMED, k, 0.0, 0.0, 0.0, 0);
+  fail_sample(b, s, 0, b->t, why);
+  return 0;
+}
+
+PRIVATE int hits(const Instant *c, int k) { return c->touching[k] && c->rate[k] < -c->rest[k]; }
+
+/* Impacts one after the other, until no gap that is 0 closes, in the order of contacts or from the last to the first. They
+   are noted if they are told whether their order matters. Returns their work, or NaN if they do not end. */
+PRIVATE double in_turn(Instant *c, Block *b, Study *s, int last_first, const int *ordered) {
+  double all = 0.0;
+  memset(c->impulse, 0, sizeof c->impulse);
+  for (int n = 0; n < MOST_IMPACTS; ++n) {
+    int k = -1;
+    for (int i = 0; i < N_G; ++i)
+      if (hits(c, i) && c->movable[i] && (k < 0 || last_first)) k = i;
+    if (k < 0) return all;
+    const double from = c->rate[k], to = -b->law[2 * N_G * N_V + N_G + k][0] * from, P = (to - from) / c->D[k][k];
+    const double work = P * ((from + to) / 2 - b->law[2 * N_G * N_V + k][0]);
+    for (int i = 0; i < N_G; ++i) c->rate[i] += c->D[i][k] * P;
+    c->rate[k] = to;
+    c->impulse[k] += P;
+    all += work;
+    if (ordered) note_event(b, s, IMPACT, k, from, to, work, *ordered);
+  }
+  return NAN;
+}
+
+/* The jump of velocity i by the impulses P. */
+PRIVATE double jump_of(const Block *b, int i, const double *P) {
+  double jump = 0.0;
+  for (int k = 0; k < N_G; ++k) jump += b->law[N_G * N_V + i + N_V * k][0] * P[k];
+  return jump;
+}
+
+/* Whether impacts that begin together would end otherwise from the last to the first. */
+PRIVATE int order_matters(const Instant *c, Block *b, Study *s) {
+  int together = 0;
+  for (int k = 0; k < N_G; ++k) together += hits(c, k);
+  if (together < 2) return 0;
+  Instant one = *c, other = *c;
+  in_turn(&one, b, s, 0, NULL);
+  in_turn(&other, b, s, 1, NULL);
+  double size = 0.0, change = 0.0;
+  for (int i = 0; i < N_V; ++i) {
+    size = fmax(size, fabs(jump_of(b, i, one.impulse)));
+    change = fmax(change, fabs(jump_of(b, i, other.impulse) - jump_of(b, i, one.impulse)));
+  }
+  return change > SAME_JUMP * size;
+}
+
+/* Changes the velocities by the impacts. Returns 0 if the sample fails. */
+PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
+  Part *a = b->part;
+  int immovable[N_G], any = 0;
+  impulses(a->x, a->c, each(b->t), b->law);
+  for (int k = 0; k < N_G; ++k) {
+    double size = 0.0;
+    for (int i = 0; i < N_G; ++i) {
+      c->D[k][i] = 0.0;
+      for (int j = 0; j < N_V; ++j) c->D[k][i] += b->law[k + N_G * j][0] * b->law[N_G * N_V + j + N_V * i][0];
+    }
+    for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_G * j][0] * displacement[j], 2.0);
+    c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
+  }
+  const int ordered = order_matters(c, b, s);
+  const double work = in_turn(c, b, s, 0, &ordered);
+  for (int k = 0; k < N_G; ++k) any |= immovable[k] = hits(c, k) && !c->movable[k];
+  if (any) return blame(b, s, immovable, IMMOVABLE);
+  if (work != work) return blame(b, s, c->touching, UNENDING);
+  if (N_WORK) a->x[place[N_X - 1]] += work;
+  for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] += jump_of(b, i, c->impulse);
+  return 1;
+}
+
+/* Closes the slow contacts whose forces push. Returns 0 if they depend on each other. */
+PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
+  Part *a = b->part;
+  int closed[N_G], any_closed = 0;
+  for (int k = 0; k < N_G; ++k) closed[k] = slow[k] && !released[k];
+  for (int n = 0; n < 3 * N_G + 3; ++n) {
+    double pull[N_G], most = 0.0;
+    int changed = 0;
+    for (int k = 0; k < N_G; ++k) a->x[place[contact_state[k]]] = each(closed[k]);
+    forces(a->x, a->c, each(b->t), b->force);
+    for (int k = 0; k < N_G; ++k) {
+      const double force = b->force[k][0], size = b->force[2 * N_G + k][0];
+      if (force * 0.0 != 0.0) return 0;
+      pull[k] = closed[k] ? force / b->force[3 * N_G + k][0] / (size > 0.0 ? size : 1.0) : 0.0;
+      most = fmin(most, pull[k]);
+    }
+    for (int k = 0; k < N_G; ++k) {
+      const int opens = pull[k] == most && most < -SMALL;
+      const int closes = !(most < -SMALL) && slow[k] && !closed[k] && b->force[N_G + k][0] < -SMALL * b->force[2 * N_G + k][0];
+      changed |= opens || closes;
+      closed[k] = (closed[k] && !opens) || closes;
+    }
+    if (!changed) break;
+  }
+  for (int k = 0; k < N_G; ++k) any_closed |= is_closed(a, k);
+  if (any_closed) {
+    held(a->x, a->c, each(b->t), a->x_new);
+    memcpy(a->x, a->x_new, sizeof a->x);
+  }
+  return 1;
+}
+
+/* Whether events follow each other without end. */
+PRIVATE int is_endless(Block *b, double span) {
+  const int moved = b->t - b->crowd_start > CROWD_SPAN * span;
+  if (moved) b->crowd_start = b->t;
+  b->n_crowd = moved ? 0 : b->n_crowd + 1;
+  return b->n_crowd > CROWD || ++b->n_events > MOST_EVENTS;
+}
+
+/* Continues after an event, at which a contact closes, or number contact - N_G opens; -1 where none is known. Returns 0 if
+   the sample fails. */
+PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
+  Part *a = b->part;
+  const double span = s->times[s->n_t - 1] - s->times[0];
+  int before[N_G], slow[N_G], released[N_G], now[N_G];
+  double fastest = 0.0, flight = INFINITY;
+  Instant c;
+  gaps(a->x, a->c, each(b->t), b->gap);
+  forces(a->x, a->c, each(b->t), b->force);
+  for (int k = 0; k < N_G; ++k) {
+    const double slack = SMALL * b->force[2 * N_G + k][0] * b->force[3 * N_G + k][0];
+    before[k] = is_closed(a, k);
+    released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
+    c.touching[k] = before[k] || contact == k || b->gap[k][0] <= 8.0 * ROUNDING * LENGTH;
+    c.rate[k] = b->gap[N_G + k][0];
+    if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
+  }
+  for (int k = 0; k < N_G; ++k) c.rest[k] = fmax(sqrt(2.0 * ROUNDING * LENGTH * b->force[2 * N_G + k][0]), SMALL * fastest);
+  if (!apply_impulses(&c, b, s)) return 0;
+  for (int k = 0; k < N_G; ++k) slow[k] = c.touching[k] && fabs(c.rate[k]) <= c.rest[k];
+  const int closes = close_contacts(b, slow, released);
+  for (int k = 0; k < N_G; ++k) now[k] = is_closed(a, k);
+  if (!closes) return blame(b, s, now, DEPENDENT);
+  for (int k = 0; k < N_G; ++k)
+    if (now[k] && !before[k]) note_event(b, s, CLOSES, k, 0.0, 0.0, 0.0, 0);
+  for (int k = 0; k < N_G; ++k)
+    if (before[k] && !now[k]) note_event(b, s, OPENS, k, 0.0, 0.0, 0.0, 0);
+  settle(b);
+  for (int k = 0, i = N_S - N_G; k < N_G; ++k, ++i) {
+    const double acceleration = b->force[N_G + k][0];
+    if (now[k] || !c.touching[k]) continue;
+    if (c.rate[k] > c.rest[k] && acceleration < 0.0) flight = fmin(flight, -2.0 * c.rate[k] / acceleration);
+    if (!slow[k]) continue;
+    a->raised[i] += 8.0 * ROUNDING * LENGTH; /* it leaves so slowly that rounding may turn it back */
+    a->u[i] += 8.0 * ROUNDING * LENGTH;
+  }
+  b->soon = fmax(1.5 * flight, CONTACT_STEP * span);
+  if (!is_endless(b, span)) return 1;
+  fail_sample(b, s, 0, b->t, ENDLESS);
+  return 0;
+}
+
+/* Events at the first time, and the outputs after them. Returns 0 if the sample fails. */
+PRIVATE int begin_contacts(Block *b, Study *s) {
+  b->crowd_start = b->t;
+  b->n_events = b->n_crowd = 0;
+  if (!meet_contacts(b, s, -1)) return 0;
+  EACH_PART(b) outputs(a->x, a->c, each(b->t), a->y);
+  return 1;
+}
+
+/* Outputs at the times that are reached, after the event there. Returns 0 if one is not finite. */
+PRIVATE int observe_due(Block *b, Study *s) {
+  while (b->next < s->n_t && s->times[b->next] <= b->t) {
+    EACH_PART(b) outputs(a->x, a->c, each(b->t), a->y);
+    if (!store_outputs(b, s, b->next++, 1)) return 0;
+  }
+  return 1;
+}
+#else
+PRIVATE int meet_contacts(Block *b, Study *s, int contact) { (void)b, (void)s, (void)contact; return 1; }
+PRIVATE int begin_contacts(Block *b, Study *s) { (void)b, (void)s; return 1; }
+PRIVATE int observe_due(Block *b, Study *s) { (void)b, (void)s; return 1; }
+#endif
+
+#endif
