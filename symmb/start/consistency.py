@@ -56,9 +56,10 @@ def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Ar
 
 def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
     """Raise AssemblyError if redundant rows agree on positions and velocities, but not on accelerations."""
-    dae, at = start.dae, start.nominal()
-    if dae.gamma is None:
+    dae = start.dae
+    if not start.redundant or dae.gamma is None:  # gamma is derived at its first use
         return
+    at = start.nominal()
     x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], start.t0)
     gamma = dae.gamma(*x).full().ravel() / sizes
     contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)

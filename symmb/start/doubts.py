@@ -32,8 +32,7 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven:
         return
     if len(rows) == dae.n_v:
-        joints = [e for e in scene.system.elements if isinstance(e, Constraint)]
-        if not scene.system.collected.decoupled and not all(isinstance(e, Weld) for e in joints):
+        if not scene.system.collected.decoupled and not _is_welded(scene):
             yield (
                 f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
                 "drives them. Leave out a constraint if it should move."
@@ -43,6 +42,10 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
             "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
             "system moves. Start away from it."
         )
+
+
+def _is_welded(scene: Scene) -> bool:
+    return all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
 
 
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -9,11 +11,11 @@ import numpy as np
 from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE, Scene
+from symmb.start.assembly import assemble, listed_coordinates
 from symmb.start.consistency import check_accelerations, check_velocities
 from symmb.start.doubts import start_doubts
 from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.initial_assembly import assemble, listed_coordinates
 from symmb.start.joint_values import of_positions, of_rates, residuals, with_position_rows, with_rate_rows, with_states
 from symmb.start.labels import coordinate_of, coordinate_with_value
 from symmb.start.rank import (
@@ -43,36 +45,29 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     AssemblyError              if listed values contradict the constraints, no assembly is found near the guess, a joint
                                is assembled the wrong way round, or the start is a singular position
     """
-    prescribed = scene.prescribed
+    prescribed, system = scene.prescribed, scene.system
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
     begin = t0 if scene.restart is None else scene.restart.first_instant
     dae = dae if dae.sampling is None else replace(dae, sampling=replace(dae.sampling, begin=begin))
     reference = listed_coordinates(scene, dae)
-    free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
+    free = np.setdiff1d(np.arange(dae.n_v), list(prescribed.displacements)).astype(np.intp)
     q0, s0 = assemble(scene, dae, t0)
-    dae = with_coarse_scales(with_states(scene, dae, s0), q0, t0)
-    general = general_entries(dae, q0, t0)
-    G, sizes = _scaled_jacobian(dae, q0, t0, general)
-    listed, rates = of_positions(prescribed), of_rates(prescribed)
-    placed = with_coarse_scales(with_position_rows(scene.system, dae, listed), q0, t0) if listed else dae
-    moved = with_coarse_scales(with_rate_rows(scene.system, dae, rates), q0, t0) if rates else dae
-    try:
-        rows = independent_rows(dae, q0, t0, sizes)
-    except AssemblyError as error:
-        raise AssemblyError(" ".join(unstretched(scene)) or str(error)) from None
-    is_redundant, sufficient, nullities = len(rows) < dae.n_r, None, (0, 0)
-    position_rows, _ = independent_rows_and_columns(G[: dae.n_c], sizes[: dae.n_c])
-    if is_redundant:
-        sufficient, nullities = lasting_rows(dae, q0, t0, rows, general)
-    of_placed = _scaled_jacobian(placed, q0, t0) if listed else (G, sizes)
-    positions = _solve_positions(scene, placed, reference, q0, t0, free, *of_placed)
-    velocities = start_velocities(scene, moved, prescribed.v, _probes(positions, p0), t0)
-    free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
-    G_moved, of_moved = _scaled_jacobian(moved, q0, t0) if rates else (G, sizes)
-    solved_velocities = free_velocities[independent_rows_and_columns(G_moved[:, free_velocities], of_moved)[1]]
+    rows = _Rows(with_coarse_scales(with_states(scene, dae, s0), q0, t0), q0, t0)
+    dae = rows.dae
+    independent = _independent(scene, rows)
+    placed = rows.extended(with_position_rows(system, dae, of_positions(prescribed)))
+    moved = rows.extended(with_rate_rows(system, dae, of_rates(prescribed)))
+    positions = _solve_positions(scene, placed, reference, free)
+    velocities = start_velocities(scene, moved.dae, prescribed.v, _probes(positions, p0), t0)
+    free_velocities = np.setdiff1d(np.arange(dae.n_v), list(prescribed.v)).astype(np.intp)
+    determined = independent_rows_and_columns(moved.G[:, free_velocities], moved.sizes)[1]
     v0 = velocities(positions.q0, p0).full().ravel()
-    redundant = redundant_names(G / sizes[:, None], len(rows), dae.rows) if is_redundant else ()
-    lost = _only_nominal(scene, dae, positions, t0, redundant, len(rows)) if is_redundant else ()
+    redundancy = _redundancy(rows, independent)
+    lost = (
+        _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
+        if redundancy["redundant"]
+        else ()
+    )
     start = Start(
         dae,
         t0,
@@ -82,42 +77,76 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         positions.position,
         velocities,
         listed=tuple(scene.start),
-        listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in rates)),
+        listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in of_rates(prescribed))),
         joint_residuals=residuals(scene),
         joint_values=tuple(value.name for value in prescribed.joints),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
-        solved_velocities=tuple(dae.v_names[i] for i in solved_velocities),
-        free_velocities=tuple(
-            f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.setdiff1d(free_velocities, solved_velocities)
-        ),
-        rows=None if sufficient is None else tuple(sufficient.tolist()),
-        nullities=nullities,
-        ranks=(len(rows), len(position_rows)),
-        redundant=redundant,
+        solved_velocities=tuple(dae.v_names[i] for i in free_velocities[determined]),
+        free_velocities=tuple(f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.delete(free_velocities, determined)),
         is_equilibrium=scene.equilibrium,
-        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, rows), *lost),
+        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, independent), *lost),
         held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
+        **redundancy,
     )
     check_velocities(start, p0)
-    if is_redundant:
-        check_accelerations(start, G, sizes)
+    check_accelerations(start, rows.G, rows.sizes)
     return start
 
 
-def _scaled_jacobian(dae: DAE, q: Array, t0: float, general: Array | None = None) -> tuple[Array, Array]:
-    """The velocity Jacobian at coordinates q, in the scales of displacements (n_r, n_v), and the sizes of its rows."""
-    if dae.G is None:
-        return np.zeros((0, dae.n_v)), np.zeros(0)
-    G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
-    general = general_entries(dae, q, t0) if general is None else general
-    return G, row_sizes(G, general * dae.displacement_scales)
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The rows of a DAE at coordinates q (n_q,) and the time t0."""
+
+    dae: DAE
+    q: Array
+    t0: float
+
+    def extended(self, dae: DAE) -> "_Rows":
+        """Those of a DAE that may have more rows."""
+        return self if dae is self.dae else _Rows(with_coarse_scales(dae, self.q, self.t0), self.q, self.t0)
+
+    @cached_property
+    def general(self) -> Array:
+        """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v)."""
+        return general_entries(self.dae, self.q, self.t0)
+
+    @cached_property
+    def G(self) -> Array:
+        """The velocity Jacobian in the scales of displacements, (n_r, n_v)."""
+        if self.dae.G is None:
+            return np.zeros((0, self.dae.n_v))
+        return evaluate_at_rest(self.dae.G, self.dae, self.q, self.t0) * self.dae.displacement_scales
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The sizes of the rows of G, (n_r,)."""
+        return row_sizes(self.G, self.general * self.dae.displacement_scales)
 
 
-def _only_nominal(
-    scene: Scene, dae: DAE, positions: "_Positions", t0: float, names: tuple[str, ...], rank: int
-) -> Iterator[str]:
+def _independent(scene: Scene, rows: _Rows) -> Indices:
+    """Numbers of the independent rows."""
+    try:
+        return independent_rows(rows.dae, rows.q, rows.t0, rows.sizes)
+    except AssemblyError as error:
+        raise AssemblyError(" ".join(unstretched(scene)) or str(error)) from None
+
+
+def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
+    """What `Start` tells of rows that depend on each other."""
+    dae, rank = rows.dae, len(independent)
+    position_rows, _ = independent_rows_and_columns(rows.G[: dae.n_c], rows.sizes[: dae.n_c])
+    found: dict[str, Any] = {"ranks": (rank, len(position_rows)), "rows": None, "nullities": (0, 0), "redundant": ()}
+    if rank < dae.n_r:
+        sufficient, nullities = lasting_rows(dae, rows.q, rows.t0, independent, rows.general)
+        names = redundant_names(rows.G / rows.sizes[:, None], rank, dae.rows)
+        found |= {"rows": tuple(sufficient.tolist()), "nullities": nullities, "redundant": names}
+    return found
+
+
+def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple[str, ...], rank: int) -> Iterator[str]:
     """The doubt that constraints of these names are redundant at the nominal parameters, but not all over the box."""
+    dae = at.dae
     if scene.box is None or dae.Phi is None:
         return
     p, bounds = dae.p_nominal.copy(), np.array(scene.box.bounds)
@@ -129,12 +158,13 @@ def _only_nominal(
     q = batch(positions.place, u, p[None])[0][0]
     if not solved:
         return
-    at = [ca.SX(ca.DM(part)) for part in (q, p)]
-    r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *at), at[1], t0))).ravel() / dae.row_scales[: dae.n_c]
+    there = _Rows(replace(dae, p_nominal=p), q, at.t0)
+    state = [ca.SX(ca.DM(part)) for part in (q, p)]
+    r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *state), state[1], at.t0))).ravel() / dae.row_scales[: dae.n_c]
     limit = VIOLATION * max(float(np.abs(q / dae.coordinate_scales).max(initial=0.0)), 1.0)
     if np.abs(r).max(initial=0.0) > limit:
         then = "there they contradict each other, and runs do not start"
-    elif len(independent_rows_and_columns(*_scaled_jacobian(replace(dae, p_nominal=p), q, t0))[0]) > rank:
+    elif len(independent_rows_and_columns(there.G, there.sizes)[0]) > rank:
         then = "there they leave fewer motions free, which runs miss"
     else:
         return
@@ -166,12 +196,10 @@ def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
     return batch(positions.place, u, P)[0][ok], P[ok]
 
 
-def _solve_positions(
-    scene: Scene, dae: DAE, reference: ca.Function, q0: Array, t0: float, free: Indices, G: Array, sizes: Array
-) -> _Positions:
+def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
     """Which displacements every sample solves for: as many as independent rows, or all free ones in equilibrium."""
-    p = scene.system.p
-    rows, columns = independent_rows_and_columns(G[: dae.n_c, free], sizes[: dae.n_c])
+    p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
+    rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:
         solved = free

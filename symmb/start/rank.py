@@ -11,7 +11,7 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE, is_linear
 from symmb.start.scales import evaluate_at_rest, length_of
-from symmb.start.sparse_rows import LARGE, determining_columns
+from symmb.start.sparse_rows import LARGE, determining_columns, least_step
 from symmb.symbolic import batch
 
 RANK_TOLERANCE = 1e-9
@@ -221,16 +221,9 @@ def _positions(
             for _ in range(_NEWTON_STEPS if dae.Phi is not None else 0):
                 r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()
                 of_positions = (evaluate_at_rest(G, dae, position, t0) * scale / own)[: dae.n_c]
-                back = _least_step(of_positions, -r / own[: dae.n_c, 0])
+                back = least_step(of_positions, -r / own[: dae.n_c, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()
             yield position
-
-
-def _least_step(A: Array, r: Array) -> Array:
-    """The step (n,) of least norm with A step = r, for rows A (m, n) in their sizes."""
-    U, sigma, V = np.linalg.svd(A, full_matrices=False)
-    rank = int((sigma > RANK_TOLERANCE * max(A.shape)).sum())
-    return np.asarray(V[:rank].T @ ((U.T @ r)[:rank] / sigma[:rank]), dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -92,9 +92,7 @@ class Start:
         x = np.hstack(parts)
         if self._sampled is not None:
             x = _repeat_rows(batch(self._sampled, x, P)[0], len(P))
-        ok = ok & ~self._violates_rows(x, P)
-        if self.implied is not None:
-            ok = ok & (np.abs(_repeat_rows(batch(self.implied, u, P)[0], len(P))).max(axis=1) <= VIOLATION)
+        ok = ok & (batch(self._holds, x, u, P)[0] > 0).all(axis=1)
         reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
         values = _repeat_rows(batch(self.dae.positive, P)[0], len(P))
         for k, which in np.argwhere(~(values > 0))[::-1].tolist():  # the first fault of each sample remains
@@ -134,22 +132,26 @@ class Start:
         """Scales of the states, (n_x,)."""
         return np.concatenate([self.dae.coordinate_scales, self.dae.displacement_scales, np.ones(self.dae.n_s)])
 
-    def _violates_rows(self, x: Array, P: Array) -> Mask:
-        """Whether samples violate rows that were not needed to solve for the start, or are assembled flipped, (N,)."""
-        bad: Mask = np.zeros(len(P), dtype=bool)
-        n = self.dae.n_q
-        arguments = (x[:, :n], x[:, n : n + self.dae.n_v], *((x[:, n + self.dae.n_v :],) if self.dae.n_s else ()))
-        limit = VIOLATION * np.abs(x / self.state_scales).max(axis=1, initial=1.0)
-        for f in (self.dae.Phi, self.dae.Phi_dot):
-            if f is not None:
-                r = batch(f, *arguments, P, np.array([self.t0]))[0]
-                bad = bad | ~(np.abs(r / self.dae.row_scales[: r.shape[1]]).max(axis=1) <= limit)
-        if self.dae.assembly_cosines is not None:  # Newton's method may go on to the flipped root
-            bad = bad | ~(batch(self.dae.assembly_cosines, x[:, :n], P)[0].min(axis=1) > 0)
-        if self.joint_residuals is not None:
-            r = batch(self.joint_residuals, *arguments[:2], P)[0]
-            bad = bad | ~(np.abs(r).max(axis=1) <= limit)
-        return bad
+    @cached_property
+    def _holds(self) -> ca.Function:
+        """(x, u, p) -> whether a state satisfies all rows and listed values, and no joint is assembled flipped.
+
+        Newton's method may go on to the flipped root, and solves only for rows that are independent.
+        """
+        n_x = self.dae.n_q + self.dae.n_v + self.dae.n_s
+        x, u = ca.SX.sym("x", n_x), ca.SX.sym("u", self.place.numel_in(0))
+        p = ca.SX.sym("p", len(self.dae.p_names))
+        arguments = self.dae.arguments(x, p, ca.SX(self.t0))
+        rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
+        rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
+        rows += [self.joint_residuals(*arguments[:2], p)] if self.joint_residuals is not None else []
+        limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(x / self.state_scales)), ca.SX(1))
+        holds = [ca.SX(1), ca.fabs(ca.vertcat(*rows)) <= limit]
+        if self.dae.assembly_cosines is not None:
+            holds.append(self.dae.assembly_cosines(x[: self.dae.n_q], p) > 0)
+        if self.implied is not None:
+            holds.append(ca.fabs(self.implied(u, p)) <= VIOLATION)
+        return ca.Function("holds", [x, u, p], [ca.densify(ca.vertcat(*holds))])
 
     @cached_property
     def _sampled(self) -> ca.Function | None:
@@ -190,17 +192,8 @@ class Start:
             rounded = ca.fabs(r) <= ROUNDING * ca.sum2(ca.fabs(J))
             newton = ca.if_else(reduce(ca.logic_and, ca.vertsplit(rounded)), 0, step)
         state = self.state(u, p)
-        arguments = self.dae.arguments(state, p, ca.SX(self.t0))
-        rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
-        rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
-        rows += [self.joint_residuals(*arguments[:2], p)] if self.joint_residuals is not None else []
-        limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.state_scales)), ca.SX(1))
-        tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
-        if self.dae.assembly_cosines is not None:
-            tests = ca.vertcat(tests, self.dae.assembly_cosines(state[: self.dae.n_q], p) > 0)
-        if self.implied is not None:
-            tests = ca.vertcat(tests, ca.fabs(self.implied(u, p)) <= VIOLATION)
-        good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
+        tests = ca.vertcat(self._holds(state, u, p), self.dae.positive(p) > 0)
+        good = reduce(ca.logic_and, ca.vertsplit(tests))
         return newton, state + ca.if_else(good, 0, math.nan)
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
