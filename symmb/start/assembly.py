@@ -9,13 +9,14 @@ from symmb.mechanics import Constraint, Motion
 from symmb.model import DAE, Scene
 from symmb.start.advice import advice
 from symmb.start.forward_kinematics import placed_along_joints
-from symmb.start.gauss_newton import TOLERANCE, FailedAssembly, PositionRows
+from symmb.start.gauss_newton import FailedAssembly, PositionRows
 from symmb.start.joint_values import angles, listed_states, of_positions, with_position_rows, with_states, with_turns
 from symmb.start.labels import constraint_of_row
 from symmb.start.scales import with_coarse_scales
+from symmb.start.tolerances import ROUNDING
 
-_EQUAL, _SHARED = 0.99, 1e-3
-"""Violations over the largest one from which on the first joint is blamed, and a drive is named beside it."""
+_SHARED = 1e-3
+"""Violation of a drive, over the largest one, from which on it is named beside the joint with the largest one."""
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
@@ -103,11 +104,11 @@ def _reached(
     scene: Scene, rows: PositionRows, q: Array, s: Array, free: Indices, is_damped: bool
 ) -> tuple[Array, Array]:
     """Coordinates and states on the constraints, from q and s; raises FailedAssembly if they are not reached."""
-    dae, limit = rows.dae, TOLERANCE * rows.size(q)
+    dae, limit = rows.dae, ROUNDING * rows.size(q)
     q, s, r = rows.reach(q, s, free, is_damped)
     violation = np.abs(r)
     if not violation.max(initial=0.0) <= limit:
-        name = constraint_of_row(dae, int((violation >= _EQUAL * violation.max()).argmax()))
+        name = constraint_of_row(dae, int(np.isclose(violation, violation.max()).argmax()))
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
         where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]

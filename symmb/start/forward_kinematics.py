@@ -7,7 +7,7 @@ listed or guessed. Loops stay open.
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import heappop, heappush
 from typing import TypeVar
@@ -20,11 +20,10 @@ from symmb.mechanics import AxisJoint, Joint, Planar
 from symmb.model import DAE, Scene
 from symmb.start.joint_tree import GROUND
 from symmb.start.joint_values import of_positions
+from symmb.start.tolerances import ROUNDING
 from symmb.symbolic import product, t
 
 J = TypeVar("J", bound=Joint)
-_PARALLEL = 1e-12
-"""Sine of an angle between axes that is rounding."""
 _ROTATION, _POSITION = ("theta", "e0"), ("x", "y", "z")
 _VELOCITY_OF = {"theta": "omega", "e0": "omega_x", "x": "vx", "y": "vy", "z": "vz"}
 
@@ -53,6 +52,7 @@ class _Kinematics:
     free: frozenset[str]
     at: tuple[Array, Array, float]
     joints: list[Joint]
+    _functions: dict[Joint, tuple[ca.Function, list[int]]] = field(default_factory=dict, init=False)
 
     def along(self, joints: list[J], handle: str, parts: tuple[str, ...]) -> Iterator[tuple[J, int]]:
         """Joints and the bodies that they place, each after a body next to it; those that determine most come first.
@@ -142,7 +142,7 @@ class _Kinematics:
 
     def moved_to_joint(self, q: Array, joint: Joint, body: int) -> Array:
         """Coordinates after a body is moved least until the rows of a joint hold, and to its displacement."""
-        used = self._functions[joint][1]
+        used = self._function(joint)[1]
         moving = [k for k in self._free_parts(body, _POSITION) if k in used]
         value = self._values.get(joint, {}).get("displacement")
         *_, rows, J = self._measured(joint, q)
@@ -155,17 +155,14 @@ class _Kinematics:
 
     def _measured(self, joint: Joint, q: Array) -> tuple[float, Array, Array, Array, Array]:
         """Angle, frames (3, 3), rows and displacement (m,), and their Jacobian by the coordinates that they use."""
-        f, used = self._functions[joint]
+        f, used = self._function(joint)
         angle, A, B, rows, J = (part.full() for part in f(q[used], *self.at))
         return float(angle[0, 0]), A, B, rows.ravel(), J
 
-    @cached_property
-    def _functions(self) -> dict[Joint, tuple[ca.Function, list[int]]]:
-        """For each joint the Function of `_measured`, and the numbers of the coordinates q that it uses."""
-        system, functions = self.scene.system, {}
-        numbers = {q.element_hash(): k for k, q in enumerate(ca.vertsplit(system.q))}
-        for joint in self.joints:
-            angle, displacement, frames = ca.SX(0), ca.SX(0), (ca.SX(3, 3), ca.SX(3, 3))
+    def _function(self, joint: Joint) -> tuple[ca.Function, list[int]]:
+        """The Function of `_measured`, and the numbers of the coordinates q that it uses."""
+        if joint not in self._functions:
+            system, angle, displacement, frames = self.scene.system, ca.SX(0), ca.SX(0), (ca.SX(3, 3), ca.SX(3, 3))
             if isinstance(joint, AxisJoint):
                 frames = joint.frames
                 angle = joint.angle if "angle" in joint.handles else angle
@@ -174,10 +171,15 @@ class _Kinematics:
                 displacement = joint.displacement if "displacement" in joint.handles else displacement
             rows = ca.vertcat(system.Phi[self.dae.rows[joint.name]], displacement)
             hashes = (x.element_hash() for x in ca.symvar(ca.veccat(angle, *frames, rows)))
-            used = sorted({numbers[h] for h in hashes if h in numbers})
+            used = sorted({self._symbols[h] for h in hashes if h in self._symbols})
             parts = [angle, *frames, rows, ca.jacobian(rows, system.q[used])]
-            functions[joint] = ca.Function("joint", [system.q[used], system.s, system.p, t], parts), used
-        return functions
+            self._functions[joint] = ca.Function("joint", [system.q[used], system.s, system.p, t], parts), used
+        return self._functions[joint]
+
+    @cached_property
+    def _symbols(self) -> dict[int, int]:
+        """Numbers of the coordinates by the hashes of their symbols."""
+        return {q.element_hash(): k for k, q in enumerate(ca.vertsplit(self.scene.system.q))}
 
     def _turned(self, q: Array, body: int, turn: Array) -> Array:
         """Coordinates after a body turns by a rotation vector in world axes (3,) [rad]."""
@@ -196,8 +198,7 @@ def _least_rotation(start: Array, end: Array) -> Array:
     """The least rotation vector (3,) that turns one direction onto another."""
     axis, cosine = np.cross(start, end), float(start @ end)
     sine = float(np.linalg.norm(axis))
-    if sine < _PARALLEL:
-        if cosine > 0:
-            return np.zeros(3)
-        axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])  # opposite: about any axis at right angles
-    return np.arctan2(sine, cosine) * axis / float(np.linalg.norm(axis))
+    if sine < ROUNDING and cosine < 0:  # opposite: about any axis at right angles
+        axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
+    length = float(np.linalg.norm(axis))
+    return np.asarray(axis * (np.arctan2(sine, cosine) / (length or 1.0)), dtype=np.float64)

@@ -13,8 +13,6 @@ from symmb.start.labels import constraint_of_row
 from symmb.start.scales import rest_states
 from symmb.start.sparse_rows import least_step
 
-TOLERANCE = 1e-9
-"""Violation of Phi over the scene's size that an assembly may leave. tests/start/test_start.py"""
 _ITERATIONS, _HALVINGS = 100, 12
 """Steps, and halvings of a step that does not reduce the violation."""
 _TURN = 2 * np.pi

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scene
 from symmb.start.assembly import assemble, listed_coordinates
 from symmb.start.consistency import check_accelerations, check_velocities
@@ -27,7 +27,8 @@ from symmb.start.rank import (
     row_sizes,
 )
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
-from symmb.start.start import VIOLATION, Start
+from symmb.start.start import Start, start_functions
+from symmb.start.tolerances import VIOLATION
 from symmb.start.unstretched import unstretched
 from symmb.start.velocities import start_velocities
 from symmb.symbolic import batch
@@ -61,24 +62,24 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     velocities = start_velocities(scene, moved.dae, prescribed.v, _probes(positions, p0), t0)
     free_velocities = np.setdiff1d(np.arange(dae.n_v), list(prescribed.v)).astype(np.intp)
     determined = independent_rows_and_columns(moved.G[:, free_velocities], moved.sizes)[1]
-    v0 = velocities(positions.q0, p0).full().ravel()
+    v0 = velocities(positions.q0, p0).full().ravel() + 0.0  # no minus before zeros
     redundancy = _redundancy(rows, independent)
-    lost = (
-        _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
-        if redundancy["redundant"]
-        else ()
-    )
+    lost = _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
+    of_joints = residuals(scene)
+    v = velocities(positions.q, system.p)
+    state, holds = start_functions(dae, t0, positions.unknowns, positions.q, v, of_joints, ca.SX(0, 1))
     start = Start(
         dae,
         t0,
         positions.q0,
         reference,
-        positions.place,
         positions.position,
+        state,
+        holds,
         velocities,
         listed=tuple(scene.start),
         listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in of_rates(prescribed))),
-        joint_residuals=residuals(scene),
+        joint_residuals=of_joints,
         joint_values=tuple(value.name for value in prescribed.joints),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
@@ -135,28 +136,28 @@ def _independent(scene: Scene, rows: _Rows) -> Indices:
 def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
     """What `Start` tells of rows that depend on each other."""
     dae, rank = rows.dae, len(independent)
+    if rank == dae.n_r:
+        return {"ranks": (rank, dae.n_c), "rows": None, "nullities": (0, 0), "redundant": ()}
     position_rows, _ = independent_rows_and_columns(rows.G[: dae.n_c], rows.sizes[: dae.n_c])
-    found: dict[str, Any] = {"ranks": (rank, len(position_rows)), "rows": None, "nullities": (0, 0), "redundant": ()}
-    if rank < dae.n_r:
-        sufficient, nullities = lasting_rows(dae, rows.q, rows.t0, independent, rows.general)
-        names = redundant_names(rows.G / rows.sizes[:, None], rank, dae.rows)
-        found |= {"rows": tuple(sufficient.tolist()), "nullities": nullities, "redundant": names}
-    return found
+    sufficient, nullities = lasting_rows(dae, rows.q, rows.t0, independent, rows.general)
+    return {
+        "ranks": (rank, len(position_rows)),
+        "rows": tuple(sufficient.tolist()),
+        "nullities": nullities,
+        "redundant": redundant_names(rows.G / rows.sizes[:, None], rank, dae.rows),
+    }
 
 
 def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple[str, ...], rank: int) -> Iterator[str]:
     """The doubt that constraints of these names are redundant at the nominal parameters, but not all over the box."""
     dae = at.dae
-    if scene.box is None or dae.Phi is None:
+    if not names or scene.box is None or dae.Phi is None:
         return
     p, bounds = dae.p_nominal.copy(), np.array(scene.box.bounds)
     varied = [dae.p_names.index(name) for name in scene.box.names]
     p[varied] = bounds[:, 0] + np.random.default_rng(0).uniform(size=len(varied)) * (bounds[:, 1] - bounds[:, 0])
-    u, solved = np.zeros((1, positions.place.numel_in(0))), True
-    if positions.position is not None:
-        u, (solved,) = positions.position.solve(p[None])
-    q = batch(positions.place, u, p[None])[0][0]
-    if not solved:
+    (q,), (is_solved,) = positions.at(p[None])
+    if not is_solved:
         return
     there = _Rows(replace(dae, p_nominal=p), q, at.t0)
     state = [ca.SX(ca.DM(part)) for part in (q, p)]
@@ -177,23 +178,27 @@ def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple
 
 @dataclass(frozen=True, eq=False)
 class _Positions:
-    """Coordinates q0 (n_q,), the displacements that are solved for, their equations, and (u, p) -> q."""
+    """Coordinates q0 (n_q,), the displacements that are solved for, and coordinates q (n_q,) in unknowns u and p."""
 
     q0: Array
     solved: Indices
-    position: ImplicitMap | None
-    place: ca.Function
+    unknowns: tuple[ca.SX, ca.SX]
+    q: ca.SX
+    position: ImplicitMap
+
+    def at(self, P: Array) -> tuple[Array, Mask]:
+        """Coordinates (N, n_q) for parameters P (N, n_p), and whether they are solved for."""
+        u, ok = self.position.solve(P)
+        return batch(ca.Function("place", [*self.unknowns], [self.q]), u, P)[0], ok
 
 
 def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
     """Coordinates (k, n_q) at the start for the nominal parameters and others close to them, (k, n_p)."""
     near = np.random.default_rng(0).uniform(-_PROBED, _PROBED, p0.shape) * np.where(p0 != 0, p0, 1.0)
     P = np.stack([p0, p0 + near]) if p0.size else p0[None]
-    u, ok = np.zeros((len(P), positions.place.numel_in(0))), np.ones(len(P), dtype=bool)
-    if positions.position is not None:
-        u, ok = positions.position.solve(P)
+    q, ok = positions.at(P)
     ok[0] = True  # checks that come later tell what is wrong there
-    return batch(positions.place, u, P)[0][ok], P[ok]
+    return q[ok], P[ok]
 
 
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
@@ -208,15 +213,13 @@ def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indi
     places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
     q = dae.retract(reference(p, ca.DM(q0)), delta)
-    place = ca.Function("place", [u, p], [q], {"cse": True})
-    position = None
     if scene.equilibrium:
         # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
         share = ca.SX.sym("share", len(rows))
         z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
-        position = ImplicitMap.of(imbalance(dae, place(u, p), lam, p, t0, free, rows), z, p)
-        place = ca.Function("place", [z, p], [q], {"cse": True})
-    elif len(solved) and dae.Phi is not None:
-        residual = (dae.Phi(*resting(dae, place(u, p), p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
-        position = ImplicitMap.of(residual, u, p)
-    return _Positions(q0, solved, position, place)
+        residual = imbalance(dae, q, lam, p, t0, free, rows)
+    else:
+        z, residual = u, ca.SX(0, 1)
+        if len(solved) and dae.Phi is not None:
+            residual = (dae.Phi(*resting(dae, q, p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
+    return _Positions(q0, solved, (z, p), q, ImplicitMap.of(residual, z, p))

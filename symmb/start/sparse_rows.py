@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.start.tolerances import ROUNDING
 
 LARGE = 150
 """Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
@@ -15,8 +16,6 @@ _CLEAR = 1e-5
 """Pivot of a row of norm 1, or its reciprocal, beyond which elimination leaves doubt about rank."""
 _STRONG = 0.3
 """Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest is taken."""
-_DEPENDENT = 1e-9
-"""Ratio of singular values below which rows count as dependent in a step."""
 _REGULAR = 1e-11
 """Ratio of pivots of A A' above which the rows of A count as independent."""
 
@@ -92,4 +91,4 @@ def least_step(A: Array, r: Array) -> Array:
     """The step (n,) of least norm with A step = r; of least residual where rows of A (m, n) depend on each other."""
     if (solve := normal_solver(A)) is not None:
         return np.asarray(A.T @ solve(r), dtype=np.float64)
-    return np.asarray(np.linalg.lstsq(A, r, rcond=_DEPENDENT)[0], dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(A, r, rcond=ROUNDING)[0], dtype=np.float64)
