@@ -25,8 +25,7 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
     `free` are the numbers of displacements that are not listed, `size` [m] is that of the scene.
     """
     name, tries = joint.split(".")[0], max(_TRIES // max(dae.n_v, 1), 1)
-    blamed = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
-    owners = {name, *(body.name for e in blamed for body in e.bodies())}
+    owners = _owners(scene, name)
     listed = [k for k in scene.start if k not in dae.v_names and not k.endswith((".omega", "_rate"))]
     near = [key for key in listed if key.split(".")[0] in owners]
     others = [key for key in listed if key not in near]
@@ -35,7 +34,7 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
     displacements.sort(key=lambda i: dae.v_names[i].split(".")[0] not in owners)
     for key, value, text in islice(_guesses(dae, displacements, size), tries):
         if assembles(replace(scene, guess={**scene.guess, key: value})):
-            parts.append(f"give a better guess={{{key!r}: {text}}}")
+            parts.append(f"give a better guess={text}")
             break
     if not parts:
         return (
@@ -44,6 +43,12 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
         )
     text = ", or ".join(parts)
     return text[0].upper() + text[1:] + "."
+
+
+def _owners(scene: Scene, name: str) -> set[str]:
+    """Names of a joint and of its bodies."""
+    joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
+    return {name, *(body.name for joint in joints for body in joint.bodies())}
 
 
 def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assembles: Assembles) -> Iterator[str]:
@@ -61,13 +66,14 @@ def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assem
 
 
 def _guesses(dae: DAE, displacements: Iterable[int], size: float) -> Iterator[tuple[str, Expr, str]]:
-    """Guesses of coordinates: key, value and the value as text."""
+    """Guesses of coordinates: key, value and both as text."""
     for i in displacements:
         body, _, part = coordinate_of(dae, i).rpartition(".")
         for share in _GUESSES:
             if part.startswith("rotation_"):
                 axis = tuple(int(part.endswith(c)) for c in "xyz")
-                yield f"{body}.rotation", rotation(axis, share), f"rotation({axis}, {share})"
+                key = f"{body}.rotation"
+                yield key, rotation(axis, share), f"{{{key!r}: rotation({axis}, {share})}}"
             elif part in ("theta", "x", "y", "z"):
                 value = share if part == "theta" else float(f"{share * size:.2g}")
-                yield f"{body}.{part}", value, str(value)
+                yield f"{body}.{part}", value, f"{{'{body}.{part}': {value}}}"

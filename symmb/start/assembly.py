@@ -13,10 +13,7 @@ from symmb.start.gauss_newton import FailedAssembly, PositionRows
 from symmb.start.joint_values import angles, listed_states, of_positions, with_position_rows, with_states, with_turns
 from symmb.start.labels import constraint_of_row
 from symmb.start.scales import with_coarse_scales
-from symmb.start.tolerances import ROUNDING
-
-_SHARED = 1e-3
-"""Violation of a drive, over the largest one, from which on it is named beside the joint with the largest one."""
+from symmb.start.tolerances import NEGLIGIBLE, ROUNDING
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
@@ -78,18 +75,18 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     if dae.Phi is None:
         return q, s
     rows = _position_rows(scene, dae, q, t0)
-    attempts = [(s, True)]
+    attempts = [(False, True)]
     if scene.restart is None:
         q = placed_along_joints(scene, dae, q, s, free, t0)
         s = with_turns(scene, q, s, np.empty(0, dtype=np.intp))
         if scene.guessed.joints:  # the joint of a guess need not be one along which bodies are placed
             guessed = with_position_rows(scene.system, dae, scene.guessed.joints)
             q, *_ = _position_rows(scene, guessed, q, t0).reach(q, s, free)
-        attempts = [(s, True), (s, False), *[(rows.turned(q), True)] * bool(rows.angles.size)]
+        attempts = [(False, True), (False, False), *[(True, True)] * bool(rows.angles.size)]
     failures = []
-    for turns, is_damped in attempts:
+    for is_turned, is_damped in attempts:
         try:
-            return _reached(scene, rows, q, turns, free, is_damped)
+            return _reached(scene, rows, q, rows.turned(q) if is_turned else s, free, is_damped)
         except FailedAssembly as failure:
             failures.append(failure)
     raise failures[0]
@@ -112,7 +109,7 @@ def _reached(
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
         where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
-        drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > _SHARED * violation.max()]
+        drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > NEGLIGIBLE * violation.max()]
         also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
         raise FailedAssembly(f"Start does not satisfy Phi = 0: residual {worst:.2g} {where}{also}.", name)
     flipped = _flipped_joint(scene, dae, q)

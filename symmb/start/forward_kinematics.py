@@ -73,7 +73,7 @@ class _Kinematics:
 
         guessed = [body for body in bodies if self._is_guessed(body, parts)]
         listed = [body for body in bodies if not self._free_parts(body, parts)]
-        for body in dict.fromkeys((GROUND, *listed, *(body for body in guessed if body not in determined))):
+        for body in sorted({GROUND, *listed} | (set(guessed) - determined)):
             place(body)
         for root in (GROUND, *guessed, *bodies):
             if root not in placed:

@@ -13,8 +13,9 @@ from symmb.start.labels import constraint_of_row
 from symmb.start.scales import rest_states
 from symmb.start.sparse_rows import least_step
 
-_ITERATIONS, _HALVINGS = 100, 12
-"""Steps, and halvings of a step that does not reduce the violation."""
+_ITERATIONS, _HALVINGS, _DECREASE = 50, 12, 1e-2
+"""Steps, halvings of a step that does not reduce the violation, and the share of the step by which it must be reduced:
+the condition of Armijo (1966), Pacific J. Math. 16(1)."""
 _TURN = 2 * np.pi
 
 
@@ -105,7 +106,7 @@ class PositionRows:
             for damping in 0.5 ** np.arange(_HALVINGS):
                 q_new = np.asarray(self.dae.retract(q, damping * delta)).ravel()
                 r_new = self.violation(q_new, s)
-                if not is_damped or np.linalg.norm(r_new) < np.linalg.norm(r):
+                if not is_damped or np.linalg.norm(r_new) < (1 - _DECREASE * damping) * np.linalg.norm(r):
                     break
             else:
                 break
