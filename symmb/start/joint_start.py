@@ -80,7 +80,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     p_nominal = start.dae.p_nominal
     of_bodies = ca.Function("of_bodies", [joints.q, p], [space.of_bodies[0]])
     u, scales = ca.SX.sym("u", dae.n_v), dae.displacement_scales
-    q = dae.retract(ca.DM(q0), ca.DM(scales) * u)
+    q = ca.cse(dae.retract(ca.DM(q0), ca.DM(scales) * u))
     q_b = of_bodies(q, p)
     moved = _displacement(bodies, start.reference(p, ca.DM(start.q_nominal)), q_b)
     held = list(start.held)

@@ -212,7 +212,7 @@ def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indi
     u = ca.SX.sym("u", len(solved))
     places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
-    q = dae.retract(reference(p, ca.DM(q0)), delta)
+    q = ca.cse(dae.retract(reference(p, ca.DM(q0)), delta))
     if scene.equilibrium:
         # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
         share = ca.SX.sym("share", len(rows))

@@ -171,7 +171,7 @@ def start_functions(
     if dae.assembly_cosines is not None:
         conditions.append(dae.assembly_cosines(y[: dae.n_q], p) > 0)
     holds = ca.Function("holds", [y, u, p], [ca.densify(ca.vertcat(ca.SX(1), *conditions))])
-    return ca.Function("state", [u, p], [x], {"cse": True}), holds
+    return ca.Function("state", [u, p], [x]), holds
 
 
 def _all(conditions: ca.SX) -> ca.SX:
