@@ -184,14 +184,11 @@ def _equations(form: Formulation) -> tuple[ca.Function, ca.Function, Array]:
 
 def _start(form: Formulation) -> StartEquations:
     start, position = form.start, form.start.position
-    p, t, places = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t"), start.place.numel_in(0)
-    u = ca.SX.sym("u", 0 if position is None else places)
-    residual = ca.SX(0, 1) if position is None else position.residual(u, p)
-    states = start.state(ca.SX.zeros(places, 1) if position is None else u, p)
+    p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
+    u = ca.SX.sym("u", start.state.numel_in(0))
+    residual, states = position.residual(u, p), start.state(u, p)
 
     def solve(P: Array) -> Array:
-        if position is None:
-            return np.zeros((len(P), 0))
         found, ok = position.solve(P)
         return np.where(ok[:, None], found, np.nan)
 

@@ -8,10 +8,8 @@ from symmb._types import Array
 from symmb.start.labels import constraint_of_row
 from symmb.start.rank import vanishing_combinations
 from symmb.start.scales import rest_states
-from symmb.start.start import VIOLATION, Start
-
-_SHARE = 1e-6
-"""Share of a constraint in a listed value above which it determines it."""
+from symmb.start.start import Start
+from symmb.start.tolerances import NEGLIGIBLE, VIOLATION
 
 
 def check_velocities(start: Start, p0: Array) -> None:
@@ -51,14 +49,15 @@ def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Ar
     slopes = ca.Function("slopes", symbols, [ca.jacobian(f(*symbols), symbols[1])])(q, v, p).full()[k]
     G = dae.G(q, v, *s, p, start.t0).full()
     shares = np.abs(np.linalg.lstsq(G.T, slopes, rcond=None)[0])
-    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > _SHARE * shares.max()]
+    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > NEGLIGIBLE * shares.max()]
 
 
 def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
     """Raise AssemblyError if redundant rows agree on positions and velocities, but not on accelerations."""
-    dae, at = start.dae, start.nominal()
-    if dae.gamma is None:
+    dae = start.dae
+    if not start.redundant or dae.gamma is None:  # gamma is derived at its first use
         return
+    at = start.nominal()
     x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], start.t0)
     gamma = dae.gamma(*x).full().ravel() / sizes
     contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)

@@ -10,10 +10,8 @@ from symmb.mechanics import Constraint, Weld
 from symmb.model import DAE, Scene
 from symmb.start.equilibrium import is_stable
 from symmb.start.sparse_rows import normal_solver
+from symmb.start.tolerances import ROUNDING
 from symmb.symbolic import evaluated
-
-_BALANCED = 1e-9
-"""Unbalanced forces over the largest force, for displacements of the scene's size, that are rounding."""
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
@@ -32,8 +30,7 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven:
         return
     if len(rows) == dae.n_v:
-        joints = [e for e in scene.system.elements if isinstance(e, Constraint)]
-        if not scene.system.collected.decoupled and not all(isinstance(e, Weld) for e in joints):
+        if not scene.system.collected.decoupled and not _is_welded(scene):
             yield (
                 f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
                 "drives them. Leave out a constraint if it should move."
@@ -45,13 +42,17 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
         )
 
 
+def _is_welded(scene: Scene) -> bool:
+    return all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
+
+
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
     """Whether forces balance at rest, but displacements on the constraints lead to forces that enlarge them."""
     scales = dae.displacement_scales
     forces = dae.Q(*at).full().ravel() * scales
     lam = _multipliers(G[rows], forces)
     terms = np.abs(forces) + np.abs(G[rows].T) @ np.abs(lam)
-    if np.abs(forces - G[rows].T @ lam).max() > _BALANCED * terms.max():
+    if np.abs(forces - G[rows].T @ lam).max() > ROUNDING * terms.max():
         return False
     delta, others = ca.SX.sym("delta", dae.n_v), [ca.SX(ca.DM(part)) for part in at[1:]]
     moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)

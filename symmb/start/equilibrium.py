@@ -8,16 +8,14 @@ from symmb._types import Array, Indices
 from symmb.model import DAE
 from symmb.start.labels import coordinate_of
 from symmb.start.scales import evaluate_at_rest, resting
+from symmb.start.tolerances import ROUNDING
 
-_TOLERANCE, _LAST_STEP = 1e-11, 1e-9
-"""Remaining forces over those of a displacement of the scene's size, and the last step over the size: Newton's method
-squares the error once more. tests/start/test_equilibrium.py"""
+_TOLERANCE = 1e-11
+"""Remaining forces over those of a displacement of the scene's size. tests/start/test_equilibrium.py"""
 _NEWTON_STEPS, _DAMPED_STEPS = 20, 400
 """Steps of Newton's method, and steps with drag."""
 _FIRST_STEP, _DRAG_DECAY = 0.02, 0.7
 """First displacement with drag [rad, share of the size], and the factor on the drag beside that of the forces."""
-_NEUTRAL = 1e-9
-"""Force of a displacement, over the largest one of any, that is rounding: constraints hold most displacements."""
 _LARGEST_STEP, _LARGEST_DAMPED_STEP = 2.0, 0.2
 """Largest displacement of a step [rad, share of the size]."""
 
@@ -93,7 +91,7 @@ def _damped_newton(
         whole = max(float(np.abs(J[:n, n:] @ lam).max(initial=0.0)), float(np.abs(J[:n, :n] * scales).max(initial=0.0)))
         if not (np.isfinite(r).all() and np.isfinite(J).all()):
             return None
-        if reach <= _LAST_STEP and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
+        if reach <= ROUNDING and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
             return q, lam, J
         if damped:
             more = forces / before
@@ -125,7 +123,7 @@ def is_stable(K: Array, G: Array) -> bool:
     """
     along = np.linalg.svd(G)[2][len(G) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real
-    return bool(values.max(initial=0.0) <= _NEUTRAL * np.abs(K).max(initial=0.0))
+    return bool(values.max(initial=0.0) <= ROUNDING * np.abs(K).max(initial=0.0))
 
 
 def _unopposed(K: Array, G: Array) -> int | None:

@@ -15,7 +15,7 @@ _FEW = 40
 """Symbols of a residual up to which its expressions are searched for common ones, which takes longer than it saves."""
 
 
-ROUNDING = 4e-15
+LAST_DIGITS = 4e-15
 """Change of the unknowns, over their scales, whose change of the residual is rounding."""
 
 
@@ -64,7 +64,7 @@ class ImplicitMap:
                 np.abs(u[active]).max(axis=1, initial=0.0), 1e-3
             )
             # Close to singular positions rounding of the residual makes steps that never become small.
-            done = done | (np.abs(r) <= ROUNDING * self._blocks.row_sizes(J)).all(axis=1)
+            done = done | (np.abs(r) <= LAST_DIGITS * self._blocks.row_sizes(J)).all(axis=1)
             ok[active[done]] = True
             active = active[~done]
             if not active.size:

@@ -1,6 +1,6 @@
 """The start of a scene in coordinates of its joints."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -9,17 +9,11 @@ from symmb._types import Array
 from symmb.mechanics import Spatial
 from symmb.model import DAE, Scene, System, compile_dae
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.rank import (
-    RANK_TOLERANCE,
-    general_entries,
-    independent_rows_and_columns,
-    lasting_rows,
-    own_scales,
-    row_sizes,
-)
+from symmb.start.rank import general_entries, independent_rows_and_columns, lasting_rows, own_scales, row_sizes
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
-from symmb.start.start import Start, function_jets, parameter_jets
-from symmb.symbolic import batch, common, conjugate, product
+from symmb.start.start import Start, start_functions
+from symmb.start.tolerances import ROUNDING
+from symmb.symbolic import common, conjugate, product, shared
 
 
 def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
@@ -40,31 +34,15 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
     solved = None if start.is_equilibrium or fault else _solved(start, scene, joints, dae, measured, q0)
     if solved is not None:
         return solved
-    inherited = {field.name: getattr(start, field.name) for field in fields(start)}
-    return _StartOfBodies(**inherited | {"dae": dae, "q_nominal": q0}, bodies=start, measured=measured)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _StartOfBodies(Start):
-    """A start that is solved for in coordinates of bodies. `measured`, (x, p) -> x, gives the states of joints."""
-
-    bodies: Start
-    measured: ca.Function
-
-    @property
-    def compiles(self) -> bool:
-        return False
-
-    def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
-        x, reasons = self.bodies.states(P)
-        return batch(self.measured, x, P)[0], reasons
-
-    def state(self, u: ca.SX, p: ca.SX) -> ca.SX:
-        return ca.densify(self.measured(self.bodies.state(u, p), p))
-
-    def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
-        P = parameter_jets(p, directions, order)
-        return function_jets(self.measured, [self.bodies.jets(p, directions, order), P])
+    u, y = ca.SX.sym("u", start.state.numel_in(0)), ca.SX.sym("x", measured.numel_out(0))
+    state = start.state(u, p)
+    return replace(
+        start,
+        dae=dae,
+        q_nominal=q0,
+        state=common("state", [u, p], [measured(state, p)]),
+        holds=ca.Function("holds", [y, u, p], [start.holds(state, u, p)]),
+    )
 
 
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:
@@ -85,7 +63,7 @@ def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None
     scales = dae.displacement_scales
     G = evaluate_at_rest(dae.G, dae, q, t0) * scales
     sizes = row_sizes(G, general * scales)
-    if np.linalg.matrix_rank(G / sizes[:, None], tol=RANK_TOLERANCE * max(G.shape)) < rank:
+    if np.linalg.matrix_rank(G / sizes[:, None], tol=ROUNDING * max(G.shape)) < rank:
         return None
     rows, _ = independent_rows_and_columns(G, sizes, rank)
     sufficient, nullities = lasting_rows(dae, q, t0, rows, general)
@@ -102,8 +80,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     p_nominal = start.dae.p_nominal
     of_bodies = ca.Function("of_bodies", [joints.q, p], [space.of_bodies[0]])
     u, scales = ca.SX.sym("u", dae.n_v), dae.displacement_scales
-    q = dae.retract(ca.DM(q0), ca.DM(scales) * u)
-    place = common("place", [u, p], [q])
+    (q,) = shared([dae.retract(ca.DM(q0), ca.DM(scales) * u)])
     q_b = of_bodies(q, p)
     moved = _displacement(bodies, start.reference(p, ca.DM(start.q_nominal)), q_b)
     held = list(start.held)
@@ -120,44 +97,31 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     if len(chosen) < dae.n_v:
         return None
     others = [k for k in range(listed.numel()) if k not in chosen]
-    implied = ca.vertcat(listed[others], _left_out(start, q_b, p)) if start.redundant else listed[others]
+
+    def of_bodies_at(q: ca.SX) -> ca.SX:
+        s = [start.dae.s_start(q, p)] if start.dae.s_start is not None else []
+        return ca.vertcat(q, start.velocities(q, p), *s)
+
     q_j = ca.SX.sym("q", dae.n_q)
-    q_of = of_bodies(q_j, p)
-    s = start.dae.s_start(q_of, p) if start.dae.s_start is not None else ca.SX(0, 1)
-    x_j = measured(ca.vertcat(q_of, start.velocities(q_of, p), s), p)
-    s_start = common("s_start", [q_j, p], [x_j[dae.n_q + dae.n_v :]]) if dae.n_s else None
-    found = replace(
-        start,
-        dae=replace(dae, s_start=s_start),
-        q_nominal=q0,
-        place=place,
-        position=ImplicitMap.of(rows[chosen], u, p) if chosen else None,
-        velocities=common("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]]),
-        joint_residuals=None if start.joint_residuals is None else _residuals(start.joint_residuals, scene, joints),
-        implied=common("implied", [u, p], [ca.densify(implied)]) if implied.numel() else None,
-    )
+    x_j = measured(of_bodies_at(of_bodies(q_j, p)), p)
+    s_start = ca.Function("s_start", [q_j, p], [x_j[dae.n_q + dae.n_v :]]) if dae.n_s else None
+    velocities = common("velocities", [q_j, p], [x_j[dae.n_q : dae.n_q + dae.n_v]])
+    of_joints = None if start.joint_residuals is None else _residuals(start.joint_residuals, joints)
+    dae = replace(dae, s_start=s_start)
+    state, holds = start_functions(dae, start.t0, (u, p), q, velocities(q, p), of_joints, listed[others])
+    if start.redundant:  # with other parameters the rows that are left out may contradict those that are kept
+        y = ca.SX.sym("x", holds.numel_in(0))
+        all_rows = start.holds(of_bodies_at(q_b), ca.SX(start.state.numel_in(0), 1), p)
+        holds = common("holds", [y, u, p], [ca.vertcat(holds(y, u, p), all_rows)])
+    position = ImplicitMap.of(rows[chosen], u, p)
+    found = replace(start, dae=dae, q_nominal=q0, position=position, state=state, holds=holds)
     return None if found.states(p_nominal[None])[1][0] else found
 
 
-def _left_out(start: Start, q: ca.SX, p: ca.SX) -> ca.SX:
-    """All rows of the bodies and their rates, over their scales, where bodies have coordinates q (n_q,).
-
-    Redundant rows hold as well: with other parameters they may contradict those that are kept.
-    """
-    dae, v = start.dae, start.velocities(q, p)
-    at = (q, v, *([dae.s_start(q, p)] if dae.s_start is not None else []), p, ca.SX(start.t0))
-    return ca.vertcat(*[f(*at) / dae.row_scales[: f.numel_out(0)] for f in (dae.Phi, dae.Phi_dot) if f is not None])
-
-
-def _residuals(of_bodies: ca.Function, scene: Scene, joints: System) -> ca.Function:
+def _residuals(of_bodies: ca.Function, joints: System) -> ca.Function:
     """(q, v, p) -> 0 where the listed values of joints hold, from a Function of coordinates of bodies."""
-    states = (joints.q, joints.v, joints.p)
     q, v, _ = joints.joints.of_bodies
-    at_bodies = of_bodies(q, v, joints.p)
-    names = (*joints.collected.q_names, *joints.collected.v_names)
-    own = dict(zip(names, ca.vertsplit(ca.vertcat(joints.q, joints.v)), strict=True))
-    values = [own[v.name] - v.value if v.name in own else at_bodies[k] for k, v in enumerate(scene.prescribed.joints)]
-    return common("listed", [*states], [ca.densify(ca.vertcat(*values))])
+    return ca.Function("listed", [joints.q, joints.v, joints.p], [of_bodies(q, v, joints.p)])
 
 
 def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:

@@ -1,12 +1,10 @@
 """The tree of joints along which the velocities of a start follow from each other, and the loops that close on it."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 GROUND = -1
 """Number of the ground beside the numbers of the bodies."""
-Neighbours = Mapping[int, set[int]]
-"""Bodies that are connected with each body, and with the ground."""
 
 
 @dataclass(frozen=True)
@@ -24,44 +22,34 @@ class JointTree:
     ----------
     connected : for each row of the constraints, the bodies whose relative motion it restricts
     roots : all bodies. The first one of those that are not connected with the ground carries the others.
-    preferred : pairs of bodies of which one carries the other, where possible, whatever else it is connected with
 
     Attributes
     ----------
     carriers : dict        body -> the body that carries it, each one after its carrier
     """
 
-    def __init__(
-        self, connected: Iterable[frozenset[int]], roots: Sequence[int], preferred: Iterable[frozenset[int]] = ()
-    ) -> None:
+    def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:
         rows = set(connected)
-        neighbours, near = _neighbours(rows, roots), _neighbours(preferred, roots)
+        neighbours: dict[int, set[int]] = {body: set() for body in (GROUND, *roots)}
+        for group in rows:
+            for body in group:
+                neighbours[body] |= group
         self.carriers: dict[int, int] = {}
         for root in (GROUND, *roots):
             if root in self.carriers:
                 continue
             if root != GROUND:
                 self.carriers[root] = GROUND
-            reached = self._with_followers([root], near)
+            reached = [root]
             for body in reached:  # which grows
-                reached += self._with_followers(self._carried(body, neighbours), near)
+                followers = sorted(neighbours[body] - self.carriers.keys() - {GROUND})
+                self.carriers |= dict.fromkeys(followers, body)
+                reached += followers
         self._order = {body: k for k, body in enumerate((GROUND, *self.carriers))}
         self._group = {body: (body,) for body in self.carriers}
         for bodies in rows:
             first, *others = bodies
             self._join([body for other in others for body in self._path(first, other)])
-
-    def _carried(self, body: int, neighbours: Neighbours) -> list[int]:
-        """The neighbours that nothing carries yet, which the body carries from now on."""
-        followers = sorted(neighbours[body] - self.carriers.keys() - {GROUND})
-        self.carriers |= dict.fromkeys(followers, body)
-        return followers
-
-    def _with_followers(self, bodies: list[int], neighbours: Neighbours) -> list[int]:
-        """Bodies, those that they carry, those that these carry, and so on."""
-        for body in bodies:  # which grows
-            bodies += self._carried(body, neighbours)
-        return bodies
 
     def groups(self) -> list[Group]:
         """The groups, each after the one of its base."""
@@ -84,11 +72,3 @@ class JointTree:
     def _join(self, bodies: Sequence[int]) -> None:
         joined = tuple(sorted({member for body in bodies for member in self._group[body]}))
         self._group |= dict.fromkeys(joined, joined)
-
-
-def _neighbours(connected: Iterable[frozenset[int]], bodies: Sequence[int]) -> Neighbours:
-    neighbours: dict[int, set[int]] = {body: set() for body in (GROUND, *bodies)}
-    for group in connected:
-        for body in group:
-            neighbours[body] |= group
-    return neighbours

@@ -8,11 +8,10 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.model import DAE, JointValue, Prescribed, Scene, System
+from symmb.start.tolerances import NEGLIGIBLE
 from symmb.symbolic import Symbol, symbols_in, t
 
 _TURN = 2 * np.pi
-_WHOLE = 1e-6
-"""Deviation of velocity ratios from whole numbers, which are those of angles about one axis, that is rounding."""
 
 
 def of_positions(listed: Prescribed) -> tuple[JointValue, ...]:
@@ -111,7 +110,9 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
     known = np.concatenate([listed.ravel(), s[counted]])
     factors = np.linalg.lstsq(J[:n].T, J[n:].T, rcond=None)[0].T
     whole = np.round(factors)
-    follows = (np.abs(factors - whole) < _WHOLE).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < _WHOLE).all(axis=1)
+    follows = (np.abs(factors - whole) < NEGLIGIBLE).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < NEGLIGIBLE).all(
+        axis=1
+    )
     s = s.copy()
     s[np.array(states)[follows]] = (whole @ known)[follows]
     return s

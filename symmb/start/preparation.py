@@ -2,18 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scene
+from symmb.start.assembly import assemble, listed_coordinates
 from symmb.start.consistency import check_accelerations, check_velocities
 from symmb.start.doubts import start_doubts
 from symmb.start.equilibrium import find_equilibrium, imbalance
 from symmb.start.implicit_function import ImplicitMap
-from symmb.start.initial_assembly import assemble, listed_coordinates
 from symmb.start.joint_values import of_positions, of_rates, residuals, with_position_rows, with_rate_rows, with_states
 from symmb.start.labels import coordinate_of, coordinate_with_value
 from symmb.start.rank import (
@@ -25,10 +27,11 @@ from symmb.start.rank import (
     row_sizes,
 )
 from symmb.start.scales import evaluate_at_rest, resting, with_coarse_scales
-from symmb.start.start import VIOLATION, Start
+from symmb.start.start import Start, start_functions
+from symmb.start.tolerances import VIOLATION
 from symmb.start.unstretched import unstretched
 from symmb.start.velocities import start_velocities
-from symmb.symbolic import batch, common
+from symmb.symbolic import batch, shared
 
 _PROBED = 1e-2
 """Relative distance of parameters at which decisions on velocities must hold as well. A listed speed that is a
@@ -43,98 +46,126 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     AssemblyError              if listed values contradict the constraints, no assembly is found near the guess, a joint
                                is assembled the wrong way round, or the start is a singular position
     """
-    prescribed = scene.prescribed
+    prescribed, system = scene.prescribed, scene.system
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
     begin = t0 if scene.restart is None else scene.restart.first_instant
     dae = dae if dae.sampling is None else replace(dae, sampling=replace(dae.sampling, begin=begin))
     reference = listed_coordinates(scene, dae)
-    free = np.array([i for i in range(dae.n_v) if i not in prescribed.displacements], dtype=np.intp)
+    free = np.setdiff1d(np.arange(dae.n_v), list(prescribed.displacements)).astype(np.intp)
     q0, s0 = assemble(scene, dae, t0)
-    dae = with_coarse_scales(with_states(scene, dae, s0), q0, t0)
-    general = general_entries(dae, q0, t0)
-    G, sizes = _scaled_jacobian(dae, q0, t0, general)
-    listed, rates = of_positions(prescribed), of_rates(prescribed)
-    placed = with_coarse_scales(with_position_rows(scene.system, dae, listed), q0, t0) if listed else dae
-    moved = with_coarse_scales(with_rate_rows(scene.system, dae, rates), q0, t0) if rates else dae
-    try:
-        rows = independent_rows(dae, q0, t0, sizes)
-    except AssemblyError as error:
-        raise AssemblyError(" ".join(unstretched(scene)) or str(error)) from None
-    is_redundant, sufficient, nullities = len(rows) < dae.n_r, None, (0, 0)
-    position_rows, _ = independent_rows_and_columns(G[: dae.n_c], sizes[: dae.n_c])
-    if is_redundant:
-        sufficient, nullities = lasting_rows(dae, q0, t0, rows, general)
-    of_placed = _scaled_jacobian(placed, q0, t0) if listed else (G, sizes)
-    positions = _solve_positions(scene, placed, reference, q0, t0, free, *of_placed)
-    velocities = start_velocities(scene, moved, prescribed.v, _probes(positions, p0), t0)
-    free_velocities = np.array([i for i in range(dae.n_v) if i not in prescribed.v], dtype=np.intp)
-    G_moved, of_moved = _scaled_jacobian(moved, q0, t0) if rates else (G, sizes)
-    solved_velocities = free_velocities[independent_rows_and_columns(G_moved[:, free_velocities], of_moved)[1]]
-    v0 = velocities(positions.q0, p0).full().ravel()
-    redundant = redundant_names(G / sizes[:, None], len(rows), dae.rows) if is_redundant else ()
-    lost = _only_nominal(scene, dae, positions, t0, redundant, len(rows)) if is_redundant else ()
+    rows = _Rows(with_coarse_scales(with_states(scene, dae, s0), q0, t0), q0, t0)
+    dae = rows.dae
+    independent = _independent(scene, rows)
+    placed = rows.extended(with_position_rows(system, dae, of_positions(prescribed)))
+    moved = rows.extended(with_rate_rows(system, dae, of_rates(prescribed)))
+    positions = _solve_positions(scene, placed, reference, free)
+    velocities = start_velocities(scene, moved.dae, prescribed.v, _probes(positions, p0), t0)
+    free_velocities = np.setdiff1d(np.arange(dae.n_v), list(prescribed.v)).astype(np.intp)
+    determined = independent_rows_and_columns(moved.G[:, free_velocities], moved.sizes)[1]
+    v0 = velocities(positions.q0, p0).full().ravel() + 0.0  # no minus before zeros
+    redundancy = _redundancy(rows, independent)
+    lost = _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
+    of_joints = residuals(scene)
+    v = velocities(positions.q, system.p)
+    state, holds = start_functions(dae, t0, positions.unknowns, positions.q, v, of_joints, ca.SX(0, 1))
     start = Start(
         dae,
         t0,
         positions.q0,
         reference,
-        positions.place,
         positions.position,
+        state,
+        holds,
         velocities,
         listed=tuple(scene.start),
-        listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in rates)),
-        joint_residuals=residuals(scene),
+        listed_velocities=(*(dae.v_names[i] for i in prescribed.v), *(value.name for value in of_rates(prescribed))),
+        joint_residuals=of_joints,
         joint_values=tuple(value.name for value in prescribed.joints),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
-        solved_velocities=tuple(dae.v_names[i] for i in solved_velocities),
-        free_velocities=tuple(
-            f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.setdiff1d(free_velocities, solved_velocities)
-        ),
-        rows=None if sufficient is None else tuple(sufficient.tolist()),
-        nullities=nullities,
-        ranks=(len(rows), len(position_rows)),
-        redundant=redundant,
+        solved_velocities=tuple(dae.v_names[i] for i in free_velocities[determined]),
+        free_velocities=tuple(f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.delete(free_velocities, determined)),
         is_equilibrium=scene.equilibrium,
-        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, rows), *lost),
+        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, independent), *lost),
         held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
+        **redundancy,
     )
     check_velocities(start, p0)
-    if is_redundant:
-        check_accelerations(start, G, sizes)
+    check_accelerations(start, rows.G, rows.sizes)
     return start
 
 
-def _scaled_jacobian(dae: DAE, q: Array, t0: float, general: Array | None = None) -> tuple[Array, Array]:
-    """The velocity Jacobian at coordinates q, in the scales of displacements (n_r, n_v), and the sizes of its rows."""
-    if dae.G is None:
-        return np.zeros((0, dae.n_v)), np.zeros(0)
-    G = evaluate_at_rest(dae.G, dae, q, t0) * dae.displacement_scales
-    general = general_entries(dae, q, t0) if general is None else general
-    return G, row_sizes(G, general * dae.displacement_scales)
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The rows of a DAE at coordinates q (n_q,) and the time t0."""
+
+    dae: DAE
+    q: Array
+    t0: float
+
+    def extended(self, dae: DAE) -> "_Rows":
+        """Those of a DAE that may have more rows."""
+        return self if dae is self.dae else _Rows(with_coarse_scales(dae, self.q, self.t0), self.q, self.t0)
+
+    @cached_property
+    def general(self) -> Array:
+        """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v)."""
+        return general_entries(self.dae, self.q, self.t0)
+
+    @cached_property
+    def G(self) -> Array:
+        """The velocity Jacobian in the scales of displacements, (n_r, n_v)."""
+        if self.dae.G is None:
+            return np.zeros((0, self.dae.n_v))
+        return evaluate_at_rest(self.dae.G, self.dae, self.q, self.t0) * self.dae.displacement_scales
+
+    @cached_property
+    def sizes(self) -> Array:
+        """The sizes of the rows of G, (n_r,)."""
+        return row_sizes(self.G, self.general * self.dae.displacement_scales)
 
 
-def _only_nominal(
-    scene: Scene, dae: DAE, positions: "_Positions", t0: float, names: tuple[str, ...], rank: int
-) -> Iterator[str]:
+def _independent(scene: Scene, rows: _Rows) -> Indices:
+    """Numbers of the independent rows."""
+    try:
+        return independent_rows(rows.dae, rows.q, rows.t0, rows.sizes)
+    except AssemblyError as error:
+        raise AssemblyError(" ".join(unstretched(scene)) or str(error)) from None
+
+
+def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
+    """What `Start` tells of rows that depend on each other."""
+    dae, rank = rows.dae, len(independent)
+    if rank == dae.n_r:
+        return {"ranks": (rank, dae.n_c), "rows": None, "nullities": (0, 0), "redundant": ()}
+    position_rows, _ = independent_rows_and_columns(rows.G[: dae.n_c], rows.sizes[: dae.n_c])
+    sufficient, nullities = lasting_rows(dae, rows.q, rows.t0, independent, rows.general)
+    return {
+        "ranks": (rank, len(position_rows)),
+        "rows": tuple(sufficient.tolist()),
+        "nullities": nullities,
+        "redundant": redundant_names(rows.G / rows.sizes[:, None], rank, dae.rows),
+    }
+
+
+def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple[str, ...], rank: int) -> Iterator[str]:
     """The doubt that constraints of these names are redundant at the nominal parameters, but not all over the box."""
-    if scene.box is None or dae.Phi is None:
+    dae = at.dae
+    if not names or scene.box is None or dae.Phi is None:
         return
     p, bounds = dae.p_nominal.copy(), np.array(scene.box.bounds)
     varied = [dae.p_names.index(name) for name in scene.box.names]
     p[varied] = bounds[:, 0] + np.random.default_rng(0).uniform(size=len(varied)) * (bounds[:, 1] - bounds[:, 0])
-    u, solved = np.zeros((1, positions.place.numel_in(0))), True
-    if positions.position is not None:
-        u, (solved,) = positions.position.solve(p[None])
-    q = batch(positions.place, u, p[None])[0][0]
-    if not solved:
+    (q,), (is_solved,) = positions.at(p[None])
+    if not is_solved:
         return
-    at = [ca.SX(ca.DM(part)) for part in (q, p)]
-    r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *at), at[1], t0))).ravel() / dae.row_scales[: dae.n_c]
+    there = _Rows(replace(dae, p_nominal=p), q, at.t0)
+    state = [ca.SX(ca.DM(part)) for part in (q, p)]
+    r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *state), state[1], at.t0))).ravel() / dae.row_scales[: dae.n_c]
     limit = VIOLATION * max(float(np.abs(q / dae.coordinate_scales).max(initial=0.0)), 1.0)
     if np.abs(r).max(initial=0.0) > limit:
         then = "there they contradict each other, and runs do not start"
-    elif len(independent_rows_and_columns(*_scaled_jacobian(replace(dae, p_nominal=p), q, t0))[0]) > rank:
+    elif len(independent_rows_and_columns(there.G, there.sizes)[0]) > rank:
         then = "there they leave fewer motions free, which runs miss"
     else:
         return
@@ -147,31 +178,33 @@ def _only_nominal(
 
 @dataclass(frozen=True, eq=False)
 class _Positions:
-    """Coordinates q0 (n_q,), the displacements that are solved for, their equations, and (u, p) -> q."""
+    """Coordinates q0 (n_q,), the displacements that are solved for, and coordinates q (n_q,) in unknowns u and p."""
 
     q0: Array
     solved: Indices
-    position: ImplicitMap | None
-    place: ca.Function
+    unknowns: tuple[ca.SX, ca.SX]
+    q: ca.SX
+    position: ImplicitMap
+
+    def at(self, P: Array) -> tuple[Array, Mask]:
+        """Coordinates (N, n_q) for parameters P (N, n_p), and whether they are solved for."""
+        u, ok = self.position.solve(P)
+        return batch(ca.Function("place", [*self.unknowns], [self.q]), u, P)[0], ok
 
 
 def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
     """Coordinates (k, n_q) at the start for the nominal parameters and others close to them, (k, n_p)."""
     near = np.random.default_rng(0).uniform(-_PROBED, _PROBED, p0.shape) * np.where(p0 != 0, p0, 1.0)
     P = np.stack([p0, p0 + near]) if p0.size else p0[None]
-    u, ok = np.zeros((len(P), positions.place.numel_in(0))), np.ones(len(P), dtype=bool)
-    if positions.position is not None:
-        u, ok = positions.position.solve(P)
+    q, ok = positions.at(P)
     ok[0] = True  # checks that come later tell what is wrong there
-    return batch(positions.place, u, P)[0][ok], P[ok]
+    return q[ok], P[ok]
 
 
-def _solve_positions(
-    scene: Scene, dae: DAE, reference: ca.Function, q0: Array, t0: float, free: Indices, G: Array, sizes: Array
-) -> _Positions:
+def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
     """Which displacements every sample solves for: as many as independent rows, or all free ones in equilibrium."""
-    p = scene.system.p
-    rows, columns = independent_rows_and_columns(G[: dae.n_c, free], sizes[: dae.n_c])
+    p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
+    rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:
         solved = free
@@ -179,16 +212,14 @@ def _solve_positions(
     u = ca.SX.sym("u", len(solved))
     places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
-    q = dae.retract(reference(p, ca.DM(q0)), delta)
-    place = common("place", [u, p], [q])
-    position = None
+    (q,) = shared([dae.retract(reference(p, ca.DM(q0)), delta)])
     if scene.equilibrium:
         # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
         share = ca.SX.sym("share", len(rows))
         z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
-        position = ImplicitMap.of(imbalance(dae, place(u, p), lam, p, t0, free, rows), z, p)
-        place = common("place", [z, p], [q])
-    elif len(solved) and dae.Phi is not None:
-        residual = (dae.Phi(*resting(dae, place(u, p), p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
-        position = ImplicitMap.of(residual, u, p)
-    return _Positions(q0, solved, position, place)
+        residual = imbalance(dae, q, lam, p, t0, free, rows)
+    else:
+        z, residual = u, ca.SX(0, 1)
+        if len(solved) and dae.Phi is not None:
+            residual = (dae.Phi(*resting(dae, q, p), p, t0) / dae.row_scales[: dae.n_c])[rows.tolist()]
+    return _Positions(q0, solved, (z, p), q, ImplicitMap.of(residual, z, p))

@@ -11,11 +11,10 @@ from symmb._errors import AssemblyError
 from symmb._types import Array, Indices
 from symmb.model import DAE, is_linear
 from symmb.start.scales import evaluate_at_rest, length_of
-from symmb.start.sparse_rows import LARGE, determining_columns
+from symmb.start.sparse_rows import LARGE, determining_columns, least_step
+from symmb.start.tolerances import NEGLIGIBLE, ROUNDING
 from symmb.symbolic import batch
 
-RANK_TOLERANCE = 1e-9
-"""Singular values of rows in their sizes, over the number of rows or columns, that count as zero."""
 _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
 onto the constraints there. tests/start/test_start.py"""
@@ -28,7 +27,7 @@ stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's m
 _SMALL = 1e-3
 """Norm of a row over its size in general from which on it is measured by its own norm. What is below keeps its share:
 a row that has vanished but for rounding (1e-16) is none. test_redundancy.py"""
-_INVOLVED, _BLAMED = 1e-6, 0.1
+_BLAMED = 0.1
 """Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
 
 
@@ -45,8 +44,8 @@ def independent_rows_and_columns(
     if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
         return np.arange(len(A), dtype=np.intp), columns
     if rank is None:
-        rank = int(np.linalg.matrix_rank(scaled, tol=RANK_TOLERANCE * max(A.shape)))
-    rows = _pivots(scaled.T, rank)
+        rank = int(np.linalg.matrix_rank(scaled, tol=ROUNDING * max(A.shape)))
+    rows = np.arange(len(A), dtype=np.intp) if rank == len(A) else _pivots(scaled.T, rank)
     return rows, _pivots(scaled[rows], rank)
 
 
@@ -84,7 +83,7 @@ def strong_rows(A: Array, weakest: float) -> Indices:
     if not A.size:
         return np.arange(0, dtype=np.intp)
     sigma = np.linalg.svd(A, compute_uv=False)
-    return _pivots(A.T, int((sigma > max(weakest, RANK_TOLERANCE * max(A.shape))).sum()))
+    return _pivots(A.T, int((sigma > max(weakest, ROUNDING * max(A.shape))).sum()))
 
 
 def _pivots(B: Array, rank: int) -> Indices:
@@ -109,7 +108,7 @@ def vanishing_combinations(G: Array, rank: int) -> Array:
 
 def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str, ...]:
     """The constraints whose rows of G, in their sizes, depend on each other."""
-    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > _INVOLVED
+    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > NEGLIGIBLE
     return tuple(name for name, where in rows.items() if involved[where].any())
 
 
@@ -221,16 +220,9 @@ def _positions(
             for _ in range(_NEWTON_STEPS if dae.Phi is not None else 0):
                 r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()
                 of_positions = (evaluate_at_rest(G, dae, position, t0) * scale / own)[: dae.n_c]
-                back = _least_step(of_positions, -r / own[: dae.n_c, 0])
+                back = least_step(of_positions, -r / own[: dae.n_c, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()
             yield position
-
-
-def _least_step(A: Array, r: Array) -> Array:
-    """The step (n,) of least norm with A step = r, for rows A (m, n) in their sizes."""
-    U, sigma, V = np.linalg.svd(A, full_matrices=False)
-    rank = int((sigma > RANK_TOLERANCE * max(A.shape)).sum())
-    return np.asarray(V[:rank].T @ ((U.T @ r)[:rank] / sigma[:rank]), dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,11 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.model import DAE, Scales, is_linear
+from symmb.start.tolerances import ROUNDING
 from symmb.symbolic import evaluated
 
 Arguments = tuple[Any, ...]
 """(q, v[, s], p, t)"""
-_ROUNDING = 1e-9
-"""Coordinates below this share of the lever arms are zero but for the rounding of Newton's method."""
 PART_ROUNDING = 1e-12
 """Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance; and
 coordinates, over how far speeds and accelerations lead, below which they are rounding of an assembly."""
@@ -59,7 +58,7 @@ def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
     G, linear = G[:, own], linear[own]
     along, around = np.abs(G[:, linear]).max(axis=1, initial=0.0), np.abs(G[:, ~linear]).max(axis=1, initial=0.0)
     arm = float((around[along > 0] / along[along > 0]).max(initial=0.0))
-    return length if length > _ROUNDING * arm else arm
+    return length if length > ROUNDING * arm else arm
 
 
 def distances(dae: DAE, at: Arguments, span: float) -> Array:
@@ -69,7 +68,7 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
     """
     *states, begin = at
     first, *later = (np.abs(dae.rhs(*states, begin + share * span)[1].full().ravel()) for share in (0.0, *_LATER))
-    first[first < _ROUNDING * np.fmax.reduce(later)] = 0.0
+    first[first < ROUNDING * np.fmax.reduce(later)] = 0.0
     return np.abs(at[1]) * span + first * span**2 / 2
 
 

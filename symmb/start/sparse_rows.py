@@ -1,5 +1,6 @@
 """Rows of large scenes by sparse factors: which columns determine them, and least-norm solutions."""
 
+from collections import defaultdict
 from collections.abc import Callable
 from heapq import heapify, heappop, heappush
 
@@ -7,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.start.tolerances import ROUNDING
 
 LARGE = 150
 """Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
@@ -18,27 +20,28 @@ _REGULAR = 1e-11
 """Ratio of pivots of A A' above which the rows of A count as independent."""
 
 
+_Row = dict[int, float]
+"""Entries of a row by their columns."""
+
+
 def determining_columns(A: Array) -> Indices | None:
     """As many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
 
     Gaussian elimination takes the row with fewest entries next. None unless all rows are independent beyond doubt.
     """
-    if A.shape[0] > A.shape[1]:
-        return None
-    rows = [{int(k): float(row[k]) for k in np.flatnonzero(row)} for row in A]
-    holders: list[set[int]] = [set() for _ in range(A.shape[1])]
-    for i, row in enumerate(rows):
+    rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
+    holders: dict[int, set[int]] = defaultdict(set)
+    for i, row in rows.items():
         for k in row:
             holders[k].add(i)
-    queue = [(len(row), i) for i, row in enumerate(rows)]
+    queue = [(len(row), i) for i, row in rows.items()]
     heapify(queue)
-    left, pivots = set(range(len(rows))), []
-    while left:
+    pivots = []
+    while rows:
         count, i = heappop(queue)
-        if i not in left or count != len(rows[i]):
+        if count != len(rows.get(i, ())):
             continue
-        left.remove(i)
-        row = rows[i]
+        row = rows.pop(i)
         for k in row:
             holders[k].remove(i)
         largest = max(map(abs, row.values()), default=0.0)
@@ -47,16 +50,22 @@ def determining_columns(A: Array) -> Indices | None:
         strong = [k for k, a in row.items() if abs(a) >= _STRONG * largest]
         pivot = min(strong, key=lambda k: (len(holders[k]), -abs(row[k])))
         pivots.append(pivot)
-        scaled = {k: a / row[pivot] for k, a in row.items() if k != pivot}
-        for j in holders[pivot]:
-            other = rows[j]
-            factor = other.pop(pivot)
-            for k, a in scaled.items():
-                if k not in other:
-                    holders[k].add(j)
-                other[k] = other.get(k, 0.0) - factor * a
-            heappush(queue, (len(other), j))
+        for j in holders.pop(pivot):
+            _eliminate(rows[j], row, pivot, holders, j)
+            heappush(queue, (len(rows[j]), j))
     return np.sort(np.array(pivots, dtype=np.intp))
+
+
+def _eliminate(
+    other: dict[int, float], row: dict[int, float], pivot: int, holders: dict[int, set[int]], j: int
+) -> None:
+    """Take as much of a row from another one, of number j, as makes its entry in the pivot's column vanish."""
+    factor = other.pop(pivot) / row[pivot]
+    for k, a in row.items():
+        if k != pivot:
+            if k not in other:
+                holders[k].add(j)
+            other[k] = other.get(k, 0.0) - factor * a
 
 
 def normal_solver(A: Array) -> Callable[[Array], Array] | None:
@@ -76,3 +85,10 @@ def normal_solver(A: Array) -> Callable[[Array], Array] | None:
         return (z + ca.ldl_solve(rest, D, L, order)).full().ravel()
 
     return solve
+
+
+def least_step(A: Array, r: Array) -> Array:
+    """The step (n,) of least norm with A step = r; of least residual where rows of A (m, n) depend on each other."""
+    if (solve := normal_solver(A)) is not None:
+        return np.asarray(A.T @ solve(r), dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(A, r, rcond=ROUNDING)[0], dtype=np.float64)

@@ -8,21 +8,20 @@ solves for the same ones from the nominal solution. Velocities follow from posit
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import reduce
 
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb.model import DAE, Scales, is_linear
-from symmb.start.implicit_function import ROUNDING, ImplicitMap
+from symmb.start.implicit_function import LAST_DIGITS, ImplicitMap
 from symmb.start.scales import PART_ROUNDING, distances, length_of, power_of_two, sizes_of_parts
-from symmb.symbolic import batch, common, evaluated, jet_function, saddle_solver
+from symmb.start.tolerances import VIOLATION
+from symmb.symbolic import batch, evaluated, jet_function, saddle_solver
 
 MOST_COMPILED_STATES = 100
 """States up to which starts are compiled. With more states runs take much longer than starts, and so do compilers."""
-VIOLATION = 1e-7
-"""Violation of rows at the start, over the largest coordinate or velocity and over 1, that is a contradiction."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +43,10 @@ class Start:
     t0: float
     q_nominal: Array
     reference: ca.Function  # p, q_nominal -> coordinates before they are solved for
-    place: ca.Function  # u, p -> q
-    position: ImplicitMap | None
-    velocities: ca.Function  # q, p -> v
+    position: ImplicitMap  # p -> u
+    state: ca.Function  # u, p -> x
+    holds: ca.Function  # x, u, p -> conditions, 1 where they hold
+    velocities: ca.Function  # q, p -> v, of the bodies
     listed: tuple[str, ...]
     listed_velocities: tuple[str, ...]
     solved: tuple[str, ...]
@@ -62,12 +62,12 @@ class Start:
     is_equilibrium: bool
     doubts: tuple[str, ...]
     held: tuple[int, ...]
-    implied: ca.Function | None = None  # u, p -> what must vanish besides the rows of the constraints
 
     @property
     def compiles(self) -> bool:
         """Whether starts are compiled as well."""
-        return not self.is_equilibrium and self.dae.n_q + self.dae.n_v + self.dae.n_s <= MOST_COMPILED_STATES
+        n_u, n_x = (self.state.numel_in(0), self.state.numel_out(0))
+        return not self.is_equilibrium and n_u <= n_x <= MOST_COMPILED_STATES
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
         """Starting states of N samples.
@@ -81,22 +81,11 @@ class Start:
         (N, n_x) array         x = (q, v, s), nan where the start could not be solved
         tuple of N str         the reason if not, else empty
         """
-        ok: Mask = np.ones(len(P), dtype=bool)
-        u = np.zeros((len(P), self.place.numel_in(0)))
-        if self.position is not None:
-            u, ok = self.position.solve(P)
-        q = _repeat_rows(batch(self.place, u, P)[0], len(P))
-        parts = [q, _repeat_rows(batch(self.velocities, q, P)[0], len(P))]
-        if self.dae.s_start is not None:
-            parts.append(_repeat_rows(batch(self.dae.s_start, q, P)[0], len(P)))
-        x = np.hstack(parts)
-        if self._sampled is not None:
-            x = _repeat_rows(batch(self._sampled, x, P)[0], len(P))
-        ok = ok & ~self._violates_rows(x, P)
-        if self.implied is not None:
-            ok = ok & (np.abs(_repeat_rows(batch(self.implied, u, P)[0], len(P))).max(axis=1) <= VIOLATION)
+        u, ok = self.position.solve(P)
+        x = batch(self.state, u, P)[0]
+        ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
         reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
-        values = _repeat_rows(batch(self.dae.positive, P)[0], len(P))
+        values = batch(self.dae.positive, P)[0]
         for k, which in np.argwhere(~(values > 0))[::-1].tolist():  # the first fault of each sample remains
             reasons[k] = f"{self.dae.positive_names[which]} is {values[k, which]:g}, not positive"
         started = np.array([not reason for reason in reasons], dtype=bool)
@@ -129,44 +118,6 @@ class Start:
         states, rate = sizes_of_parts(dae, x, G, span, Scales(length).size)
         return Scales(length, energy, np.array([power_of_two(float(row)) for row in rows]), states, rate)
 
-    @property
-    def state_scales(self) -> Array:
-        """Scales of the states, (n_x,)."""
-        return np.concatenate([self.dae.coordinate_scales, self.dae.displacement_scales, np.ones(self.dae.n_s)])
-
-    def _violates_rows(self, x: Array, P: Array) -> Mask:
-        """Whether samples violate rows that were not needed to solve for the start, or are assembled flipped, (N,)."""
-        bad: Mask = np.zeros(len(P), dtype=bool)
-        n = self.dae.n_q
-        arguments = (x[:, :n], x[:, n : n + self.dae.n_v], *((x[:, n + self.dae.n_v :],) if self.dae.n_s else ()))
-        limit = VIOLATION * np.abs(x / self.state_scales).max(axis=1, initial=1.0)
-        for f in (self.dae.Phi, self.dae.Phi_dot):
-            if f is not None:
-                r = batch(f, *arguments, P, np.array([self.t0]))[0]
-                bad = bad | ~(np.abs(r / self.dae.row_scales[: r.shape[1]]).max(axis=1) <= limit)
-        if self.dae.assembly_cosines is not None:  # Newton's method may go on to the flipped root
-            bad = bad | ~(batch(self.dae.assembly_cosines, x[:, :n], P)[0].min(axis=1) > 0)
-        if self.joint_residuals is not None:
-            r = batch(self.joint_residuals, *arguments[:2], P)[0]
-            bad = bad | ~(np.abs(r).max(axis=1) <= limit)
-        return bad
-
-    @cached_property
-    def _sampled(self) -> ca.Function | None:
-        """(x, p) -> x with the sampled values of the start."""
-        if self.dae.sampling is None:
-            return None
-        x, p = ca.SX.sym("x", self.dae.n_q + self.dae.n_v + self.dae.n_s), ca.SX.sym("p", len(self.dae.p_names))
-        at = self.dae.arguments(x, p, ca.SX(self.t0))
-        return common("sampled", [x, p], [ca.vertcat(*at[:2], self.dae.sampling.held(*at))])
-
-    def state(self, u: ca.SX, p: ca.SX) -> ca.SX:
-        """The state (n_x,) of unknowns u (n_u,) that solve the equations of positions."""
-        q = self.place(u, p)
-        s = [self.dae.s_start(q, p)] if self.dae.s_start is not None else []
-        x = ca.densify(ca.vertcat(q, self.velocities(q, p), *s))
-        return x if self._sampled is None else self._sampled(x, p)
-
     def equations(self, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
         """The equations of `states` for generated code.
 
@@ -180,46 +131,51 @@ class Start:
         (n_u,) SX              Newton's step of u
         (n_x,) SX              state of the solution u, nan if it violates rows or parameters have impossible values
         """
-        u = x[: self.place.numel_in(0)]
-        newton = ca.SX(0, 1)
-        if self.position is not None:
-            J = self.position.jacobian(u, p)
-            n = J.shape[0]
-            r = self.position.residual(u, p)
-            step, _ = saddle_solver(ca.SX.eye(n), J, [1] * n)(ca.SX(n, 1), r)
-            rounded = ca.fabs(r) <= ROUNDING * ca.sum2(ca.fabs(J))
-            newton = ca.if_else(reduce(ca.logic_and, ca.vertsplit(rounded)), 0, step)
+        u = x[: self.state.numel_in(0)]
+        J, r = self.position.jacobian(u, p), self.position.residual(u, p)
+        newton = saddle_solver(ca.SX.eye(u.numel()), J, [1] * u.numel())(ca.SX(u.numel(), 1), r)[0]
+        rounded = ca.fabs(r) <= LAST_DIGITS * ca.sum2(ca.fabs(J))
+        newton = ca.if_else(_all(rounded), 0, newton)
         state = self.state(u, p)
-        arguments = self.dae.arguments(state, p, ca.SX(self.t0))
-        rows = [f(*arguments) for f in (self.dae.Phi, self.dae.Phi_dot) if f is not None]
-        rows = [row / self.dae.row_scales[: row.numel()] for row in rows]
-        rows += [self.joint_residuals(*arguments[:2], p)] if self.joint_residuals is not None else []
-        limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(state / self.state_scales)), ca.SX(1))
-        tests = ca.vertcat(ca.fabs(ca.vertcat(*rows)) <= limit, self.dae.positive(p) > 0)
-        if self.dae.assembly_cosines is not None:
-            tests = ca.vertcat(tests, self.dae.assembly_cosines(state[: self.dae.n_q], p) > 0)
-        if self.implied is not None:
-            tests = ca.vertcat(tests, ca.fabs(self.implied(u, p)) <= VIOLATION)
-        good = reduce(ca.logic_and, ca.vertsplit(tests), ca.SX(1))
+        good = _all(ca.vertcat(self.holds(state, u, p), self.dae.positive(p) > 0))
         return newton, state + ca.if_else(good, 0, math.nan)
 
     def jets(self, p: Array, directions: Array, order: int) -> list[Array]:
         """Taylor coefficients x_0, ..., x_k of the start along directions, each (m, n_x), at parameters p (n_p,)."""
-        m, P = len(directions), parameter_jets(p, directions, order)
-        u = [np.zeros((m, self.place.numel_in(0)))] * (order + 1)
-        if self.position is not None:
-            u = self.position.jets(self.position.solve(P[0])[0], P)
-        q = function_jets(self.place, [u, P])
-        x = [[a, b] for a, b in zip(q, function_jets(self.velocities, [q, P]), strict=True)]
-        if self.dae.s_start is not None:
-            for parts, s in zip(x, function_jets(self.dae.s_start, [q, P]), strict=True):
-                parts.append(s)
-        states = [np.hstack([_repeat_rows(part, m) for part in parts]) for parts in x]
-        return states if self._sampled is None else function_jets(self._sampled, [states, P])
+        P = parameter_jets(p, directions, order)
+        return function_jets(self.state, [self.position.jets(self.position.solve(P[0])[0], P), P])
 
 
-def _repeat_rows(a: Array, N: int) -> Array:
-    return a if len(a) == N else np.repeat(a, N, axis=0)
+def start_functions(
+    dae: DAE, t0: float, unknowns: tuple[ca.SX, ca.SX], q: ca.SX, v: ca.SX, listed: ca.Function | None, implied: ca.SX
+) -> tuple[ca.Function, ca.Function]:
+    """The Functions `state` and `holds` of a start with coordinates q (n_q,) and velocities v (n_v,).
+
+    These are expressions of the `unknowns` u and the parameters p. The Function (q, v, p) `listed` and the expressions
+    `implied` must vanish, beside the rows of the constraints: Newton's method solves only for independent rows. It may
+    also go on to the flipped root.
+    """
+    u, p = unknowns
+    x = ca.densify(ca.vertcat(q, v, *([dae.s_start(q, p)] if dae.s_start is not None else [])))
+    if dae.sampling is not None:
+        arguments = dae.arguments(x, p, ca.SX(t0))
+        x = ca.densify(ca.vertcat(*arguments[:2], dae.sampling.held(*arguments)))
+    y = ca.SX.sym("x", x.numel())
+    arguments = dae.arguments(y, p, ca.SX(t0))
+    rows = [f(*arguments) / dae.row_scales[: f.numel_out(0)] for f in (dae.Phi, dae.Phi_dot) if f is not None]
+    rows += [listed(*arguments[:2], p)] if listed is not None else []
+    scales = np.concatenate([dae.coordinate_scales, dae.displacement_scales, np.ones(dae.n_s)])
+    limit = VIOLATION * reduce(ca.fmax, ca.vertsplit(ca.fabs(y / scales)), ca.SX(1))
+    none = ca.SX(0, 1)
+    conditions = [ca.fabs(ca.vertcat(none, *rows)) <= limit, ca.fabs(ca.vertcat(none, implied)) <= VIOLATION]
+    if dae.assembly_cosines is not None:
+        conditions.append(dae.assembly_cosines(y[: dae.n_q], p) > 0)
+    holds = ca.Function("holds", [y, u, p], [ca.densify(ca.vertcat(ca.SX(1), *conditions))])
+    return ca.Function("state", [u, p], [x]), holds
+
+
+def _all(conditions: ca.SX) -> ca.SX:
+    return reduce(ca.logic_and, ca.vertsplit(conditions), ca.SX(1))
 
 
 def parameter_jets(p: Array, directions: Array, order: int) -> list[Array]:

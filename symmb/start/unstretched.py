@@ -7,9 +7,7 @@ import numpy as np
 
 from symmb.mechanics import Constraint, FlexibleBody
 from symmb.model import Scene
-
-_STILL = 1e-6
-"""Share of the largest displacement of a mode up to which a change of the distance of two nodes is rounding."""
+from symmb.start.tolerances import NEGLIGIBLE
 
 
 def unstretched(scene: Scene) -> Iterator[str]:
@@ -23,7 +21,7 @@ def unstretched(scene: Scene) -> Iterator[str]:
         shapes, places = body.modes.shapes, body.modes.positions
         for a, b in combinations(held, 2):
             line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), 1e-300)
-            if np.abs(line @ (shapes[b] - shapes[a])).max() <= _STILL * np.abs(shapes).max():
+            if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
                 yield (
                     f"FlexibleBody {body.name!r}: joints hold its nodes {a} and {b}, and none of its modes changes "
                     f"their distance. Compute its modes with interfaces=[{a}, {b}], but for a clamped one, and with "

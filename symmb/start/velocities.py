@@ -17,12 +17,11 @@ from symmb._types import Array, Indices
 from symmb.mechanics import AbstractBody, Joint, Planar
 from symmb.model import DAE, Scene
 from symmb.start.joint_tree import GROUND, Group, JointTree
-from symmb.start.rank import RANK_TOLERANCE, strong_rows
+from symmb.start.rank import strong_rows
 from symmb.start.scales import evaluate_at_rest, resting
+from symmb.start.tolerances import ROUNDING, VIOLATION
 from symmb.symbolic import common, is_singular, is_zero, pattern, saddle_solver
 
-_RIGID, _SOLVED = 1e-9, 1e-7
-"""Rates of rows that are zero but for rounding: in rigid motions of unit size, and at the start over their terms."""
 _WEAK = 1e-2
 """Singular value of unit rows, in the metric of kinetic energy, below which listed velocities and drives would turn a
 joint so fast that its carrier moves as well."""
@@ -133,7 +132,7 @@ class _Rates:
             numbers = frozenset(self.body_of[touched].tolist())
             motions = [0, 1, 5] if any(isinstance(bodies[k].pose, Planar) for k in numbers) else slice(None)
             own, along = row[touched], R[touched][:, motions]
-            is_relative = bool((np.abs(own @ along) <= _RIGID * np.abs(own).sum() * size[motions]).all())
+            is_relative = bool((np.abs(own @ along) <= ROUNDING * np.abs(own).sum() * size[motions]).all())
             connected.append(numbers if is_relative else numbers | {GROUND})
         return connected
 
@@ -249,7 +248,7 @@ class _Rates:
         left = np.linalg.svd(self.G_nominal[np.ix_(rows, free)] * scales)[2][len(rows) :]
         inertia = self.M_nominal[np.ix_(free, free)] * np.outer(scales, scales)
         energies = np.linalg.eigvalsh(left @ inertia @ left.T)
-        if len(left) and energies.min() > RANK_TOLERANCE * inertia.max():
+        if len(left) and energies.min() > ROUNDING * inertia.max():
             return M
         return ca.SX(ca.DM(np.diag(1 / scales**2)))
 
@@ -257,6 +256,6 @@ class _Rates:
         """Whether velocities satisfy rows."""
         rate, drive = self.G[rows, :] @ v, self.drive[rows]
         size = ca.fabs(self.G[rows, :]) @ ca.fabs(v) + ca.fabs(drive)
-        limit = _SOLVED * size + _RIGID * ca.mmax(size)  # where all terms of a row are rounding of the other rows
+        limit = VIOLATION * size + ROUNDING * ca.mmax(size)  # where all terms of a row are rounding of the other rows
         excess = ca.Function("excess", [self.q, self.p], [ca.densify(ca.fabs(rate + drive) - limit)])
         return all(excess(q, p).full().max(initial=0.0) <= 0 for q, p in zip(*self.at, strict=True))

@@ -211,6 +211,21 @@ def test_consistent_values_may_be_listed_twice():
     assert_allclose(mb.simulate(mb.Scene(system, start))["crank.theta"], 0.8, atol=1e-12)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_guessed_rotation_stays_and_carries_the_body_on_a_listed_angle(order):
+    first, second = (mb.Body(n, 1.0, (0.1, 0.2, 0.15), mb.Spatial()) for n in ("first", "second"))
+    ball = mb.Spherical("ball", GROUND.point(0, 0, 0), first.point(-0.5, 0, 0))
+    hinge = mb.Revolute("hinge", first.point(0.5, 0, 0), second.point(0, 0, 0), axis=(0, 1, 0))
+    system = mb.System(*[first, second][::order], ball, hinge)
+    guess = {"first.rotation": mb.rotation((1, 2, 3), 2.0)}
+    start = mb.DAESimulator(mb.Scene(system, {"hinge.angle": 2.5}, guess=guess)).start
+    q = dict(zip(start.dae.q_names, start.q_nominal, strict=True))
+    carrier = Rotation.from_rotvec(2.0 * np.array((1, 2, 3)) / np.sqrt(14))
+    for name, R in (("first", carrier), ("second", carrier * Rotation.from_euler("y", 2.5))):
+        found = Rotation.from_quat([q[f"{name}.e{k}"] for k in (1, 2, 3, 0)])
+        assert_allclose(found.as_matrix(), R.as_matrix(), atol=1e-12)
+
+
 FAULTS = [
     ({"a.angle": 0.8, "b.angle": 1.5, "d.angle": 1.0}, {}, mb.AssemblyError, r"Start does not satisfy Phi = 0.*Leave"),
     ({"a.angle": 0.8, "crank.theta": 0.9}, {}, mb.AssemblyError, r"listed a.angle. Leave one of a.angle, crank.theta"),
