@@ -8,6 +8,7 @@ from symmb.symbolic.geometry import (
     Z,
     components,
     conjugate,
+    has_irregular_constant,
     is_zero,
     product,
     quaternion_rate,
