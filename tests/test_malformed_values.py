@@ -63,3 +63,34 @@ def test_oblique_directions_of_any_size():
     for size in (1e-200, 1e200):
         rotations = [mb.rotation((3 * s, 0, 4 * s), 0.3).quaternion for s in (1.0, size)]
         assert np.allclose(ca.DM(rotations[0]), ca.DM(rotations[1]), rtol=1e-15, atol=0)
+
+
+LAWS = {
+    "pressure": lambda value: mb.GasSpring(value, 1e-3, 1e-3, 0.3)(mb.t, mb.t),
+    "exponent": lambda value: mb.GasSpring(1e5, 1e-3, 1e-3, 0.3, value)(mb.t, mb.t),
+    "length": lambda value: mb.GasSpring(1e5, 1e-3, 1e-3, 0.3)(value, mb.t),
+    "area": lambda value: mb.Orifice(value, 1e-4)(mb.t, mb.t),
+    "rate": lambda value: mb.Orifice(1e-3, 1e-4)(mb.t, value),
+    "opening": lambda value: mb.Orifice(1e-3, lambda stroke, rate: value)(mb.t, mb.t),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("value", [None, [1.0, 2.0], "a", 1j, True, ca.SX.sym("v", 2), object()])
+def test_laws_that_are_called_with_what_is_no_number(name, value):
+    with pytest.raises(mb.DeclarationError, match=f"{name}: expected one number or CasADi SX"):
+        LAWS[name](value)
+
+
+CALLS = LAWS | {
+    "KelvinVoigt": lambda value: mb.KelvinVoigt(value).force(mb.t, mb.t),
+    "HuntCrossley": lambda value: mb.HuntCrossley(1.0, 0.5, value, value).force(mb.t, mb.t),
+    "Coulomb": lambda value: mb.Coulomb(value, value, value).resistance("name", mb.t, mb.t)[0],
+    "Bristle": lambda value: mb.Bristle(value, value, value).resistance("name", mb.t, mb.t)[0],
+    "Tabulated": lambda value: mb.Tabulated(mb.Table([0, 1], [0, 1]), value).force(mb.t, mb.t),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_long_doubles_in_laws_are_numbers(name):
+    assert str(CALLS[name](np.longdouble(1.25))) == str(CALLS[name](1.25))

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast, get_args, get_origin
 import casadi as ca
 
 from symmb._errors import DeclarationError, text_of
-from symmb._options import is_real, number_text, shown
+from symmb._options import is_real, number_text, python_number, shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
@@ -140,8 +140,11 @@ def bound(law: Law, bind: Bind, title: str) -> Law:
 def require_number(
     law: object, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
 ) -> None:
-    """Raise if a number of a law is out of its range. Expressions are not checked."""
-    if is_real(value) and not (value > above and least <= value <= most):
+    """A number of a law becomes Python's; raise if it is out of its range. Expressions are not checked."""
+    if not is_real(value):
+        return
+    object.__setattr__(law, what, python_number(value))
+    if not (value > above and least <= value <= most):
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []
         words += [f"at most {most:g}"] if most < math.inf else []
