@@ -14,7 +14,8 @@ from symmb._options import shown
 from symmb._types import Array, Executor
 from symmb.model import Box
 from symmb.simulation.black_box import BlackBox, samples_of_block
-from symmb.simulation.executors import Lost, finished
+from symmb.simulation.executor_pool import Lost
+from symmb.simulation.executors import finished
 from symmb.simulation.identity import UndigestedError, digest
 from symmb.simulation.run_database import RunDatabase, Study, opened, sample_keys
 from symmb.simulation.simulator import (
