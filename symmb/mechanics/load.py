@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import law_faults, press
@@ -31,7 +32,8 @@ class NonlinearSpring(PairForce):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if not callable(self.pull):
-            yield f"{self.title}: pull {self.pull!r} is no law. Give a function of length and rate, lambda d, v: ..."
+            pull = shown(self.pull)
+            yield f"{self.title}: pull {pull} is no law. Give a function of length and rate: lambda d, v: ..."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.point_b.r - self.point_a.r

@@ -5,7 +5,7 @@ from collections.abc import Collection, Sequence
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, shown
 from symmb._types import Array, Expr
 from symmb.mechanics import Body, OwnState, Parameters
 from symmb.symbolic import Kind, Symbol, from_sympy, given, has_irregular_constant, is_sympy, lookup, symbols_in, t
@@ -47,7 +47,7 @@ class Binding:
                 raise DeclarationError(f"{what}: {error}") from None
         expression = given(law)
         if expression is None:
-            raise DeclarationError(f"{what}: {law!r} is no number and no CasADi SX or SymPy expression.")
+            raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)

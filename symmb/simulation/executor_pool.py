@@ -10,6 +10,7 @@ from itertools import islice
 from typing import Any
 
 from symmb._errors import DeclarationError, SimulationError, SymmbError, SymmbWarning, text_of
+from symmb._options import shown
 from symmb.simulation.worker_pool import stop
 
 _KILLED = "KilledWorker"
@@ -69,9 +70,9 @@ class Pool:
         is_pool = hasattr(self.executor, "apply_async")  # of multiprocessing: no futures
         if not self.submits and (not maps or is_pool or not _maps_in_order(self.executor)):
             raise DeclarationError(
-                f"executor: {self.executor!r} is not supported. Give an object with submit(f, x) or with an ordered "
-                "map(f, *iterables), such as a ThreadPoolExecutor, a ProcessPoolExecutor or a client of Dask, or a "
-                "function that makes one."
+                f"executor: {shown(self.executor)} is not supported. Give an object with submit(f, x) or with an "
+                "ordered map(f, *iterables), such as a ThreadPoolExecutor, a ProcessPoolExecutor or a client of Dask, "
+                "or a function that makes one."
             )
 
     def submit(self, f: Callable[[Any], Any], item: Any) -> Any:

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._limits import fits
 from symmb._options import shown
 from symmb.symbolic.given import given
 
@@ -16,7 +17,7 @@ def components(value: Any) -> list[Any] | None:
     """The components of a list, a tuple, a NumPy array or a CasADi vector; None of anything else, as of a number."""
     if isinstance(value, list | tuple):
         return list(value)
-    if isinstance(value, np.ndarray) and value.ndim:
+    if isinstance(value, np.ndarray) and value.ndim and fits(value.size):
         return value.ravel().tolist()
     if isinstance(value, ca.SX | ca.DM) and value.numel() > 1:
         return ca.vertsplit(ca.vec(ca.densify(value)))
