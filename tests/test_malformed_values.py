@@ -155,7 +155,7 @@ TAKERS = {
     "Spring": lambda v: mb.System(BALL, mb.Spring("s", GROUND.point(0, 0), BALL.point(0, 0), v)),
     "Bushing": lambda v: mb.System(BALL, mb.Bushing("s", GROUND.point(0, 0), BALL.point(0, 0), v)),
     "point": lambda v: GROUND.point(v, 0),
-    "name": lambda v: mb.System(mb.Body(v, 1.0, pose=mb.Particle())),
+    "name": lambda v: FREE.with_name(v),
     "pose": lambda v: mb.Body("b", 1.0, pose=v),
     "times": lambda v: mb.Scene(mb.System(BALL), times=v, outputs={"y": BALL.y}),
     "output": lambda v: mb.Scene(mb.System(BALL), times=[0, 1], outputs={"y": v}),
