@@ -78,7 +78,7 @@ def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[
     """Columns of the outputs to be drawn, by name; None if none are asked for."""
     if outputs is None:
         return None
-    if not isinstance(outputs, str | list | tuple):
+    if not isinstance(outputs, str | list | tuple) or not all(isinstance(name, str) for name in outputs):
         raise DeclarationError(f"{owner}: outputs must be a name or a list of names, got {shown(outputs)}.")
     wanted = require_names(owner, "output", [outputs] if isinstance(outputs, str) else outputs, names)
     if not wanted:
