@@ -30,6 +30,8 @@ _GROUPS: dict[int, Path | None] = {}
 """Leaders of groups, with the folder in which they make theirs."""
 _PROGRAMS: set[int] = set()
 """Leaders of groups that need not end anything themselves."""
+_STARTS = threading.Lock()
+"""Held while a program is started, and for good by a process that is about to end."""
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
@@ -138,16 +140,18 @@ def process_group(command: Sequence[str], **options: Any) -> Iterator["subproces
     ------
     OSError     if it cannot be started
     """
-    with deferred_interrupts():  # one that arrives before the process is known would leave it behind
-        if _LEADS:  # its parent, which ends it, does not know the program
-            signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True, **options)
-        _PROGRAMS.add(process.pid)
-    with process:
-        try:
-            yield process
-        finally:
-            _kill(process.pid)
+    if _LEADS:  # its parent, which ends it, does not know the program
+        signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
+    process = None
+    try:
+        with deferred_interrupts(), _STARTS:  # an end before the process is known would leave it behind
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True, **options)
+            _PROGRAMS.add(process.pid)
+        yield process
+    finally:
+        if process is not None:
+            with process:
+                _kill(process.pid)
             _PROGRAMS.discard(process.pid)
 
 
@@ -195,6 +199,7 @@ def _has_ended(child: int) -> bool:
 
 def clean_up() -> None:
     """End the programs, and remove the folders and files, of a process that is about to end at once."""
+    _STARTS.acquire(timeout=_GRACE)  # a thread may be starting a program, and must start no other
     for program in list(_PROGRAMS):
         _kill(program)
     end_groups(*_GROUPS)
@@ -301,3 +306,13 @@ def _runs(process: int) -> str:
 def _kill(group: int) -> None:
     with suppress(OSError):
         os.killpg(group, signal.SIGKILL)
+
+
+def _forget_starts() -> None:
+    """Make a new lock in a process that was forked: a thread of the parent may have had the old one."""
+    global _STARTS
+    _STARTS = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_starts)

@@ -7,6 +7,20 @@ LONGEST = 100
 """Most characters of a name: longer ones do not fit into tables and pictures."""
 
 
+def shown(value: object) -> str:
+    """A value in one line of a message."""
+    try:
+        text = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
+    except Exception:  # of the user's class
+        text = f"an object of {type(value).__name__}"
+    text = " ".join(text.encode("utf-8", "backslashreplace").decode().split())
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+LONGEST_SHOWN = 200
+"""Most characters of a value in a message."""
+
+
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
     known = [*map(str, known)]
@@ -27,7 +41,7 @@ def name_fault(name: object, without: str = "") -> str:
     without : str      characters that it must not contain either
     """
     if not isinstance(name, str):
-        return f"a name is a text, got {name!r}."
+        return f"a name is a text, got {shown(name)}."
     if not name.isprintable() or name != name.strip() or not 1 <= len(name) <= LONGEST:
         return f"a name has 1 to {LONGEST} printable characters, without spaces at its ends."
     if any(c in name for c in without):
@@ -37,6 +51,6 @@ def name_fault(name: object, without: str = "") -> str:
 
 def name_faults(names: Sequence[object]) -> list[str]:
     """Why some of the names are not allowed: each with its fault, and those that are given twice."""
-    faults = [f"{name!r}: {fault}" for name in names if (fault := name_fault(name))]
+    faults = [f"{shown(name)}: {fault}" for name in names if (fault := name_fault(name))]
     texts = [name for name in names if isinstance(name, str)]
     return faults + [f"{name!r}: the name is used twice." for name in dict.fromkeys(texts) if texts.count(name) > 1]

@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._limits import fits
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, shown
 from symmb._types import Array
 
 
@@ -26,20 +26,6 @@ def constructor_text(instance: Any, *leading: str, name: str | None = None) -> s
         if option.default is MISSING or getattr(instance, option.name) != option.default
     ]
     return f"{name or type(instance).__name__}({', '.join([*filter(None, leading), *options])})"
-
-
-def shown(value: object) -> str:
-    """A value in one line of a message."""
-    try:
-        text = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
-    except Exception:  # of the user's class
-        text = f"an object of {type(value).__name__}"
-    text = " ".join(text.encode("utf-8", "backslashreplace").decode().split())
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
-
-
-LONGEST_SHOWN = 200
-"""Most characters of a value in a message."""
 
 
 def number_text(value: float) -> str:
@@ -64,17 +50,17 @@ def numbers_of(value: object) -> Array | None:
     """
     if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or np.ma.is_masked(value):
         return None
-    if isinstance(value, list | tuple) and _has_others(value):
-        return None
     size = len(value) if isinstance(value, range) else getattr(value, "size", 0)
     if isinstance(size, int) and not fits(size):
         return None
     try:
+        if isinstance(value, list | tuple) and _has_others(value):
+            return None
         value = np.arange(value.start, value.stop, value.step) if isinstance(value, range) else value
         array = np.asarray(float(value) if isinstance(value, int) else value)
         if array.dtype.kind == "O" and all(is_real(entry) for entry in array.ravel()):  # integers beyond 64 bits
             array = array.astype(float)
-    except Exception:  # ragged, symbolic, beyond doubles, or of the user's class
+    except Exception:  # ragged, inside itself, symbolic, beyond doubles, or of the user's class
         return None
     return np.ascontiguousarray(array, dtype=float).reshape(array.shape) if array.dtype.kind in _REAL else None
 
@@ -123,6 +109,8 @@ def require_names(owner: str, what: str, names: object, known: Iterable[str]) ->
     """
     if isinstance(names, str):
         raise DeclarationError(f'{owner}: expected a list of names, got the text {names!r}. Write ["{names}"].')
+    if isinstance(names, np.ndarray) and not names.ndim:
+        names = None
     if not isinstance(names, Sequence | np.ndarray) or not all(isinstance(name, str) for name in names):
         raise DeclarationError(f"{owner}: expected a list of names, got {shown(names)}.")
     known = [*known]
@@ -167,8 +155,10 @@ def require_positive(owner: str, name: str, value: object, unit: str = "") -> No
 def require_callable(owner: str, value: object, *arguments: str) -> None:
     """DeclarationError unless a value is None or can be called with these arguments."""
     try:
+        if value is not None and not callable(value):
+            raise TypeError
         if value is not None:
-            signature(value).bind(*arguments)  # pyright: ignore[reportArgumentType]
+            signature(value).bind(*arguments)
     except TypeError:
         raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {shown(value)}.") from None
     except ValueError:  # a function of C may not tell

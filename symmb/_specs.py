@@ -7,6 +7,7 @@ from typing import Any
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import shown
 
 _WHOLE = {"ORDER", "BOXES", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES", "STEPS"}
 """The numbers of the forms that are whole; any other is a real one."""
@@ -74,4 +75,4 @@ def _number(name: str, text: str, spec: str) -> float:
         return int(text) if whole else float(text)
     except ValueError:
         kind = "a whole number" if whole else "a number"
-        raise DeclarationError(f"{spec}: {name} must be {kind}, got {text!r}.") from None
+        raise DeclarationError(f"{spec}: {name} must be {kind}, got {shown(text)}.") from None

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._interrupts import carry
 from symmb._names import did_you_mean
-from symmb._options import require_callable
+from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
 from symmb.bounds.possible_values import possible_values
 from symmb.bounds.result import Bounds
@@ -101,9 +101,9 @@ def require_method(owner: str, method: object) -> None:
     if isinstance(method, type):
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):
-        raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {method!r}.")
+        raise DeclarationError(f"{owner}: expected a method such as PolynomialChaos(order=4), got {shown(method)}.")
     if not repr(method).isprintable():
-        raise DeclarationError(f"{owner}: the text of a method must be printable and on one line, got {method!r}.")
+        raise DeclarationError(f"{owner}: the text of a method must be printable and on one line, got {shown(method)}.")
 
 
 def units_of(simulator: Simulator) -> tuple[str, ...]:

@@ -107,6 +107,8 @@ class PolynomialChaos(Method):
         require_kind("PolynomialChaos", "basis", self.basis, "indices", "TensorDegree() or TotalDegree()")
         require_kind("PolynomialChaos", "range", self.range, "bounds", "Exact() or LegendreInclusion()")
         require_truth("PolynomialChaos", "lockstep", self.lockstep)
+        require_whole(self, "probes", 0)
+        require_between(self, "tolerance", "()", 0.0, 1.0)
         if self.order is not None:
             require_whole(self, "order", 1)
             if self.budget is not None or self.tolerance != 1e-2 or self.seconds is not None or self.probes != 0:
@@ -119,12 +121,10 @@ class PolynomialChaos(Method):
             raise DeclarationError(
                 "PolynomialChaos without order chooses nodes, basis and range itself; give order=... ."
             )
-        require_whole(self, "probes", 0)
         if self.budget is not None:
             require_whole(self, "budget", 1)
         if self.seconds is not None:
             require_between(self, "seconds", "()", 0.0)
-        require_between(self, "tolerance", "()", 0.0, 1.0)
 
     @classmethod
     def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":

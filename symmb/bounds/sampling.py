@@ -94,7 +94,7 @@ class Scanning(Method):
         return self.points**d
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _scanned(self, np.linspace(-1.0, 1.0, self.points), simulator, box, executor, progress)
+        return _scanned(self, self.points, simulator, box, executor, progress)
 
     def __repr__(self) -> str:
         return constructor_text(self, str(self.points))
@@ -116,16 +116,16 @@ class Vertex(Method):
         return 2**d
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _scanned(self, np.array([-1.0, 1.0]), simulator, box, executor, progress)
+        return _scanned(self, 2, simulator, box, executor, progress)
 
 
 def _scanned(
-    method: Method, line: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+    method: Method, points: int, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
 ) -> Bounds:
-    d, runs = len(box), len(line) ** len(box)
+    d, runs = len(box), points ** len(box)
     require_runs(method, runs, "Use PolynomialChaos() or MonteCarlo(...).")
     require_memory(method, "the points", runs * (2 * d + len(simulator.parameters)))
-    return _sampled(method, grid(line, d), simulator, box, executor, progress)
+    return _sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
 
 
 def _sampled(

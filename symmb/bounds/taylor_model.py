@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._limits import require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.method import Method
@@ -88,6 +89,7 @@ class TaylorModel(Method):
             if progress is not None:
                 progress(min(int(share * _PARTS), _PARTS), _PARTS)
 
+        require_runs(self, self.boxes, "Use fewer boxes.")
         found = enclose(problem, self.order, self.boxes, tell)
         tell(1.0)
         times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)

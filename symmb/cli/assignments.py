@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb.cli.scene_file import is_urdf, load_scene
 from symmb.cli.urdf_scene import parameter_name
 from symmb.model import Scene
@@ -36,5 +37,5 @@ def _assignments(texts: Sequence[str]) -> dict[str, float]:
         try:
             parameters[name] = float(value)
         except ValueError:
-            raise DeclarationError(f"--set takes name=number, got {text!r}.") from None
+            raise DeclarationError(f"--set takes name=number, got {shown(text)}.") from None
     return parameters

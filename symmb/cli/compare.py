@@ -9,6 +9,7 @@ from functools import partial
 
 import symmb as mb
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Executor
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
@@ -126,7 +127,7 @@ def _share(text: str) -> float:
     except ValueError:
         share = math.nan
     if not 0.0 < share < math.inf:
-        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {text!r}.")
+        raise DeclarationError(f"--spread takes a positive share such as 5% or 0.05, got {shown(text)}.")
     if share >= 1.0:
         hint = "Wider intervals go into the Box by their ends." if text.endswith("%") else f"Did you mean {text}%?"
         raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")

@@ -59,13 +59,15 @@ def _export(database: RunDatabase, number: int, path: Path) -> None:
     coordinates: dict[str, Named] = {"time": (("time",), study.times), "output": (("output",), np.array(study.outputs))}
     variables: dict[str, Named] = {"response": (("sample", "time", "output"), runs.Y)}
     variables["ok"] = ("sample",), runs.ok.astype(np.int8)
-    # NetCDF takes letters, digits and some signs in names.
-    plain = [re.sub(r"[^\w.+-]", "_", name) for name in study.parameters]
+    # NetCDF takes letters, digits and some signs in names, and SciPy writes those of Latin-1 alone.
+    plain = [re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII) for name in study.parameters]
     names = parameter_names(
         [name if name[0].isalpha() else f"_{name}" for name in plain], [*coordinates, *variables, "sample"]
     )
     coordinates |= {name: (("sample",), P[:, i]) for i, name in enumerate(names)}
     attributes = {"simulator": study.simulator, "digest": study.digest, "parameters": "\n".join(study.parameters)}
-    labelled = Labelled(coordinates, variables, attributes, {"time": "s"})
+    data = Labelled(coordinates, variables, attributes, {"time": "s"}).to_xarray()
+    for name, own in zip(names, study.parameters, strict=True):
+        data[name].attrs["long_name"] = own
     with replacement(path) as file:
-        file.write(bytes(labelled.to_xarray().to_netcdf()))
+        file.write(bytes(data.to_netcdf()))

@@ -9,6 +9,7 @@ import platform
 import re
 import shlex
 import shutil
+import struct
 import subprocess
 import sys
 import warnings
@@ -134,13 +135,29 @@ def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
 
 def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
     """A library, if it can be loaded and has what is named."""
-    if library is None:
+    if library is None or not _has_its_segments(library.read_bytes()):
         return None
     try:
         opened = ctypes.CDLL(str(library))
     except OSError:
         return None
     return opened if all(hasattr(opened, name) for name in names) else None
+
+
+def _has_its_segments(content: bytes) -> bool:
+    """Whether an ELF library of 64 bits has all that is loaded of it: a part that is missing ends the process."""
+    if content[:5] != b"\x7fELF\x02":
+        return True
+    order = "<" if content[5:6] == b"\x01" else ">"
+    try:
+        (first,), (size, n) = (
+            struct.unpack_from(f"{order}Q", content, 32),
+            struct.unpack_from(f"{order}HH", content, 54),
+        )
+        segments = [struct.unpack_from(f"{order}IIQQQQ", content, first + k * size) for k in range(n)]
+    except struct.error:
+        return False
+    return all(offset + in_file <= len(content) for _, _, offset, _, _, in_file in segments)
 
 
 def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:

@@ -7,6 +7,7 @@ models, `.c`, are kept in the same way, because their generation takes seconds.
 
 import hashlib
 import os
+import re
 import stat
 import tempfile
 from contextlib import suppress
@@ -14,6 +15,8 @@ from pathlib import Path
 
 from symmb._errors import SymmbError
 
+_OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c)|-\w+\.part|\.note)")
+"""Names of files of the cache: others may lie in its folder."""
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -82,7 +85,7 @@ def keep(key: str, content: bytes, suffix: str = ".so") -> None:
     """Put a file into the cache, if that is possible."""
     with suppress(OSError, SymmbError):
         place = folder()
-        handle, part = tempfile.mkstemp(suffix=".part", dir=place)
+        handle, part = tempfile.mkstemp(prefix=f"{key}-", suffix=".part", dir=place)
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
@@ -107,8 +110,7 @@ def note(key: str) -> None:
 
 def contents() -> tuple[Path, ...]:
     """The libraries, sources and notes in the cache folder, and incomplete files of killed processes."""
-    kinds = (".so", ".c", ".part", ".note")
-    return tuple(path for path in sorted(folder().iterdir()) if path.suffix in kinds and not path.is_dir())
+    return tuple(path for path in sorted(folder().iterdir()) if _OWN.fullmatch(path.name) and not path.is_dir())
 
 
 def _is_whole(path: Path) -> bool:

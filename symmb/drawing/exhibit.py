@@ -10,6 +10,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import shown
 from symmb._types import Array, Indices
 from symmb.bounds import Bounds, Sample, Study, parameter_samples
 from symmb.drawing.draw import draw
@@ -239,7 +240,7 @@ def _row(t: Array, time: float) -> int:
     """
     slack = 1e-6 * (t[-1] - t[0])
     if not (isinstance(time, Real) and t[0] - slack <= time <= t[-1] + slack):
-        raise DeclarationError(f"view: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {time!r}.")
+        raise DeclarationError(f"view: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
     return int(np.abs(t - float(time)).argmin())
 
 

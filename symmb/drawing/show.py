@@ -4,6 +4,7 @@ from io import BytesIO
 from pathlib import Path
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb.bounds import Bounds
 from symmb.drawing.exhibit import of_bounds, of_run
 from symmb.drawing.film import FILMS, film
@@ -58,7 +59,7 @@ def view(
     if not isinstance(subject, Scene | DAESimulator | Trajectory | Bounds):
         raise DeclarationError(f"view draws a Scene, a Trajectory or Bounds, got {type(subject).__name__}.")
     if not isinstance(point, Point | None):
-        raise DeclarationError(f"view: point must be a point of a body, such as body.point(0, 0), got {point!r}.")
+        raise DeclarationError(f"view: point must be a point of a body, such as body.point(0, 0), got {shown(point)}.")
     if isinstance(subject, Bounds):
         exhibit = of_bounds(subject, output, time, point)
     elif output is not None:

@@ -10,6 +10,7 @@ from typing import BinaryIO
 
 from symmb._cleanup import temporary_file
 from symmb._errors import DeclarationError, FileError, MissingFileError, text_of
+from symmb._options import shown
 
 
 @contextmanager
@@ -24,6 +25,8 @@ def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
         yield
     except (FileError, BrokenPipeError):  # the reader of a pipe, such as `head`, has closed it
         raise
+    except UnicodeEncodeError as error:
+        raise FileError(f"{shown(str(path))} cannot be {what}: this is no name of a file.") from error
     except OSError as error:
         kind = MissingFileError if isinstance(error, FileNotFoundError) else FileError
         raise kind(f"{str(path)!r} cannot be {what}: {error.strerror or text_of(error)}.") from error
@@ -78,7 +81,7 @@ def require_suffix(path: str | os.PathLike[str], *allowed: str) -> str:
     DeclarationError    if it is not one of those allowed
     """
     if not isinstance(path, str | Path | os.PathLike) or "\0" in str(path):
-        raise DeclarationError(f"The name of a file must be a text or a Path, got {path!r}.")
+        raise DeclarationError(f"The name of a file must be a text or a Path, got {shown(path)}.")
     suffix = Path(path).suffix.lower()
     if suffix not in allowed:
         raise DeclarationError(f"The name of a file must end in {' or '.join(allowed)} here, got {str(path)!r}.")

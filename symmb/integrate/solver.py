@@ -150,7 +150,8 @@ class Solver(ABC):
         faults = []
         for f in fields(self):  # pyright: ignore[reportArgumentType]
             value = getattr(self, f.name)
-            low, high = self.limits.get(f.name, (_LEAST_RTOL, 1.0) if f.name == "rtol" else (0.0, np.inf))
+            value = python_number(value) if is_real(value) else value
+            low, high = self.limits.get(f.name, _LIMITS.get(f.name, (0.0, np.inf)))
             if f.name == "stabilization":
                 if isinstance(value, AugmentedLagrangian) and AugmentedLagrangian not in self.stabilizations:
                     faults.append(
@@ -168,11 +169,11 @@ class Solver(ABC):
             elif not (is_finite_number(value) or (is_whole(value) and isinstance(f.default, int))) or not (
                 low < value < high or value in self.limits.get(f.name, ())
             ):
-                below = " and below 1" if f.name == "rtol" else ""
+                below = f" and below {high:g}" if high < np.inf else ""
                 within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above {low:g}{below}"
                 faults.append(f"{f.name}={shown(value)} must be a number {within}")
             else:
-                object.__setattr__(self, f.name, python_number(value))
+                object.__setattr__(self, f.name, value)
         if faults:
             raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))
 
@@ -180,6 +181,10 @@ class Solver(ABC):
         default = type(self)()
         options = [f.name for f in fields(self) if getattr(self, f.name) != getattr(default, f.name)]  # pyright: ignore[reportArgumentType]
         return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in options)})"
+
+
+_LIMITS = {"rtol": (_LEAST_RTOL, 1.0), "tolerance": (0.0, 1.0)}
+"""Of options of several solvers. At a tolerance of 1 Newton's method would end at once."""
 
 
 def _longest_taken(step: float, times: Array | None) -> float:

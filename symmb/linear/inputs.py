@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._options import require_names
 from symmb.mechanics import Actuator
 from symmb.model import Scene
 
@@ -18,16 +18,10 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
     ------
     DeclarationError       if a name is neither of an actuator nor of a parameter, or repeats
     """
-    if isinstance(inputs, str):
-        raise DeclarationError(f'inputs: expected a list of names, got the text {inputs!r}. Write ["{inputs}"].')
-    if not isinstance(inputs, Sequence):
-        raise DeclarationError(f"inputs: expected a list of names, got {inputs!r}.")
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
     parameters = scene.system.parameters
     known = (*actuators, *parameters)
-    for name in inputs:
-        if name not in known:
-            raise DeclarationError(f"inputs: no actuator or parameter {name!r}.{did_you_mean(str(name), known)}")
+    inputs = require_names("inputs", "actuator or parameter", inputs, known)
     if len(set(inputs)) < len(inputs):
         raise DeclarationError(f"inputs: names repeat: {', '.join(inputs)}.")
     forces = {f"input_{k}": actuators[name] for k, name in enumerate(inputs) if name in actuators}

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._options import is_finite_number
+from symmb._options import is_finite_number, shown
 from symmb._types import Array
 from symmb.events import kinks
 from symmb.linear.linear_equations import LinearEquations
@@ -56,7 +56,7 @@ def point_of(
     if not is_finite_number(time) or not (subject.t == time).any():
         raise DeclarationError(
             f"linearize: time must be one of the run's {len(subject.t)} output times, "
-            f"{subject.t[0]:g} to {subject.t[-1]:g} s, got {time!r}."
+            f"{subject.t[0]:g} to {subject.t[-1]:g} s, got {shown(time)}."
         )
     return subject.scene, subject.parameters, float(time), subject.x[int(np.argmax(subject.t == time))]
 

@@ -9,11 +9,12 @@ from typing import ClassVar
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle
 from symmb.mechanics.body import AbstractBody, Point, velocity_at
 from symmb.mechanics.constraint import Constraint
-from symmb.mechanics.element import Bind, point_faults, pose_faults
+from symmb.mechanics.element import Bind, direction_faults, point_faults, pose_faults
 from symmb.mechanics.pose import Planar, Pose, Spatial
 from symmb.mechanics.rotation import Rotation
 from symmb.symbolic import (
@@ -123,12 +124,13 @@ class AxisJoint(Joint):
         for body, axis in zip(
             self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True
         ):
-            a = vector(axis, f"axis of {self.title}")
+            astray = list(direction_faults(self.title, "axis", axis))
+            a = vector(axis)
             moving = [s for s in symbols_in(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
             if moving:
                 yield f"{self.title}: axis {axis} depends on {moving[0]}. Give one of numbers and parameters."
-            elif is_zero(a):
-                yield f"{self.title}: axis {axis} has no direction. Give a vector that is not zero."
+            elif astray:
+                yield from astray
             elif isinstance(body.pose, Planar) and self.turns and not (is_zero(a[0]) and is_zero(a[1])):
                 yield (
                     f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
@@ -142,7 +144,7 @@ class AxisJoint(Joint):
 
     def _zero_faults(self, zero: object) -> Iterator[str]:
         if not isinstance(zero, Rotation):
-            yield f"{self.title}: zero must be rotation(axis=..., angle=...), got {zero!r}."
+            yield f"{self.title}: zero must be rotation(axis=..., angle=...), got {shown(zero)}."
         elif not self.aligns:
             yield f"{self.title}: no orientation is its zero. Leave out zero."
         elif self.axis_b is not None:

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
 from symmb.symbolic import ddt, is_zero, vector
@@ -110,11 +111,13 @@ class Body(AbstractBody):
 
     def __post_init__(self) -> None:
         if not isinstance(self.pose, Pose):
+            pose = shown(self.pose)
             raise DeclarationError(
-                f"Body {self.name!r}: pose {self.pose!r} is not a pose. Use Planar(), Spatial() or Particle()."
+                f"Body {shown(self.name)}: pose {pose} is not a pose. Use Planar(), Spatial() or Particle()."
             )
-        vector(self.com, f"com of {self.name!r}")
-        object.__setattr__(self, "frame", self.pose.frame(self.name))
+        vector(self.com, f"com of {shown(self.name)}")
+        name = self.name if isinstance(self.name, str) else shown(self.name)  # System tells that this is no name
+        object.__setattr__(self, "frame", self.pose.frame(name))
 
     @property
     def center(self) -> AbstractBody:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point, velocity_at
 from symmb.mechanics.contact_law import ContactLaw
@@ -38,7 +39,7 @@ def law_faults(title: str, law: object) -> Iterator[str]:
     """Fault of an object that is not a law of contact."""
     if not isinstance(law, ContactLaw):
         yield (
-            f"{title}: expected a law of contact, got {law!r}. "
+            f"{title}: expected a law of contact, got {shown(law)}. "
             "Use HuntCrossley(...), LankaraniNikravesh(...), Flores(...), KelvinVoigt(...) or Tabulated(...)."
         )
 

@@ -9,12 +9,12 @@ from typing import Any, TypeVar, cast, get_args, get_origin
 import casadi as ca
 
 from symmb._errors import DeclarationError, text_of
-from symmb._options import is_real, number_text
+from symmb._options import is_real, number_text, python_number, shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Ground, Point
 from symmb.mechanics.pose import Fixed, Planar, Pose, Spatial
 from symmb.mechanics.table import Table
-from symmb.symbolic import is_zero, vector
+from symmb.symbolic import has_irregular_constant, is_zero, vector
 
 Bind = Callable[[Any, str], ca.SX]
 """Converts an expression (number, SX or SymPy) into SX. The text names its owner in error messages."""
@@ -48,6 +48,8 @@ def point_faults(title: str, *points: object) -> Iterator[str]:
     for point in points:
         if not isinstance(point, Point):
             yield f"{title}: expected a point, got {type(point).__name__}. Use body.point(x, y) or ground.point(x, y)."
+        elif has_irregular_constant(point.s):
+            yield f"{title}: contains NaN or infinity in a point of body {point.body.name!r}."
         elif isinstance(point.body.pose, Planar) and not is_zero(point.s[2]):
             yield (
                 f"{title}: the point on planar body {point.body.name!r} lies out of its plane (z = {point.s[2]}). "
@@ -75,8 +77,11 @@ def pose_faults(
 
 def direction_faults(title: str, what: str, axis: Any) -> Iterator[str]:
     """Fault of an invalid direction."""
-    if is_zero(vector(axis, f"{what} of {title}")):
-        yield f"{title}: {what} {axis} has no direction. Give a vector that is not zero."
+    a = vector(axis, f"{what} of {title}")
+    if is_zero(a):
+        yield f"{title}: {what} {shown(axis)} has no direction. Give a vector that is not zero."
+    elif has_irregular_constant(a):
+        yield f"{title}: {what} {shown(axis)} contains NaN or infinity. Give a vector of finite numbers."
 
 
 def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Iterator[str]:
@@ -87,10 +92,10 @@ def turning_faults(title: str, body_a: object, body_b: object, axis: Any) -> Ite
         return
     bodies = cast(tuple[AbstractBody, ...], (body_a, body_b))
     yield from pose_faults(title, bodies, ((Planar, Spatial), (Planar, Spatial)))
-    a = vector(axis, f"axis of {title}")
-    if is_zero(a):
-        yield from direction_faults(title, "axis", axis)
-    elif any(isinstance(b.pose, Planar) for b in bodies) and not (is_zero(a[0]) and is_zero(a[1])):
+    faults = list(direction_faults(title, "axis", axis))
+    yield from faults
+    a = vector(axis)
+    if not faults and any(isinstance(b.pose, Planar) for b in bodies) and not (is_zero(a[0]) and is_zero(a[1])):
         yield f"{title}: axis {axis} leaves the plane. Planar bodies turn about z; use axis=(0, 0, 1)."
 
 
@@ -135,8 +140,11 @@ def bound(law: Law, bind: Bind, title: str) -> Law:
 def require_number(
     law: object, what: str, value: Any, *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
 ) -> None:
-    """Raise if a number of a law is out of its range. Expressions are not checked."""
-    if is_real(value) and not (value > above and least <= value <= most):
+    """A number of a law becomes Python's; raise if it is out of its range. Expressions are not checked."""
+    if not is_real(value):
+        return
+    object.__setattr__(law, what, python_number(value))
+    if not (value > above and least <= value <= most):
         words = [f"above {above:g}"] if above > -math.inf else []
         words += [f"at least {least:g}"] if least > -math.inf else []
         words += [f"at most {most:g}"] if most < math.inf else []

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._options import is_whole, shown
 from symmb._types import Array, Expr
 from symmb.mechanics.body import AbstractBody, Body, Inertial, Point
 from symmb.mechanics.pose import Frame, Planar, Pose, Spatial
@@ -124,8 +125,10 @@ class FlexibleBody(Body):
         DeclarationError       if there is no node of that number
         """
         count = len(self.modes.positions)
-        if not 0 <= number < count:
-            raise DeclarationError(f"FlexibleBody {self.name!r} has no node {number!r}; they are 0 to {count - 1}.")
+        if not is_whole(number) or not 0 <= number < count:
+            raise DeclarationError(
+                f"FlexibleBody {self.name!r} has no node {shown(number)}; they are 0 to {count - 1}."
+            )
         return Point(self._carrier(number), ca.SX(3, 1))
 
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> Point:

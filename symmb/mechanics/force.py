@@ -8,6 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.angle import relative_angle, turning_direction
 from symmb.mechanics.body import AbstractBody, Body, Point
@@ -313,7 +314,7 @@ class Force(ForceElement):
     def faults(self) -> Iterator[str]:
         yield from point_faults(self.title, self.point)
         if components(self.force) is None:
-            yield f"{self.title}: expected a force (fx, fy[, fz]), got {self.force!r}."
+            yield f"{self.title}: expected a force (fx, fy[, fz]), got {shown(self.force)}."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         values = [bind(f, f"{self.title}: force") for f in components(self.force) or ()]

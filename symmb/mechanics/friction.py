@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from symmb._options import is_real
+from symmb._options import is_real, shown
 from symmb._types import Expr
 from symmb.mechanics.body import Body
 from symmb.mechanics.element import Bind, bound, direction_faults, require_number
@@ -163,4 +163,4 @@ class Friction(PairForce):
 def friction_faults(title: str, law: object) -> Iterator[str]:
     """Fault of an object that is not a friction law."""
     if not isinstance(law, FrictionLaw):
-        yield f"{title}: expected a friction law, got {law!r}. Use Coulomb(...) or Bristle(...)."
+        yield f"{title}: expected a friction law, got {shown(law)}. Use Coulomb(...) or Bristle(...)."

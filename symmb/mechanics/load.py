@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody, Body, Point
 from symmb.mechanics.contact import law_faults, press
 from symmb.mechanics.contact_law import ContactLaw
 from symmb.mechanics.element import Bind, bound, direction_faults, law_value, pair_faults, point_faults
 from symmb.mechanics.force import MEETING, Action, ForceElement, PairForce, diagonal, force_at, mount, push
-from symmb.symbolic import ddt, unit, vector
+from symmb.symbolic import ddt, scalar, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,8 @@ class NonlinearSpring(PairForce):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if not callable(self.pull):
-            yield f"{self.title}: pull {self.pull!r} is no law. Give a function of length and rate, lambda d, v: ..."
+            pull = shown(self.pull)
+            yield f"{self.title}: pull {pull} is no law. Give a function of length and rate: lambda d, v: ..."
 
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         d = self.point_b.r - self.point_a.r
@@ -68,8 +70,9 @@ class GasSpring:
 
     def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         """The pull [N]."""
-        share = 1 + self.area * (length - self.length) / self.volume
-        return -self.pressure * self.area * ca.if_else(share > _LEAST, share, _LEAST) ** (-self.exponent)
+        law = bound(self, scalar, "GasSpring")
+        share = 1 + law.area * (scalar(length, "GasSpring: length") - law.length) / law.volume
+        return -law.pressure * law.area * ca.if_else(share > _LEAST, share, _LEAST) ** (-law.exponent)
 
 
 _LEAST = 0.01
@@ -103,9 +106,11 @@ class Orifice:
 
     def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
         """The pull [N]."""
-        opening = self.opening(length - self.length, rate) if callable(self.opening) else self.opening
-        loss = 0.5 * self.density * self.area**3 / (self.discharge * opening) ** 2
-        return loss * rate * ca.sqrt(rate**2 + self.speed**2)
+        law = bound(self, scalar, "Orifice")
+        length, rate = scalar(length, "Orifice: length"), scalar(rate, "Orifice: rate")
+        opening = law.opening(length - law.length, rate) if callable(law.opening) else law.opening
+        loss = 0.5 * law.density * law.area**3 / (law.discharge * scalar(opening, "Orifice: opening")) ** 2
+        return loss * rate * ca.sqrt(rate**2 + law.speed**2)
 
 
 @dataclass(frozen=True, eq=False)

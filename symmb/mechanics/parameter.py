@@ -40,7 +40,7 @@ class Parameters(Mapping[str, float]):
         ]
         for name, value in nominal.items():
             if not is_finite_number(value):
-                faults.append(f"parameter {name!r}: nominal value {value!r} is not a finite number.")
+                faults.append(f"parameter {name!r}: nominal value {shown(value)} is not a finite number.")
         if faults:
             raise DeclarationError("\n".join(faults))
         self._nominal = {name: float(value) for name, value in nominal.items()}
@@ -57,6 +57,9 @@ class Parameters(Mapping[str, float]):
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
         """These parameters, with the same symbols, and with other nominal values."""
+        if not isinstance(nominal, Mapping) or not all(is_finite_number(nominal.get(name)) for name in self._nominal):
+            names = ", ".join(self._nominal)
+            raise DeclarationError(f"with_nominal: expected finite numbers by the names {names}, got {shown(nominal)}.")
         other = object.__new__(Parameters)
         other._nominal = {name: float(nominal[name]) for name in self._nominal}
         other._symbols, other._records = self._symbols, self._records

@@ -4,12 +4,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
-import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, shown
 from symmb._types import Expr
-from symmb.symbolic import product, rotation_matrix, scalar, unit, vector, without_rounding
+from symmb.symbolic import (
+    has_irregular_constant,
+    is_zero,
+    product,
+    rotation_matrix,
+    scalar,
+    unit,
+    vector,
+    without_rounding,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +50,10 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
     >>> np.array(ca.DM((turn @ turn).quaternion)).ravel().round(3)
     array([0.5  , 0.   , 0.   , 0.866])
     """
-    half = scalar(angle, "rotation angle") / 2
-    with np.errstate(all="ignore"):
-        direction = unit(vector(axis, "rotation axis"))
-    numbers = [entry for entry in ca.vertsplit(ca.vertcat(half, direction)) if entry.is_constant()]
-    if not all(entry.is_regular() for entry in numbers):
+    half, direction = scalar(angle, "rotation angle") / 2, vector(axis, "rotation axis")
+    if has_irregular_constant(ca.vertcat(half, direction)) or is_zero(direction):
         raise DeclarationError(
             f"rotation: angle {shown(angle)} and axis {shown(axis)} must be finite, and the axis not 0."
         )
+    direction = unit(direction)
     return Rotation(ca.densify(ca.vertcat(ca.cos(half), ca.sin(half) * direction)))

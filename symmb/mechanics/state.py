@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics.body import AbstractBody
 from symmb.mechanics.element import Element, law_value
@@ -21,7 +22,7 @@ class OwnState(Element):
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise DeclarationError(f"{type(self).__name__}: the name is a text, got {self.name!r}.")
+            raise DeclarationError(f"{type(self).__name__}: the name is a text, got {shown(self.name)}.")
 
     @property
     def value(self) -> ca.SX:

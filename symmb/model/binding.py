@@ -3,13 +3,12 @@
 from collections.abc import Collection, Sequence
 
 import casadi as ca
-import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
+from symmb._names import did_you_mean, shown
 from symmb._types import Array, Expr
 from symmb.mechanics import Body, OwnState, Parameters
-from symmb.symbolic import Kind, Symbol, from_sympy, given, is_sympy, is_zero, lookup, symbols_in, t
+from symmb.symbolic import Kind, Symbol, from_sympy, given, has_irregular_constant, is_sympy, lookup, symbols_in, t
 
 
 class Binding:
@@ -48,7 +47,7 @@ class Binding:
                 raise DeclarationError(f"{what}: {error}") from None
         expression = given(law)
         if expression is None:
-            raise DeclarationError(f"{what}: {law!r} is no number and no CasADi SX or SymPy expression.")
+            raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)
@@ -56,7 +55,7 @@ class Binding:
 
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
         """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
-        if _has_irregular_constant(expression):
+        if has_irregular_constant(expression):
             raise DeclarationError(
                 f"{what}: contains NaN or infinity, which is also what SX and SymPy mixed in one expression give."
             )
@@ -107,13 +106,3 @@ class Binding:
 
     def _kind(self, symbol: ca.SX) -> Kind | None:
         return self._known.get(symbol.element_hash(), ("", None, symbol))[1]
-
-
-def _has_irregular_constant(expression: ca.SX) -> bool:
-    if is_zero(expression):
-        return False
-    f = ca.Function("law", ca.symvar(expression), [expression])
-    return any(
-        f.instruction_id(k) == ca.OP_CONST and not np.isfinite(f.instruction_constant(k))
-        for k in range(f.n_instructions())
-    )

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import is_finite_number, numbers_of, require_numbers, shown
+from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
 from symmb._types import Array
 
 
@@ -74,10 +74,10 @@ class Box:
         Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
         """
         if not isinstance(parameters, Mapping):
-            raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {parameters!r}.")
+            raise DeclarationError(f"Box.around: parameters must be nominal values by name, got {shown(parameters)}.")
         if not is_finite_number(spread) or not 0 < spread < 1:
             raise DeclarationError(
-                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 for ± 5 %, got {spread!r}. "
+                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 for ± 5 %, got {shown(spread)}. "
                 "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
             )
         if not all(map(is_finite_number, parameters.values())):
@@ -86,7 +86,7 @@ class Box:
         intervals = {}
         names = nominal if names is None else names
         if not isinstance(names, list | tuple | set | frozenset | Mapping) or not names:
-            raise DeclarationError(f"Box.around: names must be a list of parameters, got {names!r}.")
+            raise DeclarationError(f"Box.around: names must be a list of parameters, got {shown(names)}.")
         for name in names:
             if not isinstance(name, str) or name not in nominal:
                 raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
@@ -133,6 +133,7 @@ class Box:
 
     def without(self, name: str) -> "Box | None":
         """The box of the other parameters; None if there are none."""
+        require_instance(repr(self), name, str, "the name of a parameter")
         left = {other: ends for other, ends in zip(self.names, self.bounds, strict=True) if other != name}
         return Box(**left) if left else None
 

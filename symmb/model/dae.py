@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import require_instance
+from symmb._options import require_instance, shown
 from symmb._types import Array
 from symmb.model.c_export import example_c, save_c
 from symmb.model.contact_equations import Impacts
@@ -274,7 +274,7 @@ class DAE:
         try:
             begin.update({name: np.asarray(values, dtype=float).ravel() for name, values in (start or {}).items()})
         except (TypeError, ValueError):
-            raise DeclarationError(f"save_c: start must have numbers, got {start!r}.") from None
+            raise DeclarationError(f"save_c: start must have numbers, got {shown(start)}.") from None
         times = np.asarray(begin.pop("times", (0.0, 1.0)))
         main = example_c(
             self.rhs,

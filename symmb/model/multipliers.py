@@ -6,6 +6,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import shown
 from symmb.mechanics import Ground, Joint
 
 
@@ -33,7 +34,7 @@ def reaction(joints: Sequence[Joint], name: str, Phi: ca.SX, lam: Multipliers) -
     """Reaction of the joint of that name, from the position rows (n_c,) and the multipliers of a system."""
     known = {joint.name: joint for joint in joints}
     if not isinstance(name, str):
-        raise DeclarationError(f"The name of a joint is a text, got {name!r}.{did_you_mean(name, known)}")
+        raise DeclarationError(f"The name of a joint is a text, got {shown(name)}.{did_you_mean(name, known)}")
     if name not in known:
         hint = f" Its multipliers are system.lam({name!r})." if name in lam.rows else did_you_mean(name, known)
         raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")

@@ -77,7 +77,7 @@ class Scene:
             faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
         if self.restart is not None and self.equilibrium:
             faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
-        faults += [f"name {self.name!r}: {fault}" for fault in [name_fault(self.name)] if fault]
+        faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
         attempts = [lambda: self.prescribed, lambda: self.guesses]
         if not untimely:  # coordinates that move uniformly need the start time
             attempts.append(lambda: self._bound_outputs)

@@ -7,6 +7,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
+from symmb._options import shown
 from symmb._types import Expr
 from symmb.mechanics import Joint, OwnState, Rotation, Spatial
 from symmb.model.system import System
@@ -69,18 +70,18 @@ def listed_values(system: System, listed: Mapping[str, Expr], what: str) -> Pres
     DeclarationError       all faults at once, with near misses of names
     """
     if not isinstance(listed, Mapping):
-        raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {listed!r}.')
+        raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {shown(listed)}.')
     values, faults = _Values(system, what), []
     for name, value in listed.items():
         if not isinstance(name, str):
-            faults.append(f"{what}: the name of a coordinate is a text, got {name!r}.")
+            faults.append(f"{what}: the name of a coordinate is a text, got {shown(name)}.")
             continue
         try:
             values.add(name, value)
         except DeclarationError as error:
             faults.append(str(error))
         except (TypeError, ValueError):
-            faults.append(f"{what} {name!r}: expected three numbers or expressions, got {value!r}.")
+            faults.append(f"{what} {name!r}: expected three numbers or expressions, got {shown(value)}.")
     if faults:
         raise DeclarationError("\n".join(faults))
     return Prescribed(
@@ -112,7 +113,9 @@ class _Values:
         body, _, part = name.rpartition(".")
         if body in self._spatial and part == "rotation":
             if not isinstance(value, Rotation):
-                raise DeclarationError(f"{self._what} {name!r}: expected rotation(axis=..., angle=...), got {value!r}.")
+                raise DeclarationError(
+                    f"{self._what} {name!r}: expected rotation(axis=..., angle=...), got {shown(value)}."
+                )
             e = self._bind(value.quaternion, name, 4)
             self.q.update({self._q_at[f"{body}.e{k}"]: e[k] for k in range(4)})
             self.displacements.update(self._v_at[f"{body}.omega_{c}"] for c in "xyz")
@@ -154,7 +157,7 @@ class _Values:
         bind = self._system.bind
         bound = bind(value, f"{self._what} {name!r}", any_size=True)
         if bound.numel() != size:
-            raise DeclarationError(f"{self._what} {name!r}: expected one number or expression, got {value!r}.")
+            raise DeclarationError(f"{self._what} {name!r}: expected one number or expression, got {shown(value)}.")
         if any(not bind.is_parameter(s) for s in ca.symvar(bound)):
             raise DeclarationError(f"{self._what} {name!r}: may depend on parameters only.")
         return bound

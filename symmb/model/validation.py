@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import name_fault
-from symmb._options import number_text
+from symmb._options import number_text, shown
 from symmb._types import Array
 from symmb.mechanics import (
     RESTITUTION,
@@ -39,14 +39,14 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     for e in elements:
         if not isinstance(e, Body | Element):
             faults.append(
-                f"System: {e!r} is neither a body, a constraint nor a force. Name parameters as parameters=p."
+                f"System: {shown(e)} is neither a body, a constraint nor a force. Name parameters as parameters=p."
             )
             continue
         fault = name_fault(e.name, without=".[] ")
         if fault:
-            faults.append(f"{type(e).__name__} {e.name!r}: {fault}")
+            faults.append(f"{type(e).__name__} {shown(e.name)}: {fault}")
         elif e.name in names:
-            faults.append(f"{type(e).__name__} {e.name!r}: the name is used twice. Choose another.")
+            faults.append(f"{type(e).__name__} {shown(e.name)}: the name is used twice. Choose another.")
         else:
             names.add(e.name)
     return faults

@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._options import constructor_text, require_whole
+from symmb._options import constructor_text, require_kind, require_whole
 from symmb._types import Array
 from symmb.nodes.leja import symmetric_leja
 from symmb.polynomials import homogeneous
@@ -190,6 +190,7 @@ class SparseGrid:
     projects: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        require_kind("SparseGrid", "rule", self.rule, "line", "ClenshawCurtis()")
         if self.level is not None:
             require_whole(self, "level", 0)
 
@@ -218,7 +219,10 @@ class SparseGrid:
         return sum(totals[max(0, level - d + 1) :])
 
     def _level(self, order: int) -> int:
-        return order if self.level is None else self.level
+        level = order if self.level is None else self.level
+        if level > MOST_ORDER:  # the degree is never lower
+            raise PropagationError(f"{self!r}: level {level} is above the highest degree, {MOST_ORDER}.")
+        return level
 
     def __repr__(self) -> str:
         return constructor_text(self)

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._names import did_you_mean
-from symmb._options import shown
+from symmb._options import require_names, shown
 from symmb._types import Array
 from symmb.files import replacement, require_suffix
 
@@ -79,12 +78,9 @@ def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[
     """Columns of the outputs to be drawn, by name; None if none are asked for."""
     if outputs is None:
         return None
-    if not isinstance(outputs, str | list | tuple):
-        raise DeclarationError(f"{owner}: outputs must be a name or a list of names, got {outputs!r}.")
-    wanted = [outputs] if isinstance(outputs, str) else list(outputs)
-    for name in wanted:
-        if name not in names:
-            raise DeclarationError(f"{owner}: no output {name!r}.{did_you_mean(str(name), names)}")
+    if not isinstance(outputs, str | list | tuple) or not all(isinstance(name, str) for name in outputs):
+        raise DeclarationError(f"{owner}: outputs must be a name or a list of names, got {shown(outputs)}.")
+    wanted = require_names(owner, "output", [outputs] if isinstance(outputs, str) else outputs, names)
     if not wanted:
         raise DeclarationError(f"{owner}: outputs names nothing to draw.")
     return [names.index(name) for name in wanted]

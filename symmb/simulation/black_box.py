@@ -64,7 +64,7 @@ class BlackBox(ABC):
             raise DeclarationError(f"{owner}: outputs must be a list of names, got {shown(outputs)}.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         if not isinstance(parameters, Mapping):
-            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {parameters!r}.")
+            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
         faults = name_faults(names) + name_faults([*parameters])
         if not names or faults:
             raise DeclarationError(f"{owner}: outputs must be one or more different names. {' '.join(faults)}".strip())
@@ -155,12 +155,12 @@ def samples_of_block(n: int) -> int:
 def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
     """Noise (n_y,) of all outputs."""
     if not isinstance(noise, Mapping):
-        raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {noise!r}.")
+        raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {shown(noise)}.")
     for name, value in noise.items():
         if name not in names:
             raise DeclarationError(f"{owner}: noise: no output {name!r}.{did_you_mean(str(name), names)}")
         if not is_finite_number(value) or value < 0:
-            raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {value!r}.")
+            raise DeclarationError(f"{owner}: noise of {name!r} must be at least 0, got {shown(value)}.")
     return np.array([float(noise.get(name, 0.0)) for name in names])
 
 

@@ -100,11 +100,13 @@ class CommandSimulator(BlackBox):
     ):
         self._declare(parameters, times, outputs, noise)
         if not _are_paths(command) or not command:
-            raise DeclarationError(f"{_OWNER}: command must be a list of a program and its arguments, got {command!r}.")
+            raise DeclarationError(
+                f"{_OWNER}: command must be a list of a program and its arguments, got {shown(command)}."
+            )
         if not _are_paths(files):
-            raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {files!r}.")
+            raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {shown(files)}.")
         if folder is not None and not _are_paths([folder]):
-            raise DeclarationError(f"{_OWNER}: folder must be a path, got {folder!r}.")
+            raise DeclarationError(f"{_OWNER}: folder must be a path, got {shown(folder)}.")
         environment = {} if environment is None else environment
         if not _are_variables(environment):
             raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
@@ -162,9 +164,9 @@ class CommandSimulator(BlackBox):
         elif isinstance(self.read, str) and Path(self.read).suffix not in READERS:
             yield f"read: {self.read!r} must end in one of {', '.join(READERS)}, or be a function of the folder."
         if not isinstance(self.read, str) and not callable(self.read):
-            yield f"read must be the name of a file or a function of the folder, got {self.read!r}."
+            yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
         if not isinstance(self.interpolate, bool):
-            yield f"interpolate must be True or False, got {self.interpolate!r}."
+            yield f"interpolate must be True or False, got {shown(self.interpolate)}."
         if not isinstance(self.keep, str) or self.keep not in _KEEP:
             yield f"keep must be one of {', '.join(map(repr, _KEEP))}, got {shown(self.keep)}."
         if self.folder is not None and not self.folder.is_dir():

@@ -14,7 +14,7 @@ import numpy as np
 from symmb._cleanup import lasting_folder
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean
-from symmb._options import optional_package
+from symmb._options import optional_package, shown
 from symmb.files import require_usual_size
 from symmb.simulation.identity import file_digest
 
@@ -169,7 +169,9 @@ def _interface(path: Path, description: Any, given: str | None) -> str:
     has = [CO_SIMULATION] * (description.coSimulation is not None)
     has += [MODEL_EXCHANGE] * (description.modelExchange is not None)
     if given is not None and given not in FMI_TYPES:
-        raise DeclarationError(f"{OWNER}: fmi_type must be one of {', '.join(map(repr, FMI_TYPES))}, got {given!r}.")
+        raise DeclarationError(
+            f"{OWNER}: fmi_type must be one of {', '.join(map(repr, FMI_TYPES))}, got {shown(given)}."
+        )
     if not has:
         raise DeclarationError(f"{OWNER}: {path.name} is neither for co-simulation nor for model exchange.")
     if given is not None and given not in has:

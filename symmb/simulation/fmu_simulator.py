@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._options import is_finite_number, require_timeout
+from symmb._options import is_finite_number, require_timeout, shown
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.fmu_description import (
@@ -101,11 +101,11 @@ class FMUSimulator(BlackBox):
         noise: Mapping[str, float] | None = None,
     ):
         if not isinstance(path, str | Path):
-            raise DeclarationError(f"{OWNER}: path must be that of a file, got {path!r}.")
+            raise DeclarationError(f"{OWNER}: path must be that of a file, got {shown(path)}.")
         self._declare(parameters, times, outputs, noise)
         require_timeout(OWNER, timeout)
         if step is not None and not (is_finite_number(step) and step > 0):
-            raise DeclarationError(f"{OWNER}: step must be a number of seconds above 0, got {step!r}.")
+            raise DeclarationError(f"{OWNER}: step must be a number of seconds above 0, got {shown(step)}.")
         fmu, variables = described(Path(path).resolve(), fmi_type)
         inputs = parameters_of(fmu.path, variables, self.parameters)
         found = outputs_of(fmu.path, variables, self.outputs)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from symmb._errors import DeclarationError
-from symmb._options import require_timeout
+from symmb._options import require_timeout, shown
 from symmb._types import Array
 from symmb.simulation.black_box import BlackBox
 from symmb.simulation.identity import digest
@@ -58,7 +58,7 @@ class FunctionSimulator(BlackBox):
         timeout: float | None = None,
     ):
         if not callable(f):
-            raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {f!r}.")
+            raise DeclarationError(f"FunctionSimulator: f must be a function of the parameters, got {shown(f)}.")
         require_timeout("FunctionSimulator", timeout)
         object.__setattr__(self, "f", f)
         object.__setattr__(self, "timeout", timeout)

@@ -17,7 +17,8 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.simulation.attained import note_attained
-from symmb.simulation.executors import Lost, finished
+from symmb.simulation.executor_pool import Lost
+from symmb.simulation.executors import finished
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]

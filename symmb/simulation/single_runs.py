@@ -8,7 +8,8 @@ from typing import TypeVar
 import numpy as np
 
 from symmb._types import Array, Executor
-from symmb.simulation.executors import Lost, finished
+from symmb.simulation.executor_pool import Lost
+from symmb.simulation.executors import finished
 from symmb.simulation.simulator import (
     Ensemble,
     Merging,

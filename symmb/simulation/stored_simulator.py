@@ -14,7 +14,8 @@ from symmb._options import shown
 from symmb._types import Array, Executor
 from symmb.model import Box
 from symmb.simulation.black_box import BlackBox, samples_of_block
-from symmb.simulation.executors import Lost, finished
+from symmb.simulation.executor_pool import Lost
+from symmb.simulation.executors import finished
 from symmb.simulation.identity import UndigestedError, digest
 from symmb.simulation.run_database import RunDatabase, Study, opened, sample_keys
 from symmb.simulation.simulator import (
@@ -93,9 +94,9 @@ class StoredSimulator:
         if isinstance(simulator, StoredSimulator):
             raise DeclarationError("StoredSimulator: the simulator is a StoredSimulator already. Give the one inside.")
         if not isinstance(path, str | Path) or not is_text(str(path)):
-            raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {path!r}.")
+            raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
         if not isinstance(version, str):
-            raise DeclarationError(f"StoredSimulator: version must be a text, got {version!r}.")
+            raise DeclarationError(f"StoredSimulator: version must be a text, got {shown(version)}.")
         object.__setattr__(self, "simulator", simulator)
         object.__setattr__(self, "path", Path(path))
         object.__setattr__(self, "version", version)

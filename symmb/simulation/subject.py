@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb._types import Array, Expr
 from symmb.integrate import CVODES, Solver
 from symmb.model import Box, Scene
@@ -32,7 +33,7 @@ def simulator_of(
         raise DeclarationError("No box: which parameters are uncertain? Give box=Box(l1=(0.95, 1.05)).")
     if not isinstance(box, Box):
         raise DeclarationError(
-            f"box: {box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
+            f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
         )
     if isinstance(subject, Scene):
         if times is not None:
@@ -116,4 +117,4 @@ def require_solver(solver: object) -> None:
     if isinstance(solver, type):
         raise DeclarationError(f"solver: got the class {solver.__name__}; call it, as in CVODES() or HHT(step=1e-3).")
     if solver is not None and not isinstance(solver, Solver):
-        raise DeclarationError(f"solver: {solver!r} is not a Solver; give an object such as CVODES(rtol=1e-9).")
+        raise DeclarationError(f"solver: {shown(solver)} is not a Solver; give an object such as CVODES(rtol=1e-9).")

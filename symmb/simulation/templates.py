@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 
 _LONGEST = 255
 """Bytes of the name of a file."""
@@ -50,7 +51,9 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
     DeclarationError        if a path leaves the folder, or a file cannot be read
     """
     if not isinstance(templates, Mapping):
-        raise DeclarationError(f"{owner}: templates must be texts or paths by the name of the file, got {templates!r}.")
+        raise DeclarationError(
+            f"{owner}: templates must be texts or paths by the name of the file, got {shown(templates)}."
+        )
     texts = {}
     for name, template in templates.items():
         if not isinstance(name, str) or not is_inside(name):
@@ -61,7 +64,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
             except (OSError, UnicodeDecodeError) as error:
                 raise DeclarationError(f"{owner}: template {name!r}: {template} cannot be read: {error}.") from None
         if not isinstance(template, str) or not is_text(template):
-            raise DeclarationError(f"{owner}: template {name!r}: expected a text or a Path, got {template!r}.")
+            raise DeclarationError(f"{owner}: template {name!r}: expected a text or a Path, got {shown(template)}.")
         texts[name] = template
     return texts
 

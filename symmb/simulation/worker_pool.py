@@ -20,13 +20,14 @@ class WorkerPool(ProcessPoolExecutor):
     def __init__(self, workers: int) -> None:
         super().__init__(workers, initializer=end_with_parent)
 
-    def stop(self) -> None:
-        """End the processes, whatever they do."""
-        processes = list((self._processes or {}).values())
-        self.shutdown(wait=False)
-        for process in processes:
-            process.terminate()
-        deadline = time.monotonic() + _GRACE
-        for process in processes:
-            process.join(max(deadline - time.monotonic(), 0.0))
-            process.kill()  # it may be in compiled code, which notices no signals
+
+def stop(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool, whatever they do."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False)
+    for process in processes:
+        process.terminate()
+    deadline = time.monotonic() + _GRACE
+    for process in processes:
+        process.join(max(deadline - time.monotonic(), 0.0))
+        process.kill()  # it may be in compiled code, which notices no signals

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
-from symmb._options import require_instance, whole
+from symmb._options import require_instance, require_truth, shown, whole
 from symmb._types import Array, Indices
 from symmb.structures.beams import AxialForces, Beam, mesh
 from symmb.structures.flexibility import Flexibility
@@ -117,7 +117,7 @@ class FiniteElements:
         tensor = numbers(inertia, owner, "inertia", (), (3,), (3, 3))
         tensor = np.diag(tensor * np.ones(3)) if tensor.ndim < 2 else tensor
         if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -1e-12 * np.abs(tensor).max():
-            raise DeclarationError(f"{owner}: inertia must be symmetric and not negative, got {inertia!r}.")
+            raise DeclarationError(f"{owner}: inertia must be symmetric and not negative, got {shown(inertia)}.")
         if self.per_node == 3 and tensor.any():
             raise DeclarationError(
                 f"{owner}: the nodes have no rotations, so that inertia cannot act. Spread the mass over several nodes."
@@ -172,6 +172,8 @@ class FiniteElements:
         O. Wallrapp, R. Schwertassek, Representation of geometric stiffening in multibody system simulation, Int. J.
         Numer. Methods Eng. 32 (1991) 1833-1850.
         """
+        require_truth(OWNER, "stiffening", stiffening)
+        require_truth(OWNER, "planar", planar)
         fixed = chosen(() if clamped is None else (clamped,), len(self.positions), f"{OWNER}: clamped")
         interface_nodes = chosen(interfaces, len(self.positions), f"{OWNER}: interfaces")
         self._check(interface_nodes, fixed, count, cutoff, stiffening)

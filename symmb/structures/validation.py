@@ -51,12 +51,16 @@ def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
     return number
 
 
-def _items(value: npt.ArrayLike) -> list[object]:
-    if isinstance(value, list | tuple):
-        return [inner for item in value for inner in _items(item)]
+def _items(value: npt.ArrayLike, depth: int = 0) -> list[object]:
+    if isinstance(value, list | tuple) and depth < _DEEPEST:
+        return [inner for item in value for inner in _items(item, depth + 1)]
     if isinstance(value, np.ndarray) and value.dtype == object:
         return list(value.flat)
     return [value]
+
+
+_DEEPEST = 3
+"""Depth of nested lists in which symbols are looked for: no array has more axes. Lists may contain themselves."""
 
 
 def _fits(shape: tuple[int, ...], expected: Shape) -> bool:

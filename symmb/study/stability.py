@@ -12,9 +12,9 @@ import numpy as np
 
 from symmb import _html as html
 from symmb import files, plot
-from symmb._errors import DeclarationError, SimulationError
+from symmb._errors import SimulationError
 from symmb._interrupts import carry, kept_interrupts
-from symmb._options import is_finite_number
+from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array
@@ -199,8 +199,8 @@ def stability(
     KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
     """
     scene = scene_of(scene)
-    if not is_finite_number(seconds) or not seconds > 0:
-        raise DeclarationError(f"stability: seconds must be above 0, got {seconds!r}.")
+    require_positive("stability", "seconds", seconds)
+    require_callable("stability: progress", progress, "label", "done", "all")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
         return _studied(_Study(scene, progress), seconds)
 

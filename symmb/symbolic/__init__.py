@@ -9,6 +9,7 @@ from symmb.symbolic.geometry import (
     Z,
     components,
     conjugate,
+    has_irregular_constant,
     is_zero,
     product,
     quaternion_rate,

@@ -6,6 +6,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._limits import fits
+from symmb._options import shown
 from symmb.symbolic.given import given
 
 X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in range(3))
@@ -15,7 +17,7 @@ def components(value: Any) -> list[Any] | None:
     """The components of a list, a tuple, a NumPy array or a CasADi vector; None of anything else, as of a number."""
     if isinstance(value, list | tuple):
         return list(value)
-    if isinstance(value, np.ndarray) and value.ndim:
+    if isinstance(value, np.ndarray) and value.ndim and fits(value.size):
         return value.ravel().tolist()
     if isinstance(value, ca.SX | ca.DM) and value.numel() > 1:
         return ca.vertsplit(ca.vec(ca.densify(value)))
@@ -32,9 +34,9 @@ def vector(values: Any, what: str = "vector") -> ca.SX:
         raise DeclarationError(f"{what} has {len(entries)} components; expected two or three.")
     parts = [part for part in map(given, entries) if part is not None]
     if len(parts) < len(entries):
-        raise DeclarationError(f"{what}: {values!r} has components that are neither numbers nor CasADi SX.")
+        raise DeclarationError(f"{what}: {shown(values)} has components that are neither numbers nor CasADi SX.")
     if any(part.numel() != 1 for part in parts):
-        raise DeclarationError(f"{what}: {values!r} has components that are no single numbers.")
+        raise DeclarationError(f"{what}: {shown(values)} has components that are no single numbers.")
     return ca.densify(ca.vertcat(*parts, *[0] * (3 - len(entries))))
 
 
@@ -42,7 +44,7 @@ def scalar(value: Any, what: str) -> ca.SX:
     """A number or an SX scalar as SX."""
     expression = given(value)
     if expression is None or expression.numel() != 1:
-        raise DeclarationError(f"{what}: expected one number or CasADi SX, got {value!r}.")
+        raise DeclarationError(f"{what}: expected one number or CasADi SX, got {shown(value)}.")
     return expression
 
 
@@ -51,12 +53,30 @@ def is_zero(expression: ca.SX) -> bool:
     return bool(ca.sparsify(expression).nnz() == 0)
 
 
+def has_irregular_constant(expression: ca.SX) -> bool:
+    """Whether an expression contains NaN or infinity."""
+    if is_zero(expression):
+        return False
+    f = ca.Function("law", ca.symvar(expression), [expression])
+    return any(
+        f.instruction_id(k) == ca.OP_CONST and not np.isfinite(f.instruction_constant(k))
+        for k in range(f.n_instructions())
+    )
+
+
 def unit(axis: ca.SX) -> ca.SX:
     """The axis over its length; a constant axis is normalised in numbers, so that zeros and ones stay exact."""
     if axis.is_constant():
         values = np.asarray(ca.DM(axis)).ravel()
+        largest = np.abs(values).max()
+        if not _SMALLEST < largest < 1 / _SMALLEST:  # its square may overflow or underflow
+            values = values / largest
         return ca.SX(values / np.linalg.norm(values))
     return axis / ca.norm_2(axis)
+
+
+_SMALLEST = 1e-150
+"""Length whose square still has all its digits."""
 
 
 def without_rounding(matrix: ca.SX) -> ca.SX:

@@ -15,7 +15,8 @@ def given(value: Any) -> ca.SX | None:
     if isinstance(value, ca.SX | ca.DM):
         return ca.SX(value)
     if isinstance(value, list | tuple) and any(isinstance(entry, ca.SX | ca.DM) for entry in value):
-        parts = [part for part in map(given, value) if part is not None and part.is_scalar()]
+        parts = [given(entry) for entry in value if not isinstance(entry, list | tuple)]
+        parts = [part for part in parts if part is not None and part.is_scalar()]
         return ca.vertcat(*parts) if len(parts) == len(value) else None
     array = numbers_of(value)
     return ca.SX(array) if array is not None and array.ndim <= 2 else None

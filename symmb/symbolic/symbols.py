@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import casadi as ca
 
 from symmb._errors import DeclarationError
+from symmb._options import shown
 from symmb.symbolic.given import given
 
 if hasattr(ca.GlobalOptions, "setNumpyMode") and ca.GlobalOptions.getNumpyMode() == 0:
@@ -196,7 +197,7 @@ def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
     """What `ddt` gives, also of velocities whose rates are known by their hashes."""
     value = given(expression)
     if value is None:
-        raise DeclarationError(f"ddt takes a number or CasADi SX, got {expression!r}.")
+        raise DeclarationError(f"ddt takes a number or CasADi SX, got {shown(expression)}.")
     expression, moving, rates = value, [t], [ca.SX(1)]
     for symbol in symbols_in(expression):
         record = lookup(symbol)

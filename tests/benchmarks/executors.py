@@ -26,7 +26,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
 from models import double_pendulum
-from symmb.simulation import RunDatabase, executors, opened
+from symmb.simulation import RunDatabase, executor_pool, opened
 from symmb.simulation.run_database import Study
 from symmb.simulation.simulator import Ensemble
 
@@ -218,7 +218,7 @@ def deadly_study(executor: Any) -> str:
 
 def faulty(seed: int, trials: int) -> int:
     """Print how studies by faulty executors end, and those by workers that die."""
-    executors._PATIENCE = 0.3  # the futures of these either run at once or never
+    executor_pool._PATIENCE = 0.3  # the futures of these either run at once or never
     found = Counter(faulty_study(seed + k) for k in range(trials))
     for _ in range(max(1, trials // 20)):
         found[deadly_study(lambda: ProcessPoolExecutor(WORKERS))] += 1

@@ -346,13 +346,19 @@ def test_cache_tells_and_clears(tmp_path, monkeypatch, capsys):
     folder = (tmp_path / "symmb").resolve()
     assert main(["cache"]) == 0
     assert capsys.readouterr().out == f"{folder}\n0 models, 0.0 MB\n"
-    for name, size in (("a-1.so", 700_000), ("b-2.so", 700_000), ("half.part", 100_000), ("notes.txt", 9)):
+    ours = [f"{k * 32}-{k * 64}.so" for k in "ab"]
+    others = ["a.c", "b-2.so", f"{'c' * 32}-{'c' * 63}.so", "libm.so", "half.part", "main.c", "notes.txt"]
+    for name, size in [
+        *((name, 700_000) for name in ours),
+        (f"{'a' * 32}-x_1.part", 100_000),
+        *((n, 9) for n in others),
+    ]:
         (folder / name).write_bytes(bytes(size))
     assert main(["cache"]) == 0
     assert capsys.readouterr().out == f"{folder}\n2 models, 1.5 MB\n"
     assert main(["cache", "--clear"]) == 0
     assert capsys.readouterr().out == f"{folder}\nremoved 2 models, 1.5 MB\n"
-    assert [path.name for path in folder.iterdir()] == ["notes.txt"]  # not ours
+    assert sorted(path.name for path in folder.iterdir()) == sorted(others)
 
 
 def test_cache_says_why_a_folder_is_not_used(tmp_path, monkeypatch, capsys):

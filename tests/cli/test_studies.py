@@ -76,7 +76,7 @@ def simulator():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs groups of processes")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=lambda number: number.name)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda number: number.name)
 def test_workers_and_their_programs_end_with_the_command(tmp_path, number):
     path, pids = tmp_path / "slow.py", tmp_path / "slow.py.pids"
     path.write_text(SLOW)
@@ -86,9 +86,44 @@ def test_workers_and_their_programs_end_with_the_command(tmp_path, number):
     if number == signal.SIGINT:
         os.killpg(process.pid, number)  # as a terminal does
     else:
-        process.kill()
-    assert process.wait(10) in (130, -number)
+        process.send_signal(number)
+    assert process.wait(10) == (-number if number == signal.SIGKILL else 130)
     assert _in_time(lambda: not any(_runs(pid) for pid in pids.read_text().split()), 10)
+
+
+ENDED = """
+import os, signal, subprocess, sys, threading, time
+from symmb import _cleanup
+
+class Popen(subprocess.Popen):
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        print(self.pid, flush=True)
+        END
+        time.sleep(0.1)  # before anybody knows of it
+
+_cleanup.lead_group()
+with _cleanup.process_group(["true"]):
+    pass
+subprocess.Popen = Popen
+with _cleanup.process_group(["sleep", "100"]):
+    time.sleep(10)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs groups of processes")
+@pytest.mark.parametrize(
+    "end",
+    ["os.kill(os.getpid(), signal.SIGTERM)", "threading.Thread(target=_cleanup._end_now).start()"],
+    ids=["by its parent", "by a thread that sees its parent end"],
+)
+def test_a_process_that_ends_while_it_starts_a_program_ends_the_program(end):
+    begun = subprocess.run(
+        [sys.executable, "-c", ENDED.replace("END", end)], capture_output=True, text=True, timeout=60
+    )
+    assert begun.returncode == 1 and begun.stderr == ""
+    (program,) = begun.stdout.split()
+    assert _in_time(lambda: not _runs(program), 5)
 
 
 def _in_time(holds, seconds):

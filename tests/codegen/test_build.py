@@ -168,9 +168,10 @@ def test_a_killed_build_leaves_nothing_that_is_loaded(folder, tmp_path):
 
 
 def test_what_a_process_killed_while_writing_leaves_is_not_loaded(folder, made):
-    (folder / "half.part").write_bytes(made[2][:1000])
+    part = f"{made[0].partition('-')[0]}-half.part"
+    (folder / part).write_bytes(made[2][:1000])
     assert answer() == 42
-    assert {path.name for path in cache.contents()} == {"half.part", made[0]}
+    assert {path.name for path in cache.contents()} == {part, made[0]}
 
 
 # --- damaged -------------------------------------------------------------------
@@ -448,3 +449,13 @@ def test_what_a_compiler_can_do_is_asked_once_and_for_each_anew(folder, tmp_path
         run = process(folder.parent, CC=str(wrapper))
         assert (run.communicate(timeout=60)[0], run.returncode) == ("42\n", 0)
     assert asked.read_text().count("x") == 1
+
+
+def test_a_library_that_lacks_its_end_is_not_loaded(tmp_path, made):
+    whole = made[1]
+    for size in (0, 3, 40, 100, 5000, len(whole) // 2):
+        assert not build._has_its_segments(whole[:size]) or not whole[:size].startswith(b"\x7fELF\x02")
+        (tmp_path / "cut.so").write_bytes(whole[:size])
+        assert build._opened(tmp_path / "cut.so") is None
+    (tmp_path / "whole.so").write_bytes(whole)
+    assert build._opened(tmp_path / "whole.so") is not None

@@ -1,12 +1,14 @@
 """Executors: the same bits by all of them, workers that die, and executors that break."""
 
+import asyncio
 import multiprocessing
 import os
 import random
 import signal
+import subprocess
 import sys
 import time
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +16,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.simulation import executors, opened, run_blocks
+from symmb.simulation import executor_pool, opened, run_blocks
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
@@ -181,7 +183,7 @@ def test_an_executor_that_does_not_return_what_it_ran_gives_no_other_results(kin
     """In a larger number: tests/benchmarks/executors.py faulty."""
     if fault == "never" and kind is FaultyMap:
         pytest.skip("a map that does not return cannot be told from a long run")
-    monkeypatch.setattr(executors, "_PATIENCE", 0.1)
+    monkeypatch.setattr(executor_pool, "_PATIENCE", 0.1)
     alone = run_blocks(simulator(quick), SAMPLES)
     try:
         shared = run_blocks(simulator(quick), SAMPLES, kind(fault, random.Random(seed)))
@@ -303,3 +305,125 @@ def test_what_cannot_be_pickled_ends_a_study_whose_executor_is_made_for_it():
     simulator = mb.FunctionSimulator(lambda k: k * t, {"k": 1.0}, t, ["x"])
     with pytest.raises(mb.DeclarationError, match="cannot be sent to other processes"):
         mb.propagate(simulator, mb.MonteCarlo(40), box, executor=lambda: ProcessPoolExecutor(2))
+
+
+class Odd:
+    """What raises whatever one does with it."""
+
+    def __iter__(self):
+        raise OSError("no iteration")
+
+    def __eq__(self, other):
+        raise OSError("no comparison")
+
+    __hash__ = object.__hash__
+
+
+class OddError(Exception):
+    def __str__(self):
+        raise OSError("no text")
+
+
+class Failing:
+    """An executor and its futures, one call of which raises an error or returns something else."""
+
+    def __init__(self, where, answer):
+        self.where, self.answer = where, answer
+
+    def _called(self, where, usual):
+        if where != self.where:
+            return usual
+        if isinstance(self.answer, BaseException):
+            raise self.answer
+        return self.answer
+
+    def submit(self, f, item):
+        future = type(self)(self.where, self.answer)
+        future.reply = f(item)
+        return self._called("submit", future)
+
+    def done(self):
+        return self._called("done", True)
+
+    def running(self):
+        return self._called("running", False)
+
+    def result(self):
+        return self._called("result", self.reply)
+
+    def shutdown(self, wait=True):
+        self._called("shutdown", None)
+
+
+class Calling(Failing):
+    def add_done_callback(self, callback):
+        self._called("add_done_callback", None)
+        callback(self)
+
+
+class Mapping(Failing):
+    submit = None
+
+    def map(self, f, items):
+        return map(f, items) if f is abs else self._called("map", None)
+
+
+RAISED = [
+    OSError("odd"),
+    RecursionError(),
+    OddError(),
+    StopIteration(3),
+    TimeoutError(),
+    InvalidStateError(),
+    asyncio.CancelledError(),
+    SystemExit(3),
+    GeneratorExit(),
+]
+RETURNED = [Odd(), None, Failing, (Odd(), 1, b""), (1, 2), 3]
+CALLS = {
+    "done": (Failing, RAISED),
+    "add_done_callback": (Calling, RAISED),
+    "submit": (Failing, RAISED + RETURNED),
+    "result": (Failing, RAISED + RETURNED),
+    "map": (Mapping, RAISED + RETURNED),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "where", "answer"),
+    [(kind, where, answer) for where, (kind, answers) in CALLS.items() for answer in answers],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_whatever_an_executor_raises_or_returns_is_told_in_a_sentence(kind, where, answer):
+    with pytest.raises(mb.SimulationError, match="executor: ") as error:
+        run_blocks(simulator(quick), SAMPLES, kind(where, answer))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("answer", RAISED, ids=lambda a: type(a).__name__)
+def test_results_are_kept_where_the_shutdown_fails(answer):
+    alone = run_blocks(simulator(quick), SAMPLES)
+    with pytest.warns(mb.SymmbWarning, match="executor: its shutdown has raised"):
+        shared = run_blocks(simulator(quick), SAMPLES, lambda: Failing("shutdown", answer))
+    assert shared.Y.tobytes() == alone.Y.tobytes()
+
+
+INTERRUPTED = """
+import symmb as mb
+from concurrent.futures import ProcessPoolExecutor
+
+line = mb.CommandSimulator(["/bin/sh", "-c", "echo > $0.{k}; exec sleep 60", "MARK"], {"k": 1.0}, [0.0], ["x"])
+mb.propagate(line, mb.MonteCarlo(20), mb.Box(k=(0.5, 2.0)), executor=lambda: ProcessPoolExecutor(2))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_an_interrupt_ends_the_processes_of_a_pool_that_symmb_made(tmp_path):
+    code = INTERRUPTED.replace("MARK", str(tmp_path / "begun"))
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=20)
+    assert "KeyboardInterrupt" in error and process.returncode != 0

@@ -377,6 +377,8 @@ def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
         ("=", "sample"),
         ("1 k", "ä µ"),
         ("_", "-"),
+        ("Κ", "ω"),
+        ("日本", "𝒳"),
     ],
     ids=repr,
 )
@@ -389,8 +391,8 @@ def test_runs_are_exported_whatever_parameters_are_called(names, tmp_path, capsy
     with xarray.open_dataset(tmp_path / "runs.nc") as data:
         assert data.response.dims == ("sample", "time", "output") and data.attrs["parameters"].split("\n") == [*names]
         np.testing.assert_array_equal(data.time.values, TIMES)
-        found = [data[name].values for name in data.coords if data[name].dims == ("sample",)]
-        assert sorted(map(tuple, found)) == sorted(map(tuple, P.T))
+        found = [data[name] for name in data.coords if data[name].dims == ("sample",)]
+        assert {f.long_name: tuple(f.values) for f in found} == dict(zip(names, map(tuple, P.T), strict=True))
     capsys.readouterr()
 
 

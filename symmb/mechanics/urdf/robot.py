@@ -173,7 +173,7 @@ def load_urdf(
     0.0865
     """
     if not isinstance(path, str | Path):
-        raise DeclarationError(f"load_urdf: expected the path of a file, got {path!r}.")
+        raise DeclarationError(f"load_urdf: expected the path of a file, got {shown(path)}.")
     if stop is not None and not isinstance(stop, ContactLaw) and not is_sympy(stop):
         scalar(stop, "load_urdf: stop, a contact law or a coefficient of restitution")
     require_truth("load_urdf", "fixed_base", fixed_base)
