@@ -17,8 +17,9 @@ Arguments = tuple[Any, ...]
 PART_ROUNDING = 1e-12
 """Size of a part of the scene, over that of the scene, below which its motion may be rounding of forces in balance; and
 coordinates, over how far speeds and accelerations lead, below which they are rounding of an assembly."""
-_LATER = 0.13, 0.37, 0.71
-"""Times at which accelerations are compared with the first ones, over the span: fractions that few laws repeat at."""
+_LATER = (0.13, 0.37, 0.71, 0.05, 0.29, 0.53, 0.83, 0.97)
+"""Times at which accelerations are compared with the first ones, over the span: fractions that few laws repeat at, and
+so many that a wheel is near each of its positions at one of them."""
 _STEP_BITS = 10
 """Binary digits between coarse scales: lengths from 1/32 to 32 m are usual and get the scale 1."""
 _USUAL_RATE = 2.0**_STEP_BITS
@@ -64,10 +65,16 @@ def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
 def distances(dae: DAE, at: Arguments, span: float) -> Array:
     """How far speeds and accelerations lead in a time [s] (n_v,), from the arguments of the DAE's Functions.
 
-    Accelerations count as zero if they are rounding beside those that laws of time give later.
+    Accelerations count as zero if they are rounding beside those that laws give later, or where the speeds lead.
     """
-    *states, begin = at
-    first, *later = (np.abs(dae.rhs(*states, begin + share * span)[1].full().ravel()) for share in (0.0, *_LATER))
+    q, v, *others, begin = at
+
+    def accelerations(share: float, moved: float) -> Array:
+        there = dae.retract(q, moved * span * np.asarray(v).ravel())
+        return np.abs(dae.rhs(there, v, *others, begin + share * span)[1].full().ravel())
+
+    first = accelerations(0.0, 0.0)
+    later = [accelerations(share, moved) for share in _LATER for moved in (0.0, share)]
     first[first < ROUNDING * np.fmax.reduce(later)] = 0.0
     return np.abs(at[1]) * span + first * span**2 / 2
 
