@@ -56,9 +56,13 @@ class Kinks:
 
         The passes (k,) [s] are those that the run itself noted. Values close to 0 are on no side.
         """
+        if not len(X):
+            return np.nan
         (values,) = batch(self.switches, X, p, times[:, None])
         sides = np.where(np.abs(values) > _CLEAR * np.abs(values).max(axis=0, initial=0.0), np.sign(values), 0.0)
-        changed = ((sides[1:] * sides[:-1] < 0) & self.located).any(axis=1)
+        changed = np.any((sides[1:] * sides[:-1] < 0) & self.located, axis=1)
+        if not sides[0, self.located].all():  # others jump with a switch on which the motion begins
+            changed[:1] = False
         near, passes = _NEAR * float(np.ptp(times) if len(times) else 0.0), np.sort(passes)
         met = np.searchsorted(passes, times[1:] + near) > np.searchsorted(passes, times[:-1] - near)
         missed = changed & ~met

@@ -17,6 +17,9 @@ _SHIFT = 1e-4
 """Share of the horizon by which times of passes may be off: a motion that is off by more takes branches as it goes."""
 _SLOW = 0.01
 """Share of that time from which on a motion is not moved by the rounding of a switch: it hardly moves on the switch."""
+_NEAREST = 10.0
+"""Times to a switch over that to the nearest one, up to which it may be the next one. Others are passed by pieces that
+may be shorter than times of passes may be off."""
 _CORRECTIONS = 5
 """Steps of Newton's method from the time of a pass to that of the run itself."""
 
@@ -140,7 +143,8 @@ class SideWalk:
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         with np.errstate(all="ignore"):
             late = np.where(rates < 0, -values / rates, np.inf)
-        late[~(np.abs(late) <= self._shift)] = np.inf
+        far = np.abs(late)
+        late[~(far <= min(self._shift, _NEAREST * far.min(initial=np.inf) + self._rounding(t)))] = np.inf
         return float(late.min()), int(late.argmin())
 
     def _fits(self, t: float, y: Array, sides: Array) -> bool:

@@ -14,6 +14,9 @@ from symmb.symbolic import On, batch, branches, has_kinks, with_common_expressio
 
 _HYSTERESIS = 1e-13
 """Change of a switch, relative to that by the sizes of all states, which is rounding."""
+_BESIDE, _NEAR, _SEVERAL = 64, 1e-10, 4.0
+"""States beside each other, their distance over their size, from whose deviations from a line the rounding of a switch
+is seen, and a safety factor on it."""
 _SIDES = 64
 """Combinations of sides on which changes of switches are evaluated."""
 
@@ -89,4 +92,11 @@ def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides
     values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(-1, m), posinf=0.0)
     least = np.where(values > 0, values, np.inf).min(axis=0)
     values = np.where(values[0] > 0, values[0], np.where(np.isfinite(least), least, 1.0))
-    return tuple((_HYSTERESIS * values).tolist())
+    # Where a large number is added to a small state, the sum is rounded by more than the state.
+    value, share = ca.Function("value", [x, p, t, sides], [ca.densify(switches)]), np.linspace(0.0, 1.0, _BESIDE)
+    near = batch(value, size * (1 + _NEAR * share[:, None]), dae.p_nominal, np.zeros(1), on_sides[0])[0].reshape(-1, m)
+    line = np.column_stack([np.ones(_BESIDE), share])
+    known = np.isfinite(near).all(axis=0)
+    rounding = np.zeros(m)
+    rounding[known] = np.ptp(near[:, known] - line @ (np.linalg.pinv(line) @ near[:, known]), axis=0)
+    return tuple(np.maximum(_HYSTERESIS * values, _SEVERAL * rounding).tolist())

@@ -136,7 +136,8 @@ class _Kinematics:
         q = self._turned(q, body, sign * _least_rotation(B[:, 2], A[:, 2]))
         angle, A, B, *_ = self._measured(joint, q)
         wanted = self._values.get(joint, {}).get("angle", angle)
-        if joint.assembly_cosines().numel() > 1:  # it locks all axes parallel
+        # It locks all axes parallel, or has no angle by which it could be at its zero.
+        if joint.assembly_cosines().numel() > 1 or (joint.zero is not None and "angle" not in joint.handles):
             angle, wanted = float(np.arctan2(A[:, 1] @ B[:, 0], A[:, 0] @ B[:, 0])), 0.0
         return self._turned(q, body, sign * (wanted - angle) * A[:, 2])
 
@@ -144,9 +145,10 @@ class _Kinematics:
         """Coordinates after a body is moved least until the rows of a joint hold, and to its displacement."""
         used = self._function(joint)[1]
         moving = [k for k in self._free_parts(body, _POSITION) if k in used]
-        value = self._values.get(joint, {}).get("displacement")
-        *_, rows, J = self._measured(joint, q)
-        r, J = (rows[:-1], J[:-1]) if value is None else (np.append(rows[:-1], rows[-1] - value), J)
+        value, where = self._values.get(joint, {}).get("displacement"), self.dae.rows[joint.name]
+        *_, r, J = self._measured(joint, q)
+        n = where.stop - where.start
+        r, J = (r[:n], J[:n]) if value is None else (np.append(r[:n], r[n:] - value), J)
         if not moving or not (np.isfinite(r).all() and np.isfinite(J).all()):
             return q
         q = q.copy()
@@ -154,7 +156,7 @@ class _Kinematics:
         return q
 
     def _measured(self, joint: Joint, q: Array) -> tuple[float, Array, Array, Array, Array]:
-        """Angle, frames (3, 3), rows and displacement (m,), and their Jacobian by the coordinates that they use."""
+        """Angle, frames (3, 3), rows and displacements (m,), and their Jacobian by the coordinates that they use."""
         f, used = self._function(joint)
         angle, A, B, rows, J = (part.full() for part in f(q[used], *self.at))
         return float(angle[0, 0]), A, B, rows.ravel(), J
@@ -168,7 +170,7 @@ class _Kinematics:
                 angle = joint.angle if "angle" in joint.handles else angle
                 for state in joint.turn_states:
                     angle = ca.substitute(angle, state.sx, 0)
-                displacement = joint.displacement if "displacement" in joint.handles else displacement
+                displacement = joint.displacement if "displacement" in joint.handles else joint.d
             rows = ca.vertcat(system.Phi[self.dae.rows[joint.name]], displacement)
             hashes = (x.element_hash() for x in ca.symvar(ca.veccat(angle, *frames, rows)))
             used = sorted({self._symbols[h] for h in hashes if h in self._symbols})

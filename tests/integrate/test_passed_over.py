@@ -141,3 +141,22 @@ def test_a_study_of_pulses_that_are_shorter_than_the_steps_of_its_check_is_not_d
     exact = 21 * 0.0005 / 3.0 * np.array([0.9, 1.1])
     np.testing.assert_allclose([bounds["v"][0][-1], bounds["v"][1][-1]], exact, rtol=1e-6)
     assert not bounds.doubts
+
+
+@pytest.mark.parametrize(("rate", "growth", "width"), [(-1.2563, -0.0309, 4e-4), (0.83, 0.02, 1e-4), (2.9, 0.0, 2e-3)])
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES(), mb.CVODES(stiff=True)], ids=repr)
+def test_windows_that_are_much_shorter_than_times_of_passes_may_be_off(rate, growth, width, solver):
+    """Each window has the impulse of a triangle, its width over the speed there."""
+    body, turning = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("wheel", 1.0, 2.0)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), turning.point(0, 0))
+    motor = mb.Actuator("motor", hinge, 2.0 * growth)
+    near = width - ca.fabs(ca.fmod(hinge.angle + 1000 * np.pi, 2 * np.pi) - 1)
+    push = mb.Force("push", body.point(0, 0), (ca.fmax(near, 0) / width, 0))
+    end = 60.0
+    start = {"hinge.angle": 0.0, "hinge.angle_rate": rate}
+    system = mb.System(body, turning, hinge, motor, push)
+    run = mb.simulate(mb.Scene(system, start, np.linspace(0, end, 7), {"v": body.vx}), solver)
+    last = rate * end + growth * end**2 / 2
+    angles = 1 + 2 * np.pi * np.arange(-60, 60)
+    passed = angles[(angles > min(0.0, last)) & (angles < max(0.0, last))]
+    assert run["v"][-1] == pytest.approx((width / np.sqrt(rate**2 + 2 * growth * passed)).sum(), rel=1e-5)
