@@ -73,6 +73,8 @@ class DAESimulator:
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
         require_instance("DAESimulator", scene, Scene, "a Scene")
+        if solver is not None:
+            require_instance("DAESimulator: solver", solver, Solver, "a Solver such as CVODES()")
         begin = time.perf_counter()
         self.scene, self.name, self.box = scene, scene.name, scene.box
         self.parameters = dict(scene.system.parameters)

@@ -170,7 +170,13 @@ class _Kinematics:
                 angle = joint.angle if "angle" in joint.handles else angle
                 for state in joint.turn_states:
                     angle = ca.substitute(angle, state.sx, 0)
-                displacement = joint.displacement if "displacement" in joint.handles else joint.d
+                if "displacement" in joint.handles:
+                    displacement = joint.displacement
+                elif joint.zero is not None:  # points come together, but for coordinates that left the state
+                    known = {x.element_hash() for x in ca.vertsplit(ca.vertcat(system.q, system.s, system.p, t))}
+                    parts = ca.vertsplit(joint.d)
+                    seen = [d for d in parts if known.issuperset(x.element_hash() for x in ca.symvar(d))]
+                    displacement = ca.vertcat(*seen, ca.SX(0, 1))
             rows = ca.vertcat(system.Phi[self.dae.rows[joint.name]], displacement)
             hashes = (x.element_hash() for x in ca.symvar(ca.veccat(angle, *frames, rows)))
             used = sorted({self._symbols[h] for h in hashes if h in self._symbols})
