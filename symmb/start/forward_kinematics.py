@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.mechanics import AxisJoint, Joint, Planar
+from symmb.mechanics import AxisJoint, Joint, Planar, Universal
 from symmb.model import DAE, Scene
 from symmb.start.joint_tree import GROUND
 from symmb.start.joint_values import of_positions
@@ -35,8 +35,8 @@ def placed_along_joints(scene: Scene, dae: DAE, q: Array, s: Array, free: Indice
     """
     joints = [e for e in scene.system.elements if isinstance(e, Joint) and e.name in dae.rows]
     kinematics = _Kinematics(scene, dae, frozenset(dae.v_names[k] for k in free), (s, dae.p_nominal, t0), joints)
-    aligning = [e for e in joints if isinstance(e, AxisJoint) and e.assembly_cosines().numel()]
-    for joint, body in kinematics.along(aligning, "angle", _ROTATION):
+    turning = [e for e in joints if isinstance(e, AxisJoint) and (e.assembly_cosines().numel() or type(e) is Universal)]
+    for joint, body in kinematics.along(turning, "angle", _ROTATION):
         q = kinematics.turned_to_joint(q, joint, body)
     for joint, body in kinematics.along(joints, "displacement", _POSITION):
         q = kinematics.moved_to_joint(q, joint, body)
@@ -133,6 +133,9 @@ class _Kinematics:
         """Coordinates after a body is turned until the axes are parallel, and then about the axis."""
         sign = 1 if self._ends[joint][1] == body else -1
         _, A, B, *_ = self._measured(joint, q)
+        if isinstance(joint, Universal):  # its axes are normal to each other
+            end = B[:, 2] - (A[:, 2] @ B[:, 2]) * A[:, 2]
+            return self._turned(q, body, sign * _least_rotation(B[:, 2], end)) if np.linalg.norm(end) > ROUNDING else q
         q = self._turned(q, body, sign * _least_rotation(B[:, 2], A[:, 2]))
         angle, A, B, *_ = self._measured(joint, q)
         wanted = self._values.get(joint, {}).get("angle", angle)
