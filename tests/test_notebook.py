@@ -95,7 +95,7 @@ def test_a_scene_that_cannot_start_shows_why():
     hinges = [mb.Revolute(f"h{x}", mb.Ground().point(x, 0), rod.point(x / 2, 0)) for x in (0, 1)]
     page = mb.Scene(mb.System(rod, *hinges))._repr_html_()
     assert "data:image" not in page
-    assert "No picture: " in page and "h1" in page
+    assert "No picture: " in page and ("h0" in page or "h1" in page)  # both stay open by the same distance
 
 
 def test_large_equations_are_left_to_latex():
