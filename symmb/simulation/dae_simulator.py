@@ -83,7 +83,7 @@ class DAESimulator:
         self.bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
-        self.threads, self._stateless = cores(), self.y.numel_in(0) == 0
+        self.threads = cores()
         self._is_flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
         self.setup_seconds, reason = 0.0, ""
         if solver is None and self.dae.impacts is not None:
@@ -129,6 +129,11 @@ class DAESimulator:
     def coordinates(self) -> str:
         """Those in which the samples run: "joint" or "body"."""
         return "joint" if self.formulation is self._joints else "body"
+
+    @property
+    def _stateless(self) -> bool:
+        """Whether nothing is integrated: no bodies, or welded ones in coordinates of joints."""
+        return self.formulation.y.numel_in(0) == 0
 
     @property
     def compiled(self) -> bool:
