@@ -1,5 +1,6 @@
 """Polynomial chaos that chooses its own runs: the number of runs, and the kind of grid."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +39,7 @@ def adaptive_bounds(
     box: Box,
     executor: Executor | None,
     progress: Progress | None,
+    engine: Callable[[Runs, float, bool], EstimatedRange] | None = None,
 ) -> Bounds:
     """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
 
@@ -58,7 +60,7 @@ def adaptive_bounds(
         try:
             is_patient = budget is not None
             with one_thread():
-                estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, is_patient)
+                estimated = (engine or _grids)(runs, tolerance, is_patient)
         except OutgrownError:
             runs = runs.anew()
             if first > runs.left:
@@ -97,6 +99,13 @@ def adaptive_bounds(
         return bounds
     expansion = expansion.without(box.lower == box.upper, is_noise)
     return replace(bounds, expansion=replace(expansion, coefficients=_scaled(expansion.coefficients, power)))
+
+
+def _grids(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
+    """Tensor grids for few parameters, and sparse grids with what stands beside them for many."""
+    if len(runs.box) <= TENSOR_PARAMETERS:
+        return tensor_bounds(runs, tolerance)
+    return sparse_bounds(runs, tolerance, is_patient)
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:

@@ -1,0 +1,61 @@
+"""Tuned numbers of the refinement, each with its reason."""
+
+# --- Prediction of surpluses ---------------------------------------------------------------------------------------
+
+DECAY_POWER = 0.8
+"""Power of the observed decay of surpluses that is expected to continue: 1 trusts it, 0 expects none."""
+LEAST_DECAY = 0.02
+"""Least decay from level to level that is expected: a smaller one was seen once, and may be chance."""
+PRIOR_WEIGHT = 0.1
+"""Observations for which a prediction counts: after ten errors that vanish, a tenth of it is left."""
+
+# --- Growth --------------------------------------------------------------------------------------------------------
+
+GROWTH = 0.25
+"""Share by which an interpolant grows at a time: the predictions of these nodes are those of the same runs."""
+REFINED_SHARE = 0.2
+"""Share of the largest predicted surplus from which indices are added together."""
+EARLY = 5.0
+"""Predicted error over the tolerance at which check runs may show that it is enough."""
+ROUGH_DECAY, WHOLE_DEGREE, HALF_DEGREE = 0.6, 16, 8
+"""Decay from level to level above which a response is not smooth, and the least degrees at which this is judged: of the
+box, and of its parts, one of which is expected to be rough."""
+SMALLEST_HALF_WIDTH = 1e-6
+"""Half width of a box at which halving ends."""
+HOPELESS_NODES, HOPELESS_SHARE = 60, 0.25
+"""Nodes for each parameter at which an error above this share of the width takes more runs than it is worth."""
+
+# --- Check runs ----------------------------------------------------------------------------------------------------
+
+PROBES, PROBES_OF_FEW = 2, 6
+"""Quasi-random check points, and those where responses have few shapes: what one shape hides, others show."""
+MOST_CHECKS = 60
+"""Runs beside the nodes of a box through which its interpolant is continued: the matrix of all pairs is solved."""
+CONFIDENCE = 0.95
+"""Share of the errors that are below the estimate, if they are as normal ones: that which the project asks for."""
+NODE_SHARE = 0.5
+"""Share of the usual error that is expected even at runs inside the box: places of extremes are known only nearly."""
+NUGGET = 1e-3
+"""Share of the variance at a run that comes from other indices: without it few of them had to explain all."""
+
+# --- Ranges --------------------------------------------------------------------------------------------------------
+
+RANGE = 1e-4
+"""Accuracy of a range, over its width."""
+RANGE_WORK = 200_000
+"""Coefficients in all boxes that the search of a range may take."""
+DENSE = 1500
+"""Most coefficients of a full tensor whose range is searched on a grid of samples."""
+COMPARED, COMPARED_POINTS = 20_000, 100
+"""Most points of comparison near extremes, each of which takes a value of all basis polynomials, and those anywhere."""
+JUMP_SHARE = 0.25
+"""Share of the error of a box that is left after it was halved along every parameter, where the response jumps."""
+
+# --- Study ---------------------------------------------------------------------------------------------------------
+
+MOST_NODES_UNCHECKED = 3
+"""Parameters up to which nodes are cheaper than runs at corners."""
+CHEAP_RUNS = 60
+"""Runs up to which bounds are refined until they are not doubtful."""
+FIELD = 1000
+"""Values of a run from which the error of a typical output counts, not that of the worst one."""

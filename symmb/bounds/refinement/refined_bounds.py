@@ -1,0 +1,107 @@
+"""Bounds by a tree of hierarchical interpolants that are refined where their surpluses are largest."""
+
+from functools import partial
+
+import numpy as np
+
+from symmb.bounds.adaptive.adaptive_bounds import adaptive_bounds
+from symmb.bounds.adaptive.check_runs import (
+    count_shapes,
+    evenly_spread_points,
+    quasi_random_points,
+    select_dispersed,
+)
+from symmb.bounds.adaptive.monotone import monotone_bounds
+from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, typical_error
+from symmb.bounds.adaptive.screening import screen
+from symmb.bounds.refinement.constants import (
+    CHEAP_RUNS,
+    EARLY,
+    FIELD,
+    HOPELESS_NODES,
+    HOPELESS_SHARE,
+    MOST_NODES_UNCHECKED,
+    PROBES,
+    PROBES_OF_FEW,
+    RANGE,
+)
+from symmb.bounds.refinement.tree import Tree
+from symmb.bounds.time_windows import is_doubtful, rests_for_a_time
+
+FEW_SHAPES = 3
+
+
+def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
+    """Range of the surrogate, whose nodes and check runs are added until its expected error is small enough.
+
+    Nodes are added where the predicted surpluses are largest, or a leaf is halved where they do not decay or events lie
+    between nodes. When the error that is expected anywhere is near the tolerance, runs at the extremes of the surrogate
+    show how far the response is from them; the surrogate is continued through these runs.
+    """
+    d, tree, checked, before, probed = len(runs.box), Tree(runs), 0, np.inf, False
+    if d > MOST_NODES_UNCHECKED:
+        found = monotone_bounds(runs, tolerance, lambda: tree.leaves[0].expansion)
+        tree.forget(runs.points)
+        if found is not None:
+            return found
+    while True:
+        whole = tree.leaves[0]
+        is_first = before == np.inf and len(whole.rows) == 2 * d + 1 and d > MOST_NODES_UNCHECKED
+        if not is_first and len(tree.leaves) == 1 and not runs.clock.is_late and checked == 0:
+            if (whole.predicted > EARLY * tolerance and runs.left > 2 * d) and (parts := whole.refined()):
+                tree.leaves = parts
+                _measure_noise(runs, tree)
+                continue
+        _check(runs, tree, not probed)
+        probed = True
+        lower, upper, places, beyond = tree.union()
+        estimate, widths = np.maximum(beyond.max(axis=0), runs.beyond(lower, upper)), runs.rms_widths()
+        is_field = len(tree.leaves) == 1 and runs.shape[0] * runs.shape[1] >= FIELD
+        error = (typical_error if is_field else relative_rms)(estimate, widths)
+        runs.tell(error)
+        varies = np.isfinite(widths)
+        doubtful = is_doubtful(estimate, upper - lower, runs.noise)[:, varies].any()
+        is_done = error <= tolerance and (not doubtful or len(runs) >= CHEAP_RUNS)
+        hopeless = len(whole.rows) >= HOPELESS_NODES * d and error > HOPELESS_SHARE and d > 3 and not is_patient
+        if not (is_done or hopeless or runs.left < 1 or runs.clock.is_late):
+            checked += 1
+            if d > MOST_NODES_UNCHECKED and checked < 3 and error < 0.7 * before:
+                before = error
+                continue  # more runs at extremes: those before have shown much
+            k = int(np.argmax([relative_rms(each, widths) for each in beyond]))
+            if parts := tree.leaves[k].refined():
+                tree.leaves[k : k + 1] = parts
+                checked, before = 0, np.inf
+                _measure_noise(runs, tree)
+                continue
+        estimate = estimate + RANGE * (upper - lower)
+        expansion = (lambda: whole.expansion) if len(tree.leaves) == 1 else None
+        return EstimatedRange(lower, upper, estimate, expansion, places, is_enough=error <= tolerance)
+
+
+def _check(runs: Runs, tree: Tree, is_first: bool) -> None:
+    """Runs at some of the extremes where errors are expected, and, at first, at quasi-random points."""
+    d = len(runs.box)
+    if is_first:
+        few = count_shapes(runs.nodes, runs.rms_widths()) <= FEW_SHAPES
+        tree.check(evenly_spread_points(runs.probes, d))
+        number = PROBES_OF_FEW if few and d <= MOST_NODES_UNCHECKED else PROBES
+        tree.check(quasi_random_points(number, d))
+        if d > MOST_NODES_UNCHECKED and (few or rests_for_a_time(*runs.extremes, runs.noise)):
+            screen(runs, runs.left // 2)
+            tree.forget(runs.points)
+    lower, upper, places, beyond = tree.union()
+    weights = np.stack([beyond.max(axis=0)] * 2) / runs.rms_widths()
+    number = min(max(d, 4) if d > MOST_NODES_UNCHECKED else max(2 * d, 4), runs.left)
+    tree.check(select_dispersed(places, weights, number))
+
+
+def _measure_noise(runs: Runs, tree: Tree) -> None:
+    """Measure the noise before the study becomes expensive."""
+    if not runs.noise_is_known and len(runs) >= 0.7 * CHEAP_RUNS:
+        runs.measure_noise()
+        tree.forget(tree.places)
+
+
+refined_bounds = partial(adaptive_bounds, engine=refined_range)
+"""The bounds as `adaptive_bounds` gives them, by one surrogate."""
