@@ -13,11 +13,13 @@ PRIOR_WEIGHT = 0.1
 
 GROWTH = 0.25
 """Share by which an interpolant grows at a time: the predictions of these nodes are those of the same runs."""
-REFINED_SHARE = 0.2
+REFINED_SHARE = 0.1
 """Share of the largest predicted surplus from which indices are added together."""
+MOST_GROWTH = 2.0
+"""Growth of the nodes of many parameters until extremes are looked for again."""
 EARLY = 5.0
 """Predicted error over the tolerance at which check runs may show that it is enough."""
-ROUGH_DECAY, WHOLE_DEGREE, HALF_DEGREE = 0.6, 16, 8
+ROUGH_DECAY, WHOLE_DEGREE, HALF_DEGREE = 0.75, 16, 8
 """Decay from level to level above which a response is not smooth, and the least degrees at which this is judged: of the
 box, and of its parts, one of which is expected to be rough."""
 SMALLEST_HALF_WIDTH = 1e-6
@@ -31,8 +33,9 @@ PROBES, PROBES_OF_FEW = 2, 6
 """Quasi-random check points, and those where responses have few shapes: what one shape hides, others show."""
 MOST_CHECKS = 60
 """Runs beside the nodes of a box through which its interpolant is continued: the matrix of all pairs is solved."""
-CONFIDENCE = 0.95
-"""Share of the errors that are below the estimate, if they are as normal ones: that which the project asks for."""
+CONFIDENCE = 0.98
+"""Share of the errors that are below the estimate, if they are as normal ones: 95 % are asked for, and the runs that
+tell their size are at places where the surrogate was expected to be wrong."""
 NODE_SHARE = 0.5
 """Share of the usual error that is expected even at runs inside the box: places of extremes are known only nearly."""
 NUGGET = 1e-3

@@ -54,10 +54,15 @@ class Hierarchy:
         """Responses (n, n_t, n_y) at points (n, d)."""
         return np.tensordot(newton_values(self.grid.alpha, points), self.surpluses, axes=1)
 
-    def sizes(self, widths: Array, noise: Array) -> dict[Index, float]:
-        """Sizes of surpluses over the widths (n_y,), of the output where this is largest; noise does not count."""
-        beyond = np.sqrt(np.maximum(np.square(self._sizes) - np.square(2 * noise), 0.0)) / widths
-        return dict(zip(self.grid.row, beyond.max(axis=1, initial=0.0).tolist(), strict=True))
+    def sizes(self, widths: Array, noise: Array, of_all: bool = False) -> dict[Index, float]:
+        """Sizes of surpluses over the widths (n_y,), of the output where this is largest; noise does not count.
+
+        Those of all outputs are root mean squares.
+        """
+        squares = np.maximum(np.square(self._sizes) - np.square(2 * noise), 0.0) / np.square(widths)
+        squares = squares[:, np.isfinite(widths)]
+        squares = squares.mean(axis=1) if of_all and squares.size else squares.max(axis=1, initial=0.0)
+        return dict(zip(self.grid.row, np.sqrt(squares).tolist(), strict=True))
 
     def axes(self, sizes: dict[Index, float]) -> list[list[float]]:
         """Sizes along each axis by level: a level is two degrees, because one of them may vanish by symmetry."""

@@ -20,6 +20,7 @@ from symmb.bounds.refinement.constants import (
     FIELD,
     HOPELESS_NODES,
     HOPELESS_SHARE,
+    MOST_GROWTH,
     MOST_NODES_UNCHECKED,
     PROBES,
     PROBES_OF_FEW,
@@ -38,7 +39,7 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
     between nodes. When the error that is expected anywhere is near the tolerance, runs at the extremes of the surrogate
     show how far the response is from them; the surrogate is continued through these runs.
     """
-    d, tree, checked, before, probed = len(runs.box), Tree(runs), 0, np.inf, False
+    d, tree, checked, before, probed, n_checked = len(runs.box), Tree(runs), 0, np.inf, False, 2 * len(runs.box)
     if d > MOST_NODES_UNCHECKED:
         found = monotone_bounds(runs, tolerance, lambda: tree.leaves[0].expansion)
         tree.forget(runs.points)
@@ -46,18 +47,21 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
             return found
     while True:
         whole = tree.leaves[0]
+        is_field = len(tree.leaves) == 1 and runs.shape[0] * runs.shape[1] >= FIELD
+        measure = typical_error if is_field else relative_rms
         is_first = before == np.inf and len(whole.rows) == 2 * d + 1 and d > MOST_NODES_UNCHECKED
         if not is_first and len(tree.leaves) == 1 and not runs.clock.is_late and checked == 0:
-            if (whole.predicted > EARLY * tolerance and runs.left > 2 * d) and (parts := whole.refined()):
+            predicted = measure(whole.surrogate.expected, runs.rms_widths())
+            is_rare = d <= MOST_NODES_UNCHECKED or len(whole.rows) < MOST_GROWTH * n_checked
+            if (predicted > EARLY * tolerance and is_rare and runs.left > 2 * d) and (parts := whole.refined()):
                 tree.leaves = parts
                 _measure_noise(runs, tree)
                 continue
         _check(runs, tree, not probed)
-        probed = True
+        probed, n_checked = True, len(whole.rows)
         lower, upper, places, beyond = tree.union()
         estimate, widths = np.maximum(beyond.max(axis=0), runs.beyond(lower, upper)), runs.rms_widths()
-        is_field = len(tree.leaves) == 1 and runs.shape[0] * runs.shape[1] >= FIELD
-        error = (typical_error if is_field else relative_rms)(estimate, widths)
+        error = measure(estimate, widths)
         runs.tell(error)
         varies = np.isfinite(widths)
         doubtful = is_doubtful(estimate, upper - lower, runs.noise)[:, varies].any()

@@ -1,5 +1,6 @@
 """The surrogate in a box: a hierarchical interpolant, continued through runs beside its nodes, and its expected error."""
 
+from collections.abc import Container, Iterable
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ from symmb.bounds.refinement.constants import (
 from symmb.bounds.refinement.hierarchy import Hierarchy, newton_values
 from symmb.bounds.time_windows import average_over_window
 from symmb.codegen import with_compiler
-from symmb.nodes import Grid
+from symmb.nodes import Grid, Index, below
 from symmb.polynomials import Expansion, MultiIndices
 from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
 
@@ -59,7 +60,7 @@ class Surrogate:
         largest = sorted(predicted, key=lambda a: (-predicted[a], a))[: max(4 * len(points), 8 * hierarchy.d)]
         self._grid = Grid(hierarchy.d)
         self._grid.row = dict(hierarchy.grid.row)
-        self._grid.add(_closed(largest, predicted))
+        self._grid.add(closed(largest, predicted))
         self.ahead = self._grid.alpha[len(known) :]
         self.sizes = np.maximum([predicted[tuple(a)] for a in self.ahead.tolist()], 1e-9)
         n_c, errors = len(points), Y - hierarchy.values(points)
@@ -84,7 +85,7 @@ class Surrogate:
     def _prior(self, known: dict) -> Array:
         """Squares of tau from the surpluses that nothing follows in the set."""
         grid = self.hierarchy.grid
-        above = {b for a in grid.row for b in _below(a)}
+        above = {b for a in grid.row for b in below(a)}
         last = [k for a, k in grid.row.items() if a not in above]
         total = sum(known[a] ** 2 for a in grid.row if a not in above)
         sum_of_squares = average_over_window(np.square(self.hierarchy.surpluses[last]).sum(axis=0))
@@ -147,8 +148,7 @@ class Surrogate:
         of_set = np.concatenate([self.hierarchy.surpluses, self.coefficients])[:, times].reshape(len(alpha), -1)
         here = newton_values(alpha, x)
         error = spread * self.deviation(x)
-        inside = (np.abs(x) < 1).any(axis=1)
-        error = np.maximum(error, np.where(inside, NODE_SHARE * spread * self.typical, 0.0))
+        error = np.maximum(error, NODE_SHARE * spread * self.typical)
         for axis in unit:
             for factor in (1.0, 2.0):
                 z = x - factor * axis * x
@@ -166,19 +166,15 @@ class Surrogate:
         return np.maximum(error[before], error[behind])
 
 
-def _closed(indices, found):
+def closed(indices: Iterable[Index], found: Container[Index]) -> set[Index]:
     """With the smaller indices that are ahead as well."""
-    closed, pending = set(), list(indices)
+    together, pending = set[Index](), list(indices)
     while pending:
         one = pending.pop()
-        if one not in closed:
-            closed.add(one)
-            pending += [b for b in _below(one) if b in found]
-    return closed
-
-
-def _below(index):
-    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
+        if one not in together:
+            together.add(one)
+            pending += [b for b in below(one) if b in found]
+    return together
 
 
 def _extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:

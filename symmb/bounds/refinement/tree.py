@@ -17,7 +17,7 @@ from symmb.bounds.refinement.constants import (
     WHOLE_DEGREE,
 )
 from symmb.bounds.refinement.hierarchy import Hierarchy
-from symmb.bounds.refinement.surrogate import LeafRange, Surrogate
+from symmb.bounds.refinement.surrogate import LeafRange, Surrogate, closed
 from symmb.nodes import Index, line
 from symmb.polynomials import Expansion
 
@@ -101,7 +101,7 @@ class Leaf:
     @property
     def rough_direction(self) -> int | None:
         """The parameter with the largest surpluses along which they do not decay, or None."""
-        sizes = self.sizes
+        sizes = self.hierarchy.sizes(self.tree.runs.rms_widths(), self.tree.runs.noise, of_all=True)
         degrees = self.hierarchy.grid.alpha.max(axis=0)
         least = WHOLE_DEGREE if self.parent is None else HALF_DEGREE
         if degrees.max() < least:
@@ -136,11 +136,6 @@ class Leaf:
         errors[:, ~between] = np.nan
         return errors
 
-    @property
-    def predicted(self) -> float:
-        """The error that is expected anywhere, over the widths."""
-        return relative_rms(self.surrogate.expected, self.tree.runs.rms_widths())
-
     def refined(self) -> "list[Leaf] | None":
         """The leaf with more nodes, or its halves where it is rough; None if there are no runs or places for them."""
         runs, d, along = self.tree.runs, len(self.half), self.rough_direction
@@ -156,10 +151,14 @@ class Leaf:
                 return None
             return [Leaf(self.tree, self.centre + sign * (self.half - half), half, self) for sign in (-1, 1)]
         n = len(self.rows)
-        ahead = self.hierarchy.ahead(self.sizes, 1)
-        most = min(max(d if d > 2 else 2, int(GROWTH * n)), runs.left)
-        order = sorted(ahead, key=lambda a: (-ahead[a], a))[:most]
-        chosen = [a for a in order if ahead[a] >= REFINED_SHARE * ahead[order[0]]]
+        most = min(max(d, 2, int(GROWTH * n)), runs.left)
+        ahead = self.hierarchy.ahead(self.sizes, most)
+        order = sorted(ahead, key=lambda a: (-ahead[a], sum(a), a))
+        chosen: list[Index] = []
+        for a in order:
+            if len(chosen) < most and ahead[a] >= REFINED_SHARE * ahead[order[0]]:
+                chosen += [b for b in closed([a], ahead) if b not in chosen]
+        chosen = sorted(chosen, key=lambda a: (sum(a), a))[: runs.left]
         if not chosen:
             return None
         self.add(chosen, ahead)
