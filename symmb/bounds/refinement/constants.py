@@ -6,6 +6,8 @@ DECAY_POWER = 0.8
 """Power of the observed decay of surpluses that is expected to continue: 1 trusts it, 0 expects none."""
 LEAST_DECAY = 0.02
 """Least decay from level to level that is expected: a smaller one was seen once, and may be chance."""
+SPAN = 4
+"""Levels over which decays are averaged: a halving of angles at degree 16 has as many."""
 PRIOR_WEIGHT = 0.1
 """Observations for which a prediction counts: after ten errors that vanish, a tenth of it is left."""
 
@@ -17,6 +19,8 @@ REFINED_SHARE = 0.1
 """Share of the largest predicted surplus from which indices are added together."""
 MOST_GROWTH = 2.0
 """Growth of the nodes of many parameters until extremes are looked for again."""
+MOST_STEPS = 3
+"""Most steps by which a half grows until extremes are looked for again: it may turn out to hold none."""
 EARLY = 5.0
 """Predicted error over the tolerance at which check runs may show that it is enough."""
 ROUGH_DECAY, WHOLE_DEGREE, HALF_DEGREE = 0.75, 16, 8

@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from symmb._types import Array
 from symmb.bounds.adaptive.runs import relative_errors
-from symmb.bounds.refinement.constants import DECAY_POWER, LEAST_DECAY, PRIOR_WEIGHT
+from symmb.bounds.refinement.constants import DECAY_POWER, LEAST_DECAY, PRIOR_WEIGHT, SPAN
 from symmb.nodes import Grid, Index, below, line
 from symmb.polynomials import MultiIndices
 
@@ -73,7 +73,7 @@ class Hierarchy:
                 along.append(size)
             profile = [1.0, *(max(along[k : k + 2]) for k in range(1, len(along), 2))]
             if len(along) == 3:  # only a slope and a bend are known: the next level is that of the bend and its decay
-                profile.append(along[2] * _decay(along[2], along[1]))
+                profile.append(along[2] * slowness([1.0, *along[1:]]) ** DECAY_POWER)
             profiles.append(profile)
         return profiles
 
@@ -139,13 +139,15 @@ def _at(profile: list[float], level: int) -> float:
     """The size at a level, by the decay of those before where it is not known."""
     if level < len(profile):
         return profile[level]
-    decay = max((_decay(a, b) for a, b in zip(profile[:1:-1][:3], profile[-2:0:-1][:3], strict=True)), default=1.0)
+    decay = slowness(profile) ** DECAY_POWER if len(profile) > 2 else 1.0
     return profile[-1] * decay ** (level - len(profile) + 1)
 
 
-def _decay(size: float, before: float) -> float:
-    """The decay that is expected to go on."""
-    return min(max(size / before, LEAST_DECAY), 1.0) ** DECAY_POWER if before > 0 else LEAST_DECAY**DECAY_POWER
+def slowness(profile: list[float]) -> float:
+    """Mean decay from level to level of the last ones: nodes within a halving of angles are of unequal worth."""
+    span = min(SPAN, len(profile) - 2)
+    size, before = profile[-1], profile[-1 - span]
+    return min(max(size / before, LEAST_DECAY**span), 1.0) ** (1 / span) if before > 0 else LEAST_DECAY
 
 
 def _of_level(index: Index, known: dict[Index, float]) -> float:

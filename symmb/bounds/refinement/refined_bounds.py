@@ -22,11 +22,12 @@ from symmb.bounds.refinement.constants import (
     HOPELESS_SHARE,
     MOST_GROWTH,
     MOST_NODES_UNCHECKED,
+    MOST_STEPS,
     PROBES,
     PROBES_OF_FEW,
     RANGE,
 )
-from symmb.bounds.refinement.tree import Tree
+from symmb.bounds.refinement.tree import Leaf, Tree
 from symmb.bounds.time_windows import is_doubtful, rests_for_a_time
 
 FEW_SHAPES = 3
@@ -74,6 +75,8 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
                 continue  # more runs at extremes: those before have shown much
             k = int(np.argmax([relative_rms(each, widths) for each in beyond]))
             if parts := tree.leaves[k].refined():
+                if len(tree.leaves) > 1:
+                    parts = _grown(parts, runs, tolerance)
                 tree.leaves[k : k + 1] = parts
                 checked, before = 0, np.inf
                 _measure_noise(runs, tree)
@@ -81,6 +84,16 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
         estimate = estimate + RANGE * (upper - lower)
         expansion = (lambda: whole.expansion) if len(tree.leaves) == 1 else None
         return EstimatedRange(lower, upper, estimate, expansion, places, is_enough=error <= tolerance)
+
+
+def _grown(parts: list[Leaf], runs: Runs, tolerance: float) -> list[Leaf]:
+    """A leaf that grows until its expected error is near the tolerance, or so many times."""
+    for _ in range(MOST_STEPS):
+        near = len(parts) > 1 or relative_rms(parts[0].surrogate.expected, runs.rms_widths()) <= EARLY * tolerance
+        if near or runs.left < 1 or runs.clock.is_late or not (more := parts[0].refined()):
+            break
+        parts = more
+    return parts
 
 
 def _check(runs: Runs, tree: Tree, is_first: bool) -> None:

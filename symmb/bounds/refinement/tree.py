@@ -16,7 +16,7 @@ from symmb.bounds.refinement.constants import (
     SMALLEST_HALF_WIDTH,
     WHOLE_DEGREE,
 )
-from symmb.bounds.refinement.hierarchy import Hierarchy
+from symmb.bounds.refinement.hierarchy import Hierarchy, slowness
 from symmb.bounds.refinement.surrogate import LeafRange, Surrogate, closed
 from symmb.nodes import Index, line
 from symmb.polynomials import Expansion
@@ -111,8 +111,7 @@ class Leaf:
         for i, profile in enumerate(self.hierarchy.axes(sizes)):
             last[i] = max(profile[-2:])
             if degrees[i] >= least:
-                ratios = [a / b for a, b in ((profile[-2], profile[-3]), (profile[-3], profile[-4])) if b > 0]
-                rough[i] = last[i] if max(ratios, default=0.0) > ROUGH_DECAY else 0.0
+                rough[i] = last[i] if slowness(profile[:-1]) > ROUGH_DECAY else 0.0
         return int(rough.argmax()) if rough.max() >= REFINED_SHARE * last.max() > 0 else None
 
     @property
