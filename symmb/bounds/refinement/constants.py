@@ -53,6 +53,8 @@ RANGE_WORK = 200_000
 """Coefficients in all boxes that the search of a range may take."""
 DENSE = 1500
 """Most coefficients of a full tensor whose range is searched on a grid of samples."""
+REFUTATIONS = 4
+"""Rounds of runs at extremes of the surrogate beyond those of all corners: a kink inside shows there."""
 COMPARED, COMPARED_POINTS = 20_000, 100
 """Most points of comparison near extremes, each of which takes a value of all basis polynomials, and those anywhere."""
 JUMP_SHARE = 0.25

@@ -26,6 +26,7 @@ from symmb.bounds.refinement.constants import (
     PROBES,
     PROBES_OF_FEW,
     RANGE,
+    REFUTATIONS,
 )
 from symmb.bounds.refinement.tree import Leaf, Tree
 from symmb.bounds.time_windows import is_doubtful, rests_for_a_time
@@ -44,7 +45,7 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
     if d > MOST_NODES_UNCHECKED:
         found = monotone_bounds(runs, tolerance, lambda: tree.leaves[0].expansion)
         tree.forget(runs.points)
-        if found is not None:
+        if found is not None and not _is_refuted(found, runs, tree, tolerance):
             return found
     while True:
         whole = tree.leaves[0]
@@ -84,6 +85,19 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
         estimate = estimate + RANGE * (upper - lower)
         expansion = (lambda: whole.expansion) if len(tree.leaves) == 1 else None
         return EstimatedRange(lower, upper, estimate, expansion, places, is_enough=error <= tolerance)
+
+
+def _is_refuted(corners: EstimatedRange, runs: Runs, tree: Tree, tolerance: float) -> bool:
+    """Whether runs at extremes of the surrogate that are beyond all corners exceed these, as at a kink inside."""
+    for _ in range(REFUTATIONS):
+        lower, upper, places, _ = tree.union()
+        beyond = np.maximum(np.stack([corners.lower - lower, upper - corners.upper]) / runs.rms_widths(), 0.0)
+        if relative_rms(beyond.max(axis=0), np.ones(runs.shape[1])) <= tolerance or runs.clock.is_late:
+            return False
+        tree.check(select_dispersed(places, beyond, min(len(runs.box) // 2, runs.left)))
+        if relative_rms(runs.beyond(corners.lower, corners.upper), runs.rms_widths()) > tolerance / 2:
+            return True
+    return False
 
 
 def _grown(parts: list[Leaf], runs: Runs, tolerance: float) -> list[Leaf]:
