@@ -6,6 +6,8 @@ DECAY_POWER = 0.8
 """Power of the observed decay of surpluses that is expected to continue: 1 trusts it, 0 expects none."""
 LEAST_DECAY = 0.02
 """Least decay from level to level that is expected: a smaller one was seen once, and may be chance."""
+MIXED_SHARE = 0.1
+"""Share of the surpluses of products that those of an axis are taken for at least: the axis may be a line of symmetry."""
 SPAN = 4
 """Levels over which decays are averaged: a halving of angles at degree 16 has as many."""
 PRIOR_WEIGHT = 0.1

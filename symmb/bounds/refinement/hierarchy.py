@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 
 from symmb._types import Array
 from symmb.bounds.adaptive.runs import relative_errors
-from symmb.bounds.refinement.constants import DECAY_POWER, LEAST_DECAY, PRIOR_WEIGHT, SPAN
+from symmb.bounds.refinement.constants import DECAY_POWER, LEAST_DECAY, MIXED_SHARE, PRIOR_WEIGHT, SPAN
 from symmb.nodes import Grid, Index, below, line
 from symmb.polynomials import MultiIndices
 
@@ -64,13 +64,18 @@ class Hierarchy:
         squares = squares.mean(axis=1) if of_all and squares.size else squares.max(axis=1, initial=0.0)
         return dict(zip(self.grid.row, np.sqrt(squares).tolist(), strict=True))
 
-    def axes(self, sizes: dict[Index, float]) -> list[list[float]]:
-        """Sizes along each axis by level: a level is two degrees, because one of them may vanish by symmetry."""
+    def profiles(self, sizes: dict[Index, float], share: float = MIXED_SHARE) -> list[list[float]]:
+        """Sizes along each axis by level: a level is two degrees, one of which may vanish by symmetry.
+
+        They are at least a share of the largest ones of products of this degree: the axis may miss what is beside it.
+        """
+        alpha, size = self.grid.alpha, np.array(list(sizes.values()))
         profiles = []
         for i in range(self.d):
-            along = [1.0]
-            while (size := sizes.get(_unit(self.d, i, len(along)))) is not None:
-                along.append(size)
+            largest = np.zeros(int(alpha[:, i].max()) + 1)
+            is_axis = alpha[:, i] == alpha.sum(axis=1)
+            np.maximum.at(largest, alpha[:, i], np.where(is_axis, size, share * size))
+            along = largest.tolist()
             profile = [1.0, *(max(along[k : k + 2]) for k in range(1, len(along), 2))]
             if len(along) == 3:  # only a slope and a bend are known: the next level is that of the bend and its decay
                 profile.append(along[2] * slowness([1.0, *along[1:]]) ** DECAY_POWER)
@@ -84,7 +89,7 @@ class Hierarchy:
         relative to the width, and no larger than its neighbours let expect. How far such predictions were off in this
         study, for each number of parameters and degree, is a factor on them.
         """
-        profiles, off, known = self.axes(sizes), self._ratios(sizes), dict(sizes)
+        profiles, off, known = self.profiles(sizes), self._ratios(sizes), dict(sizes)
         grid, found = Grid(self.d), dict[Index, float]()
         grid.add(set(self.grid.row))
         while len(found) < least or not found:
@@ -129,10 +134,6 @@ class Hierarchy:
 def _kind(index: Index) -> tuple[int, int]:
     """The number of parameters, and the degree."""
     return sum(k > 0 for k in index), sum(index)
-
-
-def _unit(d: int, i: int, k: int) -> Index:
-    return tuple(k * (i == j) for j in range(d))
 
 
 def _at(profile: list[float], level: int) -> float:

@@ -82,7 +82,8 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
                 checked, before = 0, np.inf
                 _measure_noise(runs, tree)
                 continue
-        estimate = estimate + RANGE * (upper - lower)
+        attained = runs.extremes[1] - runs.extremes[0]
+        estimate = np.minimum(estimate + RANGE * (upper - lower), 2 * attained)  # nothing is known then
         expansion = (lambda: whole.expansion) if len(tree.leaves) == 1 else None
         return EstimatedRange(lower, upper, estimate, expansion, places, is_enough=error <= tolerance)
 

@@ -108,7 +108,7 @@ class Leaf:
             return None
         last = np.zeros(len(degrees))
         rough = last.copy()
-        for i, profile in enumerate(self.hierarchy.axes(sizes)):
+        for i, profile in enumerate(self.hierarchy.profiles(sizes, 1.0)):
             last[i] = max(profile[-2:])
             if degrees[i] >= least:
                 rough[i] = last[i] if slowness(profile[:-1]) > ROUGH_DECAY else 0.0
