@@ -1,4 +1,4 @@
-"""Tuned numbers of the refinement, each with its reason."""
+"""Tuned numbers of the refinement, each with its reason; seven more are those of the adaptive method."""
 
 # --- Prediction of surpluses ---------------------------------------------------------------------------------------
 
@@ -7,7 +7,7 @@ DECAY_POWER = 0.8
 LEAST_DECAY = 0.02
 """Least decay from level to level that is expected: a smaller one was seen once, and may be chance."""
 MIXED_SHARE = 0.1
-"""Share of the surpluses of products that those of an axis are taken for at least: the axis may be a line of symmetry."""
+"""Share of the surpluses of products that those of an axis count for at least: it may be a line of symmetry."""
 SPAN = 4
 """Levels over which decays are averaged: a halving of angles at degree 16 has as many."""
 PRIOR_WEIGHT = 0.1
@@ -28,15 +28,11 @@ EARLY = 5.0
 ROUGH_DECAY, WHOLE_DEGREE, HALF_DEGREE = 0.75, 16, 8
 """Decay from level to level above which a response is not smooth, and the least degrees at which this is judged: of the
 box, and of its parts, one of which is expected to be rough."""
-SMALLEST_HALF_WIDTH = 1e-6
-"""Half width of a box at which halving ends."""
 HOPELESS_NODES, HOPELESS_SHARE = 60, 0.25
 """Nodes for each parameter at which an error above this share of the width takes more runs than it is worth."""
 
 # --- Check runs ----------------------------------------------------------------------------------------------------
 
-PROBES, PROBES_OF_FEW = 2, 6
-"""Quasi-random check points, and those where responses have few shapes: what one shape hides, others show."""
 MOST_CHECKS = 60
 """Runs beside the nodes of a box through which its interpolant is continued: the matrix of all pairs is solved."""
 CONFIDENCE = 0.98
@@ -44,6 +40,10 @@ CONFIDENCE = 0.98
 tell their size are at places where the surrogate was expected to be wrong."""
 NODE_SHARE = 0.5
 """Share of the usual error that is expected even at runs inside the box: places of extremes are known only nearly."""
+SURPRISE = 3.0
+"""Error at check runs over the predicted one above which any index may have caused it."""
+PROGRESS = 0.7
+"""Share of an error that is left after check runs, up to which more of them are worth their runs."""
 NUGGET = 1e-3
 """Share of the variance at a run that comes from other indices: without it few of them had to explain all."""
 
@@ -51,22 +51,9 @@ NUGGET = 1e-3
 
 RANGE = 1e-4
 """Accuracy of a range, over its width."""
-RANGE_WORK = 200_000
-"""Coefficients in all boxes that the search of a range may take."""
 DENSE = 1500
 """Most coefficients of a full tensor whose range is searched on a grid of samples."""
 REFUTATIONS = 4
 """Rounds of runs at extremes of the surrogate beyond those of all corners: a kink inside shows there."""
 COMPARED, COMPARED_POINTS = 20_000, 100
 """Most points of comparison near extremes, each of which takes a value of all basis polynomials, and those anywhere."""
-JUMP_SHARE = 0.25
-"""Share of the error of a box that is left after it was halved along every parameter, where the response jumps."""
-
-# --- Study ---------------------------------------------------------------------------------------------------------
-
-MOST_NODES_UNCHECKED = 3
-"""Parameters up to which nodes are cheaper than runs at corners."""
-CHEAP_RUNS = 60
-"""Runs up to which bounds are refined until they are not doubtful."""
-FIELD = 1000
-"""Values of a run from which the error of a typical output counts, not that of the worst one."""

@@ -9,6 +9,7 @@ References
 Gerstner and Griebel, Computing 71 (2003), dimension-adaptive tensor-product quadrature.
 """
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -112,7 +113,7 @@ class Hierarchy:
             candidates.append(_of_level(smaller, known) * factor)
         return min(candidates)
 
-    def _ratios(self, sizes: dict[Index, float]):
+    def _ratios(self, sizes: dict[Index, float]) -> Callable[[Index], float]:
         """Factors on predictions: root mean square ratios of surpluses over those predicted, by kind of index."""
         observed: dict[tuple[int, int], list[float]] = {}
         for index, predicted in self.predicted.items():

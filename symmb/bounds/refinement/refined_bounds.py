@@ -5,33 +5,23 @@ from functools import partial
 import numpy as np
 
 from symmb.bounds.adaptive.adaptive_bounds import adaptive_bounds
-from symmb.bounds.adaptive.check_runs import (
-    count_shapes,
-    evenly_spread_points,
-    quasi_random_points,
-    select_dispersed,
-)
+from symmb.bounds.adaptive.check_runs import count_shapes, evenly_spread_points, quasi_random_points, select_dispersed
+from symmb.bounds.adaptive.constants import CHEAP_RUNS, FEW_SHAPES, MANY_VALUES, SPARSE_PROBES, TENSOR_PARAMETERS
 from symmb.bounds.adaptive.monotone import monotone_bounds
 from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.screening import screen
 from symmb.bounds.refinement.constants import (
-    CHEAP_RUNS,
     EARLY,
-    FIELD,
     HOPELESS_NODES,
     HOPELESS_SHARE,
     MOST_GROWTH,
-    MOST_NODES_UNCHECKED,
     MOST_STEPS,
-    PROBES,
-    PROBES_OF_FEW,
+    PROGRESS,
     RANGE,
     REFUTATIONS,
 )
 from symmb.bounds.refinement.tree import Leaf, Tree
 from symmb.bounds.time_windows import is_doubtful, rests_for_a_time
-
-FEW_SHAPES = 3
 
 
 def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
@@ -42,19 +32,20 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
     show how far the response is from them; the surrogate is continued through these runs.
     """
     d, tree, checked, before, probed, n_checked = len(runs.box), Tree(runs), 0, np.inf, False, 2 * len(runs.box)
-    if d > MOST_NODES_UNCHECKED:
+    is_many = d > TENSOR_PARAMETERS
+    if is_many:
         found = monotone_bounds(runs, tolerance, lambda: tree.leaves[0].expansion)
         tree.forget(runs.points)
         if found is not None and not _is_refuted(found, runs, tree, tolerance):
             return found
     while True:
         whole = tree.leaves[0]
-        is_field = len(tree.leaves) == 1 and runs.shape[0] * runs.shape[1] >= FIELD
+        is_field = len(tree.leaves) == 1 and runs.shape[0] * runs.shape[1] >= MANY_VALUES
         measure = typical_error if is_field else relative_rms
-        is_first = before == np.inf and len(whole.rows) == 2 * d + 1 and d > MOST_NODES_UNCHECKED
+        is_first = before == np.inf and len(whole.rows) == 2 * d + 1 and is_many
         if not is_first and len(tree.leaves) == 1 and not runs.clock.is_late and checked == 0:
             predicted = measure(whole.surrogate.expected, runs.rms_widths())
-            is_rare = d <= MOST_NODES_UNCHECKED or len(whole.rows) < MOST_GROWTH * n_checked
+            is_rare = not is_many or len(whole.rows) < MOST_GROWTH * n_checked
             if (predicted > EARLY * tolerance and is_rare and runs.left > 2 * d) and (parts := whole.refined()):
                 tree.leaves = parts
                 _measure_noise(runs, tree)
@@ -68,10 +59,10 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
         varies = np.isfinite(widths)
         doubtful = is_doubtful(estimate, upper - lower, runs.noise)[:, varies].any()
         is_done = error <= tolerance and (not doubtful or len(runs) >= CHEAP_RUNS)
-        hopeless = len(whole.rows) >= HOPELESS_NODES * d and error > HOPELESS_SHARE and d > 3 and not is_patient
+        hopeless = len(whole.rows) >= HOPELESS_NODES * d and error > HOPELESS_SHARE and is_many and not is_patient
         if not (is_done or hopeless or runs.left < 1 or runs.clock.is_late):
             checked += 1
-            if d > MOST_NODES_UNCHECKED and checked < 3 and error < 0.7 * before:
+            if is_many and checked < 3 and error < PROGRESS * before:
                 before = error
                 continue  # more runs at extremes: those before have shown much
             k = int(np.argmax([relative_rms(each, widths) for each in beyond]))
@@ -84,7 +75,7 @@ def refined_range(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
                 continue
         attained = runs.extremes[1] - runs.extremes[0]
         estimate = np.minimum(estimate + RANGE * (upper - lower), 2 * attained)  # nothing is known then
-        expansion = (lambda: whole.expansion) if len(tree.leaves) == 1 else None
+        expansion = partial(getattr, whole, "expansion") if len(tree.leaves) == 1 else None
         return EstimatedRange(lower, upper, estimate, expansion, places, is_enough=error <= tolerance)
 
 
@@ -117,14 +108,14 @@ def _check(runs: Runs, tree: Tree, is_first: bool) -> None:
     if is_first:
         few = count_shapes(runs.nodes, runs.rms_widths()) <= FEW_SHAPES
         tree.check(evenly_spread_points(runs.probes, d))
-        number = PROBES_OF_FEW if few and d <= MOST_NODES_UNCHECKED else PROBES
+        number = 3 * SPARSE_PROBES if few and d <= TENSOR_PARAMETERS else SPARSE_PROBES
         tree.check(quasi_random_points(number, d))
-        if d > MOST_NODES_UNCHECKED and (few or rests_for_a_time(*runs.extremes, runs.noise)):
+        if d > TENSOR_PARAMETERS and (few or rests_for_a_time(*runs.extremes, runs.noise)):
             screen(runs, runs.left // 2)
             tree.forget(runs.points)
-    lower, upper, places, beyond = tree.union()
+    _, _, places, beyond = tree.union()
     weights = np.stack([beyond.max(axis=0)] * 2) / runs.rms_widths()
-    number = min(max(d, 4) if d > MOST_NODES_UNCHECKED else max(2 * d, 4), runs.left)
+    number = min(max(d, 4) if d > TENSOR_PARAMETERS else max(2 * d, 4), runs.left)
     tree.check(select_dispersed(places, weights, number))
 
 

@@ -1,4 +1,4 @@
-"""The surrogate in a box: a hierarchical interpolant, continued through runs beside its nodes, and its expected error."""
+"""The surrogate in a box: a hierarchical interpolant, continued through runs beside its nodes, and its error."""
 
 from collections.abc import Container, Iterable
 from functools import cached_property, partial
@@ -10,6 +10,7 @@ from scipy.stats import t as student
 
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import evenly_spread_points, quasi_random_points
+from symmb.bounds.adaptive.constants import FEWEST_BOXES, RANGE_WORK, TENSOR_PARAMETERS
 from symmb.bounds.adaptive.runs import relative_rms
 from symmb.bounds.refinement.constants import (
     COMPARED,
@@ -20,7 +21,7 @@ from symmb.bounds.refinement.constants import (
     NUGGET,
     PRIOR_WEIGHT,
     RANGE,
-    RANGE_WORK,
+    SURPRISE,
 )
 from symmb.bounds.refinement.hierarchy import Hierarchy, newton_values
 from symmb.bounds.time_windows import average_over_window
@@ -66,23 +67,23 @@ class Surrogate:
         n_c, errors = len(points), Y - hierarchy.values(points)
         if n_c:  # errors far above the predicted ones may come from any index
             least = relative_rms(np.sqrt(np.square(errors).mean(axis=0)), widths)
-            if least > 3 * np.sqrt(np.square(self._weighted(points)).sum(axis=1).mean()):
+            if least > SURPRISE * np.sqrt(np.square(self._weighted(points)).sum(axis=1).mean()):
                 self.sizes = np.maximum(self.sizes, least / len(self.sizes) ** 0.5)
         H = self._weighted(points)
         G = H @ H.T
         G[np.diag_indices(n_c)] *= 1 + NUGGET
         G[np.diag_indices(n_c)] += 1e-24
         self._factor = cho_factor(G, lower=True) if n_c else None
-        weights = cho_solve(self._factor, errors.reshape(n_c, -1)) if n_c else errors.reshape(0, widths.size * Y.shape[1])
-        self.coefficients = (self.sizes[:, None] * (H.T @ weights)).reshape(-1, *Y.shape[1:])
-        squares = PRIOR_WEIGHT * self._prior(known)
-        if n_c:
-            alone = np.diag(cho_solve(self._factor, np.eye(n_c)))
-            squares = squares + average_over_window((np.square(weights) / alone[:, None]).sum(axis=0).reshape(Y.shape[1:]))
+        self.coefficients, squares = np.zeros((len(H.T), *Y.shape[1:])), PRIOR_WEIGHT * self._prior(known)
+        if self._factor is not None:
+            solved = cho_solve(self._factor, np.hstack([errors.reshape(n_c, -1), np.eye(n_c)]))
+            weights, alone = solved[:, :-n_c].reshape(errors.shape), np.diag(solved[:, -n_c:])
+            self.coefficients = np.tensordot(self.sizes[:, None] * H.T, weights, axes=1)
+            squares = squares + average_over_window((np.square(weights) / alone[:, None, None]).sum(axis=0))
         self.scale = np.sqrt(squares / (PRIOR_WEIGHT + n_c))
         self.confidence = float(student.ppf(CONFIDENCE, max(n_c, 1)))
 
-    def _prior(self, known: dict) -> Array:
+    def _prior(self, known: dict[Index, float]) -> Array:
         """Squares of tau from the surpluses that nothing follows in the set."""
         grid = self.hierarchy.grid
         above = {b for a in grid.row for b in below(a)}
@@ -105,7 +106,8 @@ class Surrogate:
 
     def values(self, points: Array) -> Array:
         """Responses (n, n_t, n_y) at points (n, d)."""
-        return self.hierarchy.values(points) + np.tensordot(newton_values(self.ahead, points), self.coefficients, axes=1)
+        further = np.tensordot(newton_values(self.ahead, points), self.coefficients, axes=1)
+        return self.hierarchy.values(points) + further
 
     @cached_property
     def expected(self) -> Array:
@@ -136,9 +138,8 @@ class Surrogate:
     def _error(self, places: Array, sign: int) -> Array:
         """How far the response may exceed an extreme (n_t, n_y) of the surrogate at places (n_t, n_y, d).
 
-        It is the largest of s(z) + confidence tau sigma(z) over s(x), at the place x and at points z with one parameter
-        changed or anywhere in the box: where the surrogate falls steeply from x, as at a corner of a monotone response, it
-        is 0.
+        It is the largest of s(z) + confidence tau sigma(z) over s(x), at the place x, at points z with one parameter
+        changed, and at some anywhere in the box: where the surrogate falls steeply from x it is small.
         """
         (n_t, n_y, d), alpha = places.shape, self._grid.alpha
         step = max(1, -(-n_t * n_y * (2 * d + 1) // COMPARED))
@@ -182,11 +183,11 @@ def _extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, A
     d, degrees = alpha.shape[1], alpha.max(axis=0)
     full = int(np.prod(degrees + 1))
 
-    def by_boxes():
-        found = Exact(RANGE, max(20, RANGE_WORK // len(alpha))).attained(alpha, coefficients)
+    def by_boxes() -> tuple[Array, Array, Array, Array]:
+        found = Exact(RANGE, max(FEWEST_BOXES, RANGE_WORK // len(alpha))).attained(alpha, coefficients)
         return found.lower, found.upper, found.at_lower, found.at_upper
 
-    if d > 3 or full > DENSE or degrees.max() > HIGHEST_DEGREE:
+    if d > TENSOR_PARAMETERS or full > DENSE or degrees.max() > HIGHEST_DEGREE:
         return by_boxes()
     tensor = np.indices(tuple(degrees + 1)).reshape(d, -1).T
     padded = np.zeros((full, coefficients.shape[1]))

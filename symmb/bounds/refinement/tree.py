@@ -1,21 +1,14 @@
 """A tree of boxes with a surrogate in each leaf, and the range of all of them together."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
+from symmb.bounds.adaptive.constants import INHERITED_SHARE, SMALLEST_HALF_WIDTH
 from symmb.bounds.adaptive.runs import Runs, relative_errors, relative_rms
-from symmb.bounds.refinement.constants import (
-    GROWTH,
-    HALF_DEGREE,
-    JUMP_SHARE,
-    MOST_CHECKS,
-    REFINED_SHARE,
-    ROUGH_DECAY,
-    SMALLEST_HALF_WIDTH,
-    WHOLE_DEGREE,
-)
+from symmb.bounds.refinement.constants import GROWTH, HALF_DEGREE, MOST_CHECKS, REFINED_SHARE, ROUGH_DECAY, WHOLE_DEGREE
 from symmb.bounds.refinement.hierarchy import Hierarchy, slowness
 from symmb.bounds.refinement.surrogate import LeafRange, Surrogate, closed
 from symmb.nodes import Index, line
@@ -81,9 +74,9 @@ class Leaf:
         rough = self.inherited is not None and self.rough_direction is not None
         if events is None and not rough:
             return found._replace(places=places)
-        jumps = np.ones(found.lower.shape, dtype=bool) if rough else np.isfinite(events[0])
+        jumps = np.isfinite(events[0]) if events is not None and not rough else np.ones(found.lower.shape, dtype=bool)
         Y, points = self.tree.runs.nodes[self.rows], self.centre + self.half * self.hierarchy.grid.nodes
-        lost = JUMP_SHARE ** (1 / len(self.half)) * self.inherited if self.inherited is not None else np.inf
+        lost = INHERITED_SHARE ** (1 / len(self.half)) * self.inherited if self.inherited is not None else np.inf
         lost = np.minimum(lost, np.ptp(Y, axis=0)) if events is None else np.nan_to_num(events.sum(axis=0), nan=0.0)
         nodes = np.stack([points[Y.argmin(axis=0)], points[Y.argmax(axis=0)]])
         return LeafRange(
@@ -131,7 +124,9 @@ class Leaf:
             axis = np.flatnonzero(alpha.sum(axis=1) == alpha[:, i])
             axis = axis[np.argsort(line(int(alpha.max()) + 1)[alpha[axis, i]])]
             change, has_event = np.abs(np.diff(Y[axis], axis=0)), np.diff(events[axis], axis=0)[..., None] != 0
-            errors[i] = np.where(has_event.all(axis=0), change.max(axis=0), np.where(has_event, 0.0, change).max(axis=0))
+            errors[i] = np.where(
+                has_event.all(axis=0), change.max(axis=0), np.where(has_event, 0.0, change).max(axis=0)
+            )
         errors[:, ~between] = np.nan
         return errors
 
@@ -177,7 +172,7 @@ class Tree:
         self.runs, self.places = runs, np.empty((0, d))
         self.leaves = [Leaf(self, np.zeros(d), np.ones(d))]
 
-    def at(self, points: Array, predict) -> Indices:
+    def at(self, points: Array, predict: Callable[[Array], Array] | None) -> Indices:
         """Rows of the runs at points, which are run unless they have been."""
         rows = self.runs.at(points, predict)
         new = np.flatnonzero(rows >= len(self.places))
