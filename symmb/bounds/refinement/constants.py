@@ -50,10 +50,10 @@ NUGGET = 1e-3
 # --- Ranges --------------------------------------------------------------------------------------------------------
 
 RANGE = 1e-4
-"""Accuracy of a range, over its width."""
+"""Accuracy of a range, over its width; of many parameters ten times it, as places count there, which are run."""
 DENSE = 1500
 """Most coefficients of a full tensor whose range is searched on a grid of samples."""
-REFUTATIONS = 4
+REFUTATIONS = 3
 """Rounds of runs at extremes of the surrogate beyond those of all corners: a kink inside shows there."""
 COMPARED, COMPARED_POINTS = 20_000, 100
 """Most points of comparison near extremes, each of which takes a value of all basis polynomials, and those anywhere."""

@@ -29,7 +29,7 @@ class Hierarchy:
     ----------
     grid : the set of indices, and its nodes
     surpluses : (N, n_t, n_y)
-    predicted : the size that was predicted of each surplus when its node was run, by its index
+    predicted : the size that was predicted of each surplus when its node was run, without the factor of its kind
     """
 
     def __init__(self, d: int, shape: tuple[int, int]) -> None:
@@ -37,13 +37,14 @@ class Hierarchy:
         self.surpluses = np.empty((0, *shape))
         self.predicted: dict[Index, float] = {}
         self._sizes = np.empty((0, shape[1]))
+        self._unscaled: dict[Index, float] = {}
 
-    def add(self, nodes: list[Index], Y: Array, predicted: dict[Index, float]) -> None:
+    def add(self, nodes: list[Index], Y: Array) -> None:
         """More indices, in the order of their degree, and the responses (k, n_t, n_y) at their nodes."""
         before = self.grid.alpha
         self.grid.add(set(nodes))
         alpha = self.grid.alpha[len(before) :]
-        self.predicted |= {index: predicted[index] for index in nodes if index in predicted}
+        self.predicted |= {index: self._unscaled[index] for index in nodes if index in self._unscaled}
         points = line(int(alpha.max(initial=0)) + 1)[alpha]
         rest = Y - np.tensordot(newton_values(before, points), self.surpluses, axes=1)
         triangle = newton_values(alpha, points)
@@ -95,7 +96,8 @@ class Hierarchy:
         grid.add(set(self.grid.row))
         while len(found) < least or not found:
             layer = grid.ahead()
-            new = {index: off(index) * self._predicted(index, known, profiles) for index in layer}
+            self._unscaled |= (raw := {index: self._predicted(index, known, profiles) for index in layer})
+            new = {index: off(index) * size for index, size in raw.items()}
             grid.add(layer)
             known |= new
             found |= new

@@ -107,7 +107,7 @@ class Surrogate:
     def values(self, points: Array) -> Array:
         """Responses (n, n_t, n_y) at points (n, d)."""
         further = np.tensordot(newton_values(self.ahead, points), self.coefficients, axes=1)
-        return self.hierarchy.values(points) + further
+        return np.asarray(self.hierarchy.values(points) + further, dtype=float)
 
     @cached_property
     def expected(self) -> Array:
@@ -184,7 +184,7 @@ def _extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, A
     full = int(np.prod(degrees + 1))
 
     def by_boxes() -> tuple[Array, Array, Array, Array]:
-        found = Exact(RANGE, max(FEWEST_BOXES, RANGE_WORK // len(alpha))).attained(alpha, coefficients)
+        found = Exact(10 * RANGE, max(FEWEST_BOXES, RANGE_WORK // 4 // len(alpha))).attained(alpha, coefficients)
         return found.lower, found.upper, found.at_lower, found.at_upper
 
     if d > TENSOR_PARAMETERS or full > DENSE or degrees.max() > HIGHEST_DEGREE:

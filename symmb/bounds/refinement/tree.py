@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from symmb._types import Array, Indices, Mask
+from symmb._types import Array, Indices
 from symmb.bounds.adaptive.constants import INHERITED_SHARE, SMALLEST_HALF_WIDTH
 from symmb.bounds.adaptive.runs import Runs, relative_errors, relative_rms
 from symmb.bounds.refinement.constants import GROWTH, HALF_DEGREE, MOST_CHECKS, REFINED_SHARE, ROUGH_DECAY, WHOLE_DEGREE
@@ -31,9 +31,9 @@ class Leaf:
         self.inherited = None if parent is None else parent.range.errors.max(axis=0)
         d = len(half)
         axes = [tuple(k * (i == j) for j in range(d)) for i in range(d) for k in (1, 2)]
-        self.add([(0,) * d, *axes], {})
+        self.add([(0,) * d, *axes])
 
-    def add(self, indices: list[Index], predicted: dict[Index, float]) -> None:
+    def add(self, indices: list[Index]) -> None:
         """Run nodes. Those that fail have the values that are predicted there."""
         indices = sorted(indices, key=lambda a: (sum(a), a))
         alpha = np.array(indices)
@@ -41,7 +41,7 @@ class Leaf:
         source = self if len(self.rows) else self.parent
         rows = self.tree.at(points, source and source.values)
         self.rows = np.concatenate([self.rows, rows])
-        self.hierarchy.add(indices, self.tree.runs.nodes[rows], predicted)
+        self.hierarchy.add(indices, self.tree.runs.nodes[rows])
         self.forget()
 
     def forget(self) -> None:
@@ -155,7 +155,7 @@ class Leaf:
         chosen = sorted(chosen, key=lambda a: (sum(a), a))[: runs.left]
         if not chosen:
             return None
-        self.add(chosen, ahead)
+        self.add(chosen)
         return [self]
 
 
@@ -224,5 +224,4 @@ def _taken(alternatives: Array, which: Indices) -> Array:
 
 
 def _inside(leaf: Leaf, points: Array) -> Indices:
-    inside: Mask = (np.abs(points - leaf.centre) <= leaf.half * (1 + 1e-9)).all(axis=1)
-    return np.flatnonzero(inside)
+    return np.flatnonzero((np.abs(points - leaf.centre) <= leaf.half * (1 + 1e-9)).all(axis=1))
