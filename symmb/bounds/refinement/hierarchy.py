@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from symmb._types import Array
-from symmb.bounds.adaptive.runs import relative_errors
+from symmb.bounds.adaptive import relative_errors
 from symmb.bounds.refinement.constants import DECAY_POWER, LEAST_DECAY, MIXED_SHARE, PRIOR_WEIGHT, SPAN
 from symmb.nodes import Grid, Index, below, line
 from symmb.polynomials import MultiIndices

@@ -4,12 +4,24 @@ from functools import partial
 
 import numpy as np
 
-from symmb.bounds.adaptive.adaptive_bounds import adaptive_bounds
-from symmb.bounds.adaptive.check_runs import count_shapes, evenly_spread_points, quasi_random_points, select_dispersed
-from symmb.bounds.adaptive.constants import CHEAP_RUNS, FEW_SHAPES, MANY_VALUES, SPARSE_PROBES, TENSOR_PARAMETERS
-from symmb.bounds.adaptive.monotone import monotone_bounds
-from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms, typical_error
-from symmb.bounds.adaptive.screening import screen
+from symmb.bounds.adaptive import (
+    CHEAP_RUNS,
+    FEW_SHAPES,
+    MANY_VALUES,
+    SPARSE_PROBES,
+    TENSOR_PARAMETERS,
+    EstimatedRange,
+    Runs,
+    adaptive_bounds,
+    count_shapes,
+    evenly_spread_points,
+    monotone_bounds,
+    quasi_random_points,
+    relative_rms,
+    screen,
+    select_dispersed,
+    typical_error,
+)
 from symmb.bounds.refinement.constants import (
     EARLY,
     HOPELESS_NODES,

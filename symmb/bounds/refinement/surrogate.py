@@ -9,9 +9,14 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.stats import t as student
 
 from symmb._types import Array
-from symmb.bounds.adaptive.check_runs import evenly_spread_points, quasi_random_points
-from symmb.bounds.adaptive.constants import FEWEST_BOXES, RANGE_WORK, TENSOR_PARAMETERS
-from symmb.bounds.adaptive.runs import relative_rms
+from symmb.bounds.adaptive import (
+    FEWEST_BOXES,
+    RANGE_WORK,
+    TENSOR_PARAMETERS,
+    evenly_spread_points,
+    quasi_random_points,
+    relative_rms,
+)
 from symmb.bounds.refinement.constants import (
     COMPARED,
     COMPARED_POINTS,

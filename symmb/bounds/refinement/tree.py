@@ -6,8 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bounds.adaptive.constants import INHERITED_SHARE, SMALLEST_HALF_WIDTH
-from symmb.bounds.adaptive.runs import Runs, relative_errors, relative_rms
+from symmb.bounds.adaptive import INHERITED_SHARE, SMALLEST_HALF_WIDTH, Runs, relative_errors, relative_rms
 from symmb.bounds.refinement.constants import GROWTH, HALF_DEGREE, MOST_CHECKS, REFINED_SHARE, ROUGH_DECAY, WHOLE_DEGREE
 from symmb.bounds.refinement.hierarchy import Hierarchy, slowness
 from symmb.bounds.refinement.surrogate import LeafRange, Surrogate, closed
