@@ -184,6 +184,12 @@ def whole(owner: str, name: str, value: object, least: int, most: float = math.i
     return int(value)
 
 
+def dimensions(owner: object, d: object, *, n: object = 0, order: object = 0) -> tuple[int, int, int]:
+    """A number of parameters, of points and an order as Python's integers; DeclarationError unless they are whole."""
+    name = type(owner).__name__
+    return whole(name, "d", d, 1), whole(name, "n", n, 0), whole(name, "order", order, 0)
+
+
 def require_whole(options: object, name: str, least: int, most: float = math.inf) -> None:
     """A field of a frozen object becomes Python's integer; DeclarationError unless it is one in this range."""
     value = whole(type(options).__name__, name, getattr(options, name), least, most)

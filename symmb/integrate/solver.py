@@ -183,8 +183,9 @@ class Solver(ABC):
         return f"{type(self).__name__}({', '.join(f'{name}={getattr(self, name)!r}' for name in options)})"
 
 
-_LIMITS = {"rtol": (_LEAST_RTOL, 1.0), "tolerance": (0.0, 1.0)}
-"""Of options of several solvers. At a tolerance of 1 Newton's method would end at once."""
+_LIMITS = {"rtol": (_LEAST_RTOL, 1.0), "atol": (1e-30, np.inf), "tolerance": (0.0, 1.0)}
+"""Of options of several solvers. At a tolerance of 1 Newton's method would end at once. SUNDIALS has no end at absolute
+tolerances whose weights are too large to be squared and summed."""
 
 
 def _longest_taken(step: float, times: Array | None) -> float:

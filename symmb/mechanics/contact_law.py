@@ -13,7 +13,7 @@ from symmb._options import require_instance
 from symmb._types import Expr
 from symmb.mechanics.element import require_number
 from symmb.mechanics.table import Table
-from symmb.symbolic import is_zero
+from symmb.symbolic import is_zero, scalar
 
 _TOUCH = 1e-12
 """Penetration above which a contact has a force [m, rad]. Below it third derivatives exceed double precision."""
@@ -34,6 +34,11 @@ class ContactLaw(ABC):
     def stores(self) -> ca.SX:
         """Expressions in the stored energy beside the penetration. Energy is conserved if they are constant."""
         return ca.SX(0, 1)
+
+
+def _expressions(law: ContactLaw, penetration: object, rate: object) -> tuple[ca.SX, ca.SX]:
+    owner = type(law).__name__
+    return scalar(penetration, f"{owner}: penetration"), scalar(rate, f"{owner}: rate")
 
 
 def _power(base: ca.SX, exponent: Expr) -> ca.SX:
@@ -64,6 +69,7 @@ class _Hertzian(ContactLaw):
         """Damping over stiffness [s/m]."""
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        penetration, rate = _expressions(self, penetration, rate)
         touching = penetration > _TOUCH
         loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # its sign causes a kink only during contact
         d = ca.if_else(touching, penetration, 1)
@@ -167,6 +173,7 @@ class KelvinVoigt(ContactLaw):
         require_number(self, "damping", self.damping, least=0.0)
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        penetration, rate = _expressions(self, penetration, rate)
         return _pushing(penetration, self.stiffness * penetration + self.damping * rate)
 
     def potential(self, penetration: ca.SX) -> ca.SX | None:
@@ -197,6 +204,7 @@ class Tabulated(ContactLaw):
         require_number(self, "damping", self.damping, least=0.0)
 
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
+        penetration, rate = _expressions(self, penetration, rate)
         return _pushing(penetration, self.table(penetration) + self.damping * rate)
 
 

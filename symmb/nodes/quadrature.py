@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._options import constructor_text, require_kind, require_whole
+from symmb._options import constructor_text, dimensions, require_kind, require_whole
 from symmb._types import Array
 from symmb.nodes.leja import symmetric_leja
 from symmb.polynomials import homogeneous
@@ -36,6 +36,7 @@ class Rule(ABC):
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes ((order + 1)^d, d) and weights."""
+        d, _, order = dimensions(self, d, order=order)
         return tensor([self.line(order)] * d)
 
     def size(self, d: int, order: int) -> int:
@@ -196,6 +197,7 @@ class SparseGrid:
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes (N, d) and weights (N,)."""
+        d, _, order = dimensions(self, d, order=order)
         level = self._level(order)
         if self.rule.degree(level) > MOST_ORDER:
             degree = self.rule.degree(level)

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from symmb._options import dimensions
 from symmb._types import Array
 
 
@@ -33,6 +34,7 @@ class Random:
 
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""
+        d, n, _ = dimensions(self, d, n=n)
         return np.random.default_rng(seed).uniform(-1.0, 1.0, (n, d))
 
 
@@ -42,6 +44,7 @@ class Sobol:
 
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""
+        d, n, _ = dimensions(self, d, n=n)
         from scipy.stats import qmc
 
         sequence = qmc.Sobol(d, rng=np.random.default_rng(seed))
@@ -54,6 +57,7 @@ class LatinHypercube:
 
     def points(self, n: int, d: int, seed: int) -> Array:
         """(n, d) points."""
+        d, n, _ = dimensions(self, d, n=n)
         from scipy.stats import qmc
 
         return 2.0 * qmc.LatinHypercube(d, rng=np.random.default_rng(seed)).random(n) - 1.0

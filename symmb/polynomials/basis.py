@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from symmb._options import require_between
+from symmb._options import dimensions, require_between
 from symmb.polynomials.legendre import MultiIndices, tensor_degree, total_degree
 
 
@@ -30,6 +30,7 @@ class TotalDegree:
 
     def indices(self, d: int, order: int) -> MultiIndices:
         """(n_b, d), the constant first."""
+        d, _, order = dimensions(self, d, order=order)
         return total_degree(d, order)
 
     def size(self, d: int, order: int) -> int:
@@ -49,6 +50,7 @@ class TensorDegree:
 
     def indices(self, d: int, order: int) -> MultiIndices:
         """(n_b, d), the constant first."""
+        d, _, order = dimensions(self, d, order=order)
         return tensor_degree(d, order)
 
     def size(self, d: int, order: int) -> int:
@@ -87,9 +89,10 @@ class HyperbolicCross:
 
     def indices(self, d: int, order: int) -> MultiIndices:
         """(n_b, d), the constant first."""
+        d, _, order = dimensions(self, d, order=order)
         alpha = total_degree(d, order)
         rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
-        return alpha[np.sum((alpha / order) ** self.q, axis=1) <= 1 + rounding]
+        return alpha[np.sum((alpha / max(order, 1)) ** self.q, axis=1) <= 1 + rounding]
 
     def size(self, d: int, order: int) -> int:
         """Number of products of the total degree, from which these are taken."""

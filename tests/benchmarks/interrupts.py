@@ -4,8 +4,8 @@ Every command must end within 2 s with exit status 130, keep the files of an ear
 nor folders. It prints the longest time to end of each command and what did not hold. 50 moments take half an hour.
 
 python tests/benchmarks/interrupts.py programs [SIGNALS [SEED]] sends INT, TERM, HUP, QUIT and KILL to studies of
-programs that start others, on the command line and in Python with and without pools. 2 s later there must be no process
-and no folder; after KILL no folder once another study has begun.
+programs that start others and of FMUs some of whose runs hang, on the command line and in Python with and without
+pools. 2 s later there must be no process and no folder; after KILL no folder once another study has begun.
 """
 
 import os
@@ -17,6 +17,10 @@ import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import fmus
 
 LONG = """
 import numpy as np
@@ -55,25 +59,34 @@ def simulator():
     run = mb.CommandSimulator([sys.executable, "in.py"], {"k": 1.0}, [0.0], ["x"], {"in.py": CODE})
     return run, mb.Box(k=(0.01, 0.9))
 """
+FMU = """
+import symmb as mb
+
+def simulator():
+    run = mb.FMUSimulator("spring.fmu", {"stiffness": 40.0}, [0.0, 0.5, 1.0], ["position"])
+    return run, mb.Box(stiffness=(20.0, 95.0))
+"""
 STUDY = """
+import importlib
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from programs import simulator
 import symmb as mb
 
 if __name__ == "__main__":
-    run, box = simulator()
-    if sys.argv[1] == "alone":
+    run, box = importlib.import_module(sys.argv[1]).simulator()
+    if sys.argv[2] == "alone":
         mb.propagate(run, mb.MonteCarlo(100), box)
     else:
-        with {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}[sys.argv[1]](2) as pool:
+        with {"threads": ThreadPoolExecutor, "processes": ProcessPoolExecutor}[sys.argv[2]](2) as pool:
             mb.propagate(run, mb.MonteCarlo(100), box, executor=pool)
 """
+_COMMAND = ["-m", "symmb.cli", "compare", "{}.py", "--methods", "mc:50"]
 STUDIES = {
-    "command": ["-m", "symmb.cli", "compare", "programs.py", "--methods", "mc:50"],
-    "command with workers": ["-m", "symmb.cli", "compare", "programs.py", "--methods", "mc:50", "--workers", "2"],
-    **{f"Python, {kind}": ["study.py", kind] for kind in ("alone", "threads", "processes")},
+    "command": _COMMAND,
+    "command with workers": [*_COMMAND, "--workers", "2"],
+    **{f"Python, {kind}": ["study.py", "{}", kind] for kind in ("alone", "threads", "processes")},
 }
+MODELS = "programs", "fmu"
 ENDS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGKILL
 ROOT = Path(__file__).parents[2]
 PREVIOUS = b"previous"
@@ -141,16 +154,17 @@ def interrupted(name: str, number: signal.Signals, moment: float) -> tuple[float
         return seconds, faults
 
 
-def ended_programs(name: str, number: signal.Signals, moment: float) -> list[str]:
-    """What is left of a study of programs that gets a signal at a moment."""
+def ended_programs(model: str, name: str, number: signal.Signals, moment: float, fmu: bytes) -> list[str]:
+    """What is left of a study of programs or of an FMU that gets a signal at a moment."""
     with tempfile.TemporaryDirectory() as folder:
         temporary = Path(folder, "tmp")
         temporary.mkdir(mode=0o700)
-        for file, text in (("programs.py", PROGRAMS), ("study.py", STUDY)):
+        for file, text in (("programs.py", PROGRAMS), ("fmu.py", FMU), ("study.py", STUDY)):
             Path(folder, file).write_text(text)
+        Path(folder, "spring.fmu").write_bytes(fmu)
         environment = {**os.environ, "TMPDIR": str(temporary), "PYTHONPATH": str(ROOT)}
         process = subprocess.Popen(
-            [sys.executable, *STUDIES[name]],
+            [sys.executable, *(word.format(model) for word in STUDIES[name])],
             cwd=folder,
             env=environment,
             stdout=subprocess.DEVNULL,
@@ -158,7 +172,8 @@ def ended_programs(name: str, number: signal.Signals, moment: float) -> list[str
             start_new_session=True,
         )
         deadline = time.monotonic() + 60
-        while not any(temporary.glob("*/run/in.py")) and time.monotonic() < deadline:
+        first = {"programs": "*/run/in.py", "fmu": "symmb-*/*"}[model]
+        while not any(temporary.glob(first)) and time.monotonic() < deadline:
             time.sleep(0.02)
         time.sleep(moment)
         process.send_signal(number)
@@ -213,15 +228,17 @@ def study(name: str, moments: int, seed: int = 0) -> Findings:
 
 
 def programs(count: int, seed: int) -> int:
-    """Print what signals leave of studies of programs."""
+    """Print what signals leave of studies of programs and FMUs."""
     choice, faults = random.Random(seed), 0
-    kinds = [(name, number) for name in STUDIES for number in ENDS]
+    kinds = [(model, name, number) for model in MODELS for name in STUDIES for number in ENDS]
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = fmus.spring(Path(folder, "spring.fmu"), {2: fmus.library(2, folder)}).read_bytes()
     for k in range(count):
-        name, number = kinds[k % len(kinds)]
-        left = ended_programs(name, number, choice.uniform(0.0, 1.5))
+        model, name, number = kinds[k % len(kinds)]
+        left = ended_programs(model, name, number, choice.uniform(0.0, 1.5), fmu)
         faults += bool(left)
         if left:
-            print(f"{name}, {number.name}: left {', '.join(left)}", flush=True)
+            print(f"{model}, {name}, {number.name}: left {', '.join(left)}", flush=True)
     print(f"{count} signals, {faults} of them left something")
     return int(faults > 0)
 

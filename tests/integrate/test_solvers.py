@@ -131,7 +131,7 @@ def test_solvers_print_what_was_chosen():
     ("make", "text"),
     [
         (lambda: mb.CVODES(rtol=-1), r"CVODES: rtol=-1 must be a number above 1e-15"),
-        (lambda: mb.CVODES(atol=0.0), r"CVODES: atol=0\.0 must be a number above 0"),
+        (lambda: mb.CVODES(atol=0.0), r"CVODES: atol=0\.0 must be a number above 1e-30"),
         (lambda: mb.IDAS(rtol="1e-3"), r"IDAS: rtol='1e-3' must be a number"),
         (lambda: mb.IDAS(rtol=np.nan), r"IDAS: rtol=nan must be a number above 1e-15"),
         (lambda: mb.RungeKutta(steps=0), r"RungeKutta: steps=0 must be a number above 0"),

@@ -123,3 +123,15 @@ def test_compiled_lanes_and_arrays_agree_with_casadi(law, kind):
 def test_numbers_out_of_range_are_refused(law, text):
     with pytest.raises(mb.DeclarationError, match=text):
         law()
+
+
+@every
+@pytest.mark.parametrize("number", [np.longdouble("2e-3"), np.float32(2e-3), np.array(2e-3)])
+def test_a_law_takes_every_kind_of_number(law, number):
+    assert_allclose(float(law.force(number, np.longdouble(0.5))), float(law.force(ca.SX(float(number)), ca.SX(0.5))))
+
+
+@every
+def test_a_law_refuses_what_is_no_number(law):
+    with pytest.raises(mb.DeclarationError, match="expected one number"):
+        law.force("deep", RATE)

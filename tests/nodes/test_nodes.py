@@ -8,6 +8,7 @@ import pytest
 from conftest import ALL_RULES
 from numpy.polynomial.legendre import legvander
 
+import symmb as mb
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, Leja, SparseGrid
 
 
@@ -104,3 +105,19 @@ def test_lebesgue_constant_of_chebyshev_roots_is_that_of_the_books(n):
 def test_sparse_grids_of_leja_nodes_take_the_fewest_runs():
     runs = {rule: len(SparseGrid(rule).points(2, 4)[0]) for rule in ALL_RULES}
     assert runs == {Gauss(): 53, ClenshawCurtis(): 65, ChebyshevGauss(): 93, Leja(): 33}
+
+
+@pytest.mark.parametrize("wrong", [(-1, 2), (0, 2), (2, 2.5), ("x", 2), (2, -1), (2, np.nan), (True, 2)])
+@pytest.mark.parametrize(
+    "choice", [mb.Gauss(), mb.ClenshawCurtis(), mb.Leja(), mb.SparseGrid(), mb.TotalDegree(), mb.HyperbolicCross()]
+)
+def test_sizes_that_are_no_whole_numbers_are_refused(choice, wrong):
+    method = getattr(choice, "points", None) or choice.indices
+    with pytest.raises(mb.DeclarationError, match="must be an integer"):
+        method(*wrong)
+
+
+@pytest.mark.parametrize("sampler", [mb.Random(), mb.Sobol(), mb.LatinHypercube()])
+def test_samplers_refuse_no_parameters(sampler):
+    with pytest.raises(mb.DeclarationError, match="d must be an integer of at least 1"):
+        sampler.points(3, 0, seed=0)
