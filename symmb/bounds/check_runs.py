@@ -9,8 +9,7 @@ import numpy as np
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records, gathered, which_failed
-from symmb.bounds.result import ROUNDING, Bounds
-from symmb.bounds.surrogate import Surrogate
+from symmb.bounds.result import ROUNDING, Bounds, Surrogate
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
 from symmb.nodes import grid

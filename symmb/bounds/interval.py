@@ -5,7 +5,7 @@ more than the errors of the mathematical libraries. An argument that is partly o
 function is cut, one that is completely outside is an error. A division by an interval around 0 has infinite bounds.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import casadi as ca
@@ -13,6 +13,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Mask
+from symmb.model import Box
 from symmb.symbolic import Entry, operation_name
 
 FUNCTION_ULPS = 8
@@ -30,6 +31,15 @@ class Interval(NamedTuple):
     def exactly(cls, value: float | Array) -> "Interval":
         """The interval of a number."""
         return cls(np.asarray(value, dtype=float), np.asarray(value, dtype=float))
+
+
+def parameter_intervals(nominal: Mapping[str, float], box: Box) -> list[Interval]:
+    """The intervals of a box, and the nominal values of the other parameters."""
+    ends = {
+        **{name: (value, value) for name, value in nominal.items()},
+        **dict(zip(box.names, box.bounds, strict=True)),
+    }
+    return [Interval(*map(np.asarray, pair)) for pair in ends.values()]
 
 
 def operate(code: int | Entry, arguments: tuple[Interval, ...]) -> Interval:

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Executor
-from symmb.bounds.interval import Interval, operate
+from symmb.bounds.interval import Interval, operate, parameter_intervals
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
@@ -53,12 +53,8 @@ class IntervalArithmetic(Method):
                 f"{self!r}: it needs outputs that are plain expressions of parameters and time, "
                 f"but {simulator!r} integrates or calls a function. Use MonteCarlo or PolynomialChaos."
             )
-        ends = dict(zip(box.names, box.bounds, strict=True))
-        parameters = [
-            Interval(*map(np.asarray, ends.get(name, (value, value)))) for name, value in simulator.parameters.items()
-        ]
-        times = [Interval.exactly(simulator.times)] * f.nnz_in(1)
-        values = interpret(f, [parameters, times], operate, Interval.exactly)[0]
+        inputs = [parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)] * f.nnz_in(1)]
+        values = interpret(f, inputs, operate, Interval.exactly)[0]
         # Outputs that are structurally zero have no entry.
         lower, upper = np.zeros((2, len(simulator.times), len(simulator.outputs)))
         for row, value in zip(f.sparsity_out(0).row(), values, strict=True):

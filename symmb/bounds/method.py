@@ -7,16 +7,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
-from symmb.bounds.possible_values import possible_values
+from symmb.bounds.interval import Interval, operate, parameter_intervals
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.simulation import Attained, Progress, Simulator, attained_by_runs
+from symmb.simulation import Attained, DAESimulator, Jets, Progress, Simulator, attained_by_runs
+from symmb.symbolic import interpret
+
+_MOST_OPERATIONS = 10_000
+"""Operations of outputs whose possible values take a tenth of a second."""
 
 
 class Method(ABC):
@@ -122,3 +126,49 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
     """Columns of the box's parameters among those of the simulator."""
     order = list(simulator.parameters)
     return [order.index(name) for name in box.names]
+
+
+def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
+    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), all of [-1, 1]^d.
+
+    Raises
+    ------
+    PropagationError
+        If the simulator gives no derivatives, or some that are not finite.
+    """
+    if not isinstance(simulator, Jets):
+        raise PropagationError(
+            f"{method!r}: it needs derivatives of the trajectory, but {simulator!r} gives values only. "
+            "Use MonteCarlo or PolynomialChaos."
+        )
+    p0 = parameter_samples(simulator, box, point[None])[0]
+    scaled = np.zeros((len(directions), len(p0)))
+    scaled[:, parameter_columns(simulator, box)] = directions * box.radius
+    jets = np.asarray(simulator.jets(p0, scaled, order), dtype=float)
+    if not np.isfinite(jets).all():
+        raise PropagationError(f"{method!r}: {simulator!r} gives derivatives that are not finite.")
+    return jets
+
+
+def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
+    """Least and largest values (n_t, n_y) of the outputs over a box, for all states. They are infinite if unknown."""
+    shape = len(simulator.times), len(simulator.outputs)
+    lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
+    if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > _MOST_OPERATIONS:
+        return lower, upper
+    y, anything = simulator.y, Interval(np.array(-np.inf), np.array(np.inf))
+
+    def operation(code: int, arguments: tuple[Interval, ...]) -> Interval:
+        try:
+            return operate(code, arguments)
+        except PropagationError:  # the operation has no extension, or some states have no value
+            return anything
+
+    inputs = [
+        [anything] * y.nnz_in(0),
+        parameter_intervals(simulator.parameters, box),
+        [Interval.exactly(simulator.times)] * y.nnz_in(2),
+    ]
+    for row, value in zip(y.sparsity_out(0).row(), interpret(y, inputs, operation, Interval.exactly)[0], strict=True):
+        lower[:, row], upper[:, row] = value
+    return lower, upper

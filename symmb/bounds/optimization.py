@@ -8,9 +8,8 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._options import constructor_text, require_between, require_whole
 from symmb._types import Array, Executor
-from symmb.bounds.derivatives import unit_jets
-from symmb.bounds.failed_region import failed_region
-from symmb.bounds.method import Method, parameter_samples
+from symmb.bounds.failures import failed_region
+from symmb.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bounds.quadratic_models import Quadratics, quadratics
 from symmb.bounds.reductions import extremes, failure_records, failures, together, which_failed
 from symmb.bounds.result import Bounds

@@ -17,13 +17,11 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bounds.adaptive import adaptive_bounds
-from symmb.bounds.failed_region import failed_region
-from symmb.bounds.failure import Failure, failure_text
+from symmb.bounds.failures import Failure, failed_region, failure_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together, which_failed
-from symmb.bounds.result import Bounds
+from symmb.bounds.result import Bounds, Surrogate
 from symmb.bounds.result_file import Kind
-from symmb.bounds.surrogate import Surrogate
 from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree

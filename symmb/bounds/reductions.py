@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bounds.failure import Failure, failure_text
+from symmb.bounds.failures import Failure, failure_text
 from symmb.model import Box
 from symmb.simulation import Reduction, Samples, Simulator
 

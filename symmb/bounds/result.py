@@ -1,6 +1,6 @@
 """The result of every bounding method."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,8 @@ from symmb._names import did_you_mean
 from symmb._options import require_positive
 from symmb._table import aligned
 from symmb._types import Array
-from symmb.bounds.failure import Failure, failure_text
-from symmb.bounds.result_file import Kind, attributes_of, labelled, record_of_table
-from symmb.bounds.summary import MEANING, widest_bounds
+from symmb.bounds.failures import Failure, failure_text
+from symmb.bounds.result_file import MEANING, Kind, attributes_of, labelled, record_of_table, widest_bounds
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
@@ -27,12 +26,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from symmb.bounds.study import Study
-    from symmb.bounds.surrogate import Surrogate
 
 ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
 _NAMED_WINDOWS = 3
 """Doubtful windows of an output that a sentence names."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """A polynomial or another function that stands for the responses over the unit box.
+
+    Attributes
+    ----------
+    values : points (N, d) of [-1, 1]^d -> responses (N, n_t, n_y)
+    exact : whether the bounds are its range; without it they may be wider
+    """
+
+    values: Callable[[Array], Array]
+    exact: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,7 +103,7 @@ class Bounds(Result, files.Saved):
     remarks: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     box: Box | None = None
-    surrogate: "Surrogate | None" = None
+    surrogate: Surrogate | None = None
     study: "Study | None" = None
 
     def __getstate__(self) -> dict[str, Any]:

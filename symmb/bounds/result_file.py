@@ -1,6 +1,6 @@
-"""What the files of bounds hold: entries of a record, columns of a table, labelled arrays."""
+"""What the files of bounds hold, entries of a record, columns of a table, labelled arrays, and what is printed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -8,13 +8,17 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._labelled import BOUND, Labelled, Named, over_outputs, parameter_names, texts, unit_text
 from symmb._types import Array
-from symmb.bounds.failure import Failure
-from symmb.bounds.summary import MEANING
+from symmb.bounds.failures import Failure
 from symmb.files import Record
 from symmb.model import Box
 from symmb.polynomials import Expansion
 
 Kind = Literal["enclosure", "estimate", "sampled"]
+MEANING = {
+    "enclosure": "proved: no response lies outside",
+    "estimate": "of a surrogate: may miss to either side",
+    "sampled": "attained by runs: the responses reach at least as far",
+}
 
 
 def attributes_of(record: Record) -> dict[str, Any]:
@@ -123,3 +127,26 @@ def labelled(
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}
     return Labelled(coordinates, variables, {k: None if v == "" else v for k, v in attributes.items()}, unit_of)
+
+
+def widest_bounds(
+    t: Array, names: Sequence[str], lower: Array, upper: Array, estimate: Array | None
+) -> list[list[str]]:
+    """One row of text for each output: the bounds where they are farthest apart, and the largest estimated error.
+
+    Parameters
+    ----------
+    t : (n_t,) array                       times [s]
+    names : n_y outputs
+    lower, upper : (n_t, n_y) arrays
+    estimate : (n_t, n_y) array or None    estimated error of both
+    """
+    rows = [["output", "widest at [s]", "lower", "upper", "width", "estimated error"]]
+    with np.errstate(over="ignore"):
+        width = upper - lower
+    widest = np.where(np.isnan(width), np.inf, width).argmax(axis=0)
+    for k, (name, i) in enumerate(zip(names, widest.tolist(), strict=True)):
+        numbers = [t[i], lower[i, k], upper[i, k], width[i, k]]
+        error = "–" if estimate is None else f"≤ {estimate[:, k].max():.1e}"
+        rows.append([name, *(f"{number:.6g}" for number in numbers), error])
+    return rows

@@ -9,8 +9,7 @@ import numpy as np
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bounds.failed_region import failed_region
-from symmb.bounds.failure import Failure
+from symmb.bounds.failures import Failure, failed_region
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds

@@ -12,11 +12,9 @@ from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
-from symmb.bounds.derivatives import unit_jets
-from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.result import Bounds
+from symmb.bounds.method import Method, parameter_samples, unit_jets
+from symmb.bounds.result import Bounds, Surrogate
 from symmb.bounds.result_file import Kind
-from symmb.bounds.surrogate import Surrogate
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials import MultiIndices, homogeneous

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.bounds.failed_region import failed_region, find_failed_region
+from symmb.bounds.failures import failed_region, find_failed_region
 from symmb.nodes import grid
 
 NAMES = "abcde"

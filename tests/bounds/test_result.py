@@ -20,7 +20,7 @@ from symmb import (
     Vertex,
     propagate,
 )
-from symmb.bounds.failure import Failure
+from symmb.bounds.failures import Failure
 
 
 def _fails_above(amplitude, w):

@@ -22,7 +22,7 @@ from symmb.bounds.adaptive.constants import (
 from symmb.bounds.adaptive.runs import EstimatedRange, OutgrownError, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import sparse_bounds
 from symmb.bounds.adaptive.tensor_grids import tensor_bounds
-from symmb.bounds.failed_region import failed_region
+from symmb.bounds.failures import failed_region
 from symmb.bounds.result import Bounds
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator

@@ -24,8 +24,7 @@ from symmb.bounds.adaptive.constants import (
     WINDOW_SHARE,
 )
 from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses, Times, rms
-from symmb.bounds.failed_region import find_failed_region
-from symmb.bounds.failure import Failure, failure_text
+from symmb.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
 from symmb.bounds.time_windows import average_over_window
