@@ -164,11 +164,9 @@ def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
         except PropagationError:  # the operation has no extension, or some states have no value
             return anything
 
-    inputs = [
-        [anything] * y.nnz_in(0),
-        parameter_intervals(simulator.parameters, box),
-        [Interval.exactly(simulator.times)] * y.nnz_in(2),
-    ]
-    for row, value in zip(y.sparsity_out(0).row(), interpret(y, inputs, operation, Interval.exactly)[0], strict=True):
+    parameters, times = parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)]
+    inputs = [[anything] * y.nnz_in(0), parameters, times * y.nnz_in(2)]
+    values = interpret(y, inputs, operation, Interval.exactly)[0]
+    for row, value in zip(y.sparsity_out(0).row(), values, strict=True):
         lower[:, row], upper[:, row] = value
     return lower, upper

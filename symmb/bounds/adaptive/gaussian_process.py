@@ -1,71 +1,57 @@
 """A Gaussian process of responses that vary in few directions most: the most likely response given some runs."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.covariances import Ridge, Smooth, Sum, Term
+from symmb.bounds.adaptive.covariances import DEVIATION, Ridge, Smooth, Sum, Term
 
-_ROUNDING = 1e-10
-"""Least variance of the noise, over that of the responses."""
-_MEAN_NOISE, _DEVIATION_NOISE, _LIMITS_NOISE = float(np.log(1e-6)), 4.0, (_ROUNDING, 1.0)
-"""Expected logarithm of the variance of the noise, its standard deviation, and limits of the variance."""
+_LEAST_NOISE, _MEAN_NOISE = 1e-10, float(np.log(1e-6))
+"""Least variance of the noise, over that of the responses: it keeps the covariance regular. Its expected logarithm."""
 _LIKELY = 1e-5
 """Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
-_ITERATIONS, _SEARCH_ITERATIONS = 60, 60
-"""Most steps to a likely kernel, whose directions turn slowly, and to an extreme."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """Covariance of responses: that of smooth functions, further terms, and noise.
+    """Covariance of responses: the sum of terms, the first of which is that of smooth functions, and noise.
 
     Attributes
     ----------
-    smooth : Smooth
-    further : Sequence[Term]
+    terms : tuple[Term, ...]
     noise : variance of the noise
     """
 
-    smooth: Smooth
-    further: Sequence[Term]
+    terms: tuple[Term, ...]
     noise: float
 
     @classmethod
     def of(cls, d: int) -> "Kernel":
         """One without further terms, to start from."""
-        return cls(Smooth.of(d), (), 1e-4)
+        return cls((Smooth(1.0, np.full(d, 0.3)),), 1e-4)
 
     def with_term(self, term: Term) -> "Kernel":
-        """With one more term, which takes most of what the others leave."""
-        size = self.smooth.size
-        return Kernel(self.smooth.with_size(0.1 * size), (*self.further, term.with_size(size)), self.noise)
+        """With one more term, which takes most of what the smooth one is."""
+        smooth, *further = self.terms
+        return replace(self, terms=(smooth.with_size(0.1 * smooth.size), *further, term.with_size(smooth.size)))
 
     def with_vector(self, vector: Array) -> "Kernel":
         """With other numbers."""
-        ends = np.cumsum([len(term.vector) for term in self.terms])
-        *own, noise = np.split(vector, ends)
-        smooth, *further = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
-        assert isinstance(smooth, Smooth)
-        return Kernel(smooth, further, float(np.exp(noise[0])))
+        *own, noise = np.split(vector, np.cumsum([len(term.vector) for term in self.terms]))
+        terms = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
+        return Kernel(tuple(terms), float(np.exp(noise[0])))
 
     @property
-    def terms(self) -> Sequence[Term]:
-        """All of them, the smooth one first."""
-        return (self.smooth, *self.further)
-
-    @property
-    def ridges(self) -> Sequence[Ridge]:
-        """The terms that are ridges."""
-        return [term for term in self.further if isinstance(term, Ridge)]
+    def n_ridges(self) -> int:
+        """Number of terms that are ridges."""
+        return sum(isinstance(term, Ridge) for term in self.terms)
 
     @property
     def is_sum(self) -> bool:
         """Whether a term is a sum of functions of one parameter."""
-        return any(isinstance(term, Sum) for term in self.further)
+        return any(isinstance(term, Sum) for term in self.terms)
 
     @property
     def vector(self) -> Array:
@@ -80,50 +66,6 @@ class Kernel:
     def values(self, a: Array, b: Array) -> Array:
         """The covariance (N, M) of points (N, d) and (M, d), without noise."""
         return np.asarray(np.sum([term.values(a, b) for term in self.terms], axis=0))
-
-    def unlikeliness(self, points: Array, Y: Array) -> tuple[float, Array]:
-        """Negative logarithm of the likelihood of responses Y (N, m) at points (N, d), and its gradient.
-
-        A weak prior keeps numbers that do not matter in place.
-        """
-        from scipy.linalg import cholesky, solve_triangular
-
-        N, m = Y.shape
-        values = [term.values(points, points) for term in self.terms]
-        try:
-            root = cholesky(np.sum(values, axis=0) + (self.noise + _ROUNDING) * np.eye(N), lower=True)
-        except np.linalg.LinAlgError:
-            return 1e10, np.zeros(len(self.vector))
-        inverse_root = solve_triangular(root, np.eye(N), lower=True)
-        inverse = inverse_root.T @ inverse_root
-        weights = inverse @ Y
-        value = 0.5 * float((Y * weights).sum()) + m * float(np.log(np.diag(root)).sum())
-        pull = 0.5 * (m * inverse - weights @ weights.T)
-        each = zip(self.terms, values, strict=True)
-        gradient = [*(term.vector_gradient(pull, points, part) for term, part in each), [self.noise * np.trace(pull)]]
-        mean, deviation = (np.concatenate(parts) for parts in zip(*self._priors, strict=True))
-        distance = (self.vector - mean) / deviation
-        return value + 0.5 * float(distance @ distance), np.concatenate(gradient) + distance / deviation
-
-    @property
-    def _priors(self) -> list[tuple[Array, Array]]:
-        noise = np.array([_MEAN_NOISE]), np.array([_DEVIATION_NOISE])
-        return [*(term.prior for term in self.terms), noise]
-
-    def most_likely(self, points: Array, Y: Array) -> tuple["Kernel", float]:
-        """The most likely kernel near this one, and its `unlikeliness`."""
-        from scipy.optimize import minimize
-
-        limits = np.concatenate([*(term.limits for term in self.terms), np.log([_LIMITS_NOISE])])
-        result = minimize(
-            lambda vector: self.with_vector(vector).unlikeliness(points, Y),
-            np.clip(self.vector, *limits.T),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=limits,
-            options={"maxiter": _ITERATIONS, "ftol": _LIKELY},
-        )
-        return self.with_vector(result.x), float(result.fun)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,17 +89,57 @@ class GaussianProcess:
     Y: Array
 
     @cached_property
+    def _covariances(self) -> list[Array]:
+        """Of the runs, (N, N) of each term."""
+        return [term.values(self.points, self.points) for term in self.kernel.terms]
+
+    @cached_property
     def _inverse_root(self) -> Array:
         """(N, N) inverse of the Cholesky factor of the covariance of the runs."""
         from scipy.linalg import cholesky, solve_triangular
 
-        noise = (self.kernel.noise + _ROUNDING) * np.eye(len(self.points))
-        root = cholesky(self.kernel.values(self.points, self.points) + noise, lower=True)
+        noise = (self.kernel.noise + _LEAST_NOISE) * np.eye(len(self.points))
+        root = cholesky(np.sum(self._covariances, axis=0) + noise, lower=True)
         return np.asarray(solve_triangular(root, np.eye(len(root)), lower=True))
 
     @cached_property
     def _weights(self) -> Array:
         return self._inverse_root.T @ (self._inverse_root @ self.Y)
+
+    def unlikeliness(self) -> tuple[float, Array]:
+        """Negative logarithm of the likelihood of the responses, and its gradient by the vector of the kernel.
+
+        A weak prior keeps numbers that do not matter in place.
+        """
+        kernel, m = self.kernel, self.Y.shape[1]
+        mean = np.zeros(len(kernel.vector))
+        mean[-1] = _MEAN_NOISE
+        try:
+            root, weights = self._inverse_root, self._weights
+        except np.linalg.LinAlgError:
+            return 1e10, np.zeros(len(mean))
+        value = 0.5 * float((self.Y * weights).sum()) - m * float(np.log(np.diag(root)).sum())
+        pull = 0.5 * (m * root.T @ root - weights @ weights.T)
+        each = zip(kernel.terms, self._covariances, strict=True)
+        parts = [term.vector_gradient(pull, self.points, values) for term, values in each]
+        gradient = np.concatenate([*parts, [kernel.noise * np.trace(pull)]])
+        distance = (kernel.vector - mean) / DEVIATION
+        return value + 0.5 * float(distance @ distance), gradient + distance / DEVIATION
+
+    def most_likely(self) -> "GaussianProcess":
+        """That of the most likely kernel near this one."""
+        from scipy.optimize import minimize
+
+        limits = np.concatenate([*(term.limits for term in self.kernel.terms), np.log([(_LEAST_NOISE, 1.0)])])
+        result = minimize(
+            lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
+            np.clip(self.kernel.vector, *limits.T),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=limits,
+            options={"maxiter": 60, "ftol": _LIKELY},  # directions turn slowly
+        )
+        return replace(self, kernel=self.kernel.with_vector(result.x))
 
     def left_out_errors(self) -> Array:
         """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
@@ -183,7 +165,7 @@ class GaussianProcess:
         ----------
         Constantine, Dow and Wang, SIAM Journal on Scientific Computing 36 (2014), A1500-A1524.
         """
-        slopes = [self.kernel.smooth.slope(weights, self.points, self.points) for weights in self._weights.T]
+        slopes = [self.kernel.terms[0].slope(weights, self.points, self.points) for weights in self._weights.T]
         return np.linalg.svd(np.concatenate(slopes), full_matrices=False)[2][0]
 
     def smallest(self, response: int, sign: float, factor: float, starts: Array) -> tuple[Array, float]:
@@ -204,7 +186,6 @@ class GaussianProcess:
             return float(weights @ covariance - factor * deviation), gradient
 
         limits = [(-1.0, 1.0)] * starts.shape[1]
-        options = {"maxiter": _SEARCH_ITERATIONS}
-        results = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits, options=options) for x in starts]
+        results = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits) for x in starts]
         best = min(results, key=lambda result: result.fun)
         return np.asarray(best.x), float(best.fun)

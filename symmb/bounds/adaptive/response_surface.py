@@ -183,22 +183,27 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
     starts = [*kernels]
     if not kernels:
-        starts += [plain, plain.with_term(Sum.of(data.points.shape[1]))]
-    if slope.any() and (not kernels or any(kernel.ridges for kernel in kernels)):
+        starts += [plain, plain.with_term(Sum(1.0, plain.terms[0].rates))]
+    if slope.any() and (not kernels or any(kernel.n_ridges for kernel in kernels)):
         starts.append(_with_ridge(plain, slope, data))
-    fits = [kernel.most_likely(data.points, data.Y) for kernel in starts]
-    ridges = [each for each in fits if len(each[0].ridges) == 1]
+    fits = [GaussianProcess(kernel, data.points, data.Y).most_likely() for kernel in starts]
+    ridges = [each for each in fits if each.kernel.n_ridges == 1]
     if ridges:
-        first, _ = min(ridges, key=lambda each: each[1])
-        direction = GaussianProcess(first, data.points, data.Y).rest_direction()
-        fits.append(_with_ridge(first, direction, data).most_likely(data.points, data.Y))
-    fits.sort(key=lambda each: each[1])
+        first = min(ridges, key=_unlikeliness)
+        second = _with_ridge(first.kernel, first.rest_direction(), data)
+        fits.append(GaussianProcess(second, data.points, data.Y).most_likely())
+    fits.sort(key=_unlikeliness)
     is_decided = len(data.points) >= DECIDED * data.points.shape[1]
     likely: dict[tuple[int, bool], Kernel] = {}  # the best one of each number of ridges, and of sums
-    for kernel, value in fits:
-        if value < fits[0][1] + UNLIKELY or not (is_decided or len(kernel.ridges) > 1):
-            likely.setdefault((len(kernel.ridges), kernel.is_sum), kernel)
+    for fit in fits:
+        kernel = fit.kernel
+        if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY or not (is_decided or kernel.n_ridges > 1):
+            likely.setdefault((kernel.n_ridges, kernel.is_sum), kernel)
     return list(likely.values())
+
+
+def _unlikeliness(process: GaussianProcess) -> float:
+    return process.unlikeliness()[0]
 
 
 def _slope(data: _Responses) -> Array:
@@ -216,7 +221,7 @@ def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
     """A kernel with one more ridge along a direction, of the most likely length."""
     direction = direction / np.linalg.norm(direction)
     kernels = [kernel.with_term(Ridge(1.0, length * direction)) for length in RIDGE_LENGTHS]
-    return min(kernels, key=lambda each: each.unlikeliness(data.points, data.Y)[0])
+    return min(kernels, key=lambda each: _unlikeliness(GaussianProcess(each, data.points, data.Y)))
 
 
 def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
