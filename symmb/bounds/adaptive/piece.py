@@ -1,6 +1,6 @@
 """A part of the box with its own interpolant on a tensor grid, and the range of this interpolant."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -21,7 +21,6 @@ from symmb.bounds.adaptive.constants import (
     WHOLE_DEGREE,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.node_responses import ALL_TIMES, Times
 from symmb.bounds.adaptive.runs import Runs, relative_errors
 from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
 from symmb.codegen import with_compiler
@@ -60,7 +59,6 @@ class Piece:
     Attributes
     ----------
     centre, half : (d,) of the unit box
-    times : of the responses that are interpolated: n_t of them, by whose errors others are known
     expansion : in coordinates of the piece
     nodes : (N, d) in coordinates of the piece
     runs, rows : all runs, and the rows (N,) of the responses at the nodes
@@ -70,7 +68,6 @@ class Piece:
 
     centre: Array
     half: Array
-    times: Times
     expansion: Expansion
     nodes: Array
     runs: Runs
@@ -83,31 +80,17 @@ class Piece:
         """Run the nodes that are new; failed ones get the values that make the interpolant smoothest."""
         centre, half, degrees = part
         grid = _grid(*degrees.tolist())
-        rows = runs.at(centre + half * grid.nodes, parent and (lambda lost: parent.at_all_times.values(lost)))
+        rows = runs.at(centre + half * grid.nodes, parent and parent.values)
         lost = rows[~runs.is_attained[rows]]
         if 0 < len(lost) <= MOST_SMOOTHED:
-            runs.responses.change(lost, _smoothing(grid, runs.nodes, rows, lost))
-        times, inherited = runs.responses.some_times, parent and parent.inherited
-        expansion = runs.responses.interpolant(grid, rows, times, runs.box.names)
-        return cls(centre, half, times, expansion, grid.nodes, runs, rows, runs.rms_widths(), inherited)
-
-    @cached_property
-    def at_all_times(self) -> "Piece":
-        """The same part of the box, with interpolants at all times."""
-        if self.times is ALL_TIMES:
-            return self
-        grid, responses = _grid(*self.expansion.alpha.max(axis=0).tolist()), self.runs.responses
-        expansion = responses.interpolant(grid, self.rows, ALL_TIMES, self.runs.box.names)
-        return replace(self, times=ALL_TIMES, expansion=expansion)
+            runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
+        expansion = runs.interpolant(grid, rows)
+        return cls(centre, half, expansion, grid.nodes, runs, rows, runs.rms_widths(), parent and parent.inherited)
 
     @property
     def Y(self) -> Array:
         """Responses at the nodes (N, n_t, n_y)."""
-        return self._responses[self.rows]
-
-    @property
-    def _responses(self) -> Array:
-        return self.runs.responses.at(self.times)
+        return self.runs.nodes[self.rows]
 
     @cached_property
     def truncation(self) -> TruncationError:
@@ -126,7 +109,7 @@ class Piece:
             return None
         degrees, (n_t, n_y) = self.expansion.alpha.max(axis=0), self.expansion.coefficients.shape[1:]
         errors = np.empty((len(degrees), n_t, n_y))
-        Y, events = self._responses, self.runs.events[:, self.times]
+        Y, events = self.runs.nodes, self.runs.events
         for window in windows(n_t, n_y * len(self.rows)):
             errors[:, window] = event_errors(self.nodes, degrees, Y[self.rows, window], events[self.rows, window])
         return errors
@@ -191,12 +174,8 @@ class Piece:
         return self.expansion.values((points - self.centre) / self.half)
 
     def observed_errors(self, points: Array, Y: Array) -> Array:
-        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs; 0 where nodes are used instead.
-
-        Y are their responses at all times.
-        """
-        errors = self.values(points)
-        np.subtract(Y[:, self.times], errors, out=errors)
+        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs Y; 0 where nodes are used instead."""
+        errors = Y - self.values(points)
         return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
     def refined_parts(self, all_directions: bool = False) -> list[Part]:

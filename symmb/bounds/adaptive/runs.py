@@ -20,15 +20,14 @@ from symmb.bounds.adaptive.constants import (
     ORDINARY,
     ROUNDING_OF_VALUES,
     ROUNDING_WIDTH,
-    TENSOR_PARAMETERS,
     WINDOW_SHARE,
 )
-from symmb.bounds.adaptive.node_responses import ALL_TIMES, NodeResponses, Times, rms
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
 from symmb.bounds.time_windows import average_over_window
 from symmb.model import Box
+from symmb.nodes import Grid
 from symmb.polynomials import Expansion, TotalDegree, basis_values
 from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
 
@@ -67,7 +66,6 @@ class Runs:
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
     before : runs of the study before it began anew with larger powers
     rounding : share of an output's scale below which its width is rounding
-    responses : at nodes
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
@@ -96,7 +94,7 @@ class Runs:
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
-        self.responses = NodeResponses(selects=len(self.box) <= TENSOR_PARAMETERS)
+        self._blocks: list[Array] = []  # interpolants need no copy of them
         self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.tried = np.empty((0, len(self.box)))
@@ -134,7 +132,14 @@ class Runs:
     @property
     def nodes(self) -> Array:
         """(N, n_t, n_y) responses at nodes."""
-        return self.responses.at(ALL_TIMES)
+        if len(self._blocks) > 1:
+            self._blocks = [np.concatenate(self._blocks)]
+        return self._blocks[0]
+
+    def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
+        """Through the responses at nodes of these rows (N,), in named parameters."""
+        coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in self._blocks), rows=rows)
+        return Expansion(grid.alpha, coefficients.reshape(len(rows), *self.shape), self.box.names)
 
     def unknown(self, points: Array) -> int:
         """How many of the points (N, d) are not nodes yet."""
@@ -165,7 +170,7 @@ class Runs:
             if events is not None:
                 events[~ok] = -1
                 self.events = events if self.events is None else np.concatenate([self.events, events])
-            self.responses.append(Y)
+            self._blocks.append(Y)
             self.is_attained = np.concatenate([self.is_attained, ok])
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
@@ -219,9 +224,9 @@ class Runs:
             is_lost |= region.contains(near)
         return is_lost[which.ravel()].reshape(places.shape[:-1])
 
-    def beyond(self, lower: Array, upper: Array, times: Times = ALL_TIMES) -> Array:
-        """How far runs go beyond bounds (n_t, n_y) at some times, less noise."""
-        lowest, highest = (extreme[times] for extreme in self.extremes)
+    def beyond(self, lower: Array, upper: Array) -> Array:
+        """How far runs go beyond bounds (n_t, n_y), less noise."""
+        lowest, highest = self.extremes
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def measure_noise(self) -> None:
@@ -294,6 +299,11 @@ class Runs:
             self._least_power = np.where(too_large, new, self._least_power)
             raise OutgrownError
         self.power = np.where(varies | (np.abs(new) < ORDINARY / 2), self.power, new)
+
+
+def rms(a: Array) -> Array:
+    """Root mean square over the first axis."""
+    return np.sqrt(np.mean(np.square(a), axis=0))
 
 
 def relative_rms(error: Array, widths: Array) -> float:

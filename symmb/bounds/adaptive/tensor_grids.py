@@ -88,7 +88,7 @@ def _range_or_refinement(
     expected = relative_rms(estimate, widths)
     runs.tell(expected)
     estimate, inflated, ratio, worst = _check(runs, union, worst, widths, max(2 * len(runs.box), 4))
-    beyond = runs.beyond(union.lower, union.upper, runs.responses.some_times)
+    beyond = runs.beyond(union.lower, union.upper)
     if len(pieces) > 1 and len(runs.checks) and relative_rms(beyond, widths) > relative_rms(estimate, widths):
         worst = _farthest(runs, union, widths)
     estimate = np.maximum(estimate, beyond)
@@ -121,10 +121,9 @@ def _range_or_refinement(
     if is_enough and is_certain and runs.shape[0] * runs.shape[1] >= SOME_VALUES:
         share = min(1.0, REACHED_SHARE * tolerance**REACHED_POWER)
         estimate = np.maximum(share * estimate, beyond)
-    lower, upper, places = union.at_all_times()
-    estimate = runs.responses.at_all_times(estimate, len(lower)) + TENSOR_RANGE * (upper - lower)
-    whole = pieces[0].at_all_times.expansion
-    return EstimatedRange(lower, upper, estimate, (lambda: whole) if len(pieces) == 1 else None, places, is_enough)
+    estimate = estimate + TENSOR_RANGE * width
+    expansion = (lambda: pieces[0].expansion) if len(pieces) == 1 else None
+    return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
 
 
 def _affordable(parts: list[Part], runs: Runs) -> bool:
@@ -141,21 +140,20 @@ def _probes(runs: Runs) -> int:
     """The number of quasi-random check points."""
     shapes = _least_shapes(runs)
     if shapes > FEW_SHAPES:
-        shapes = count_shapes(runs.responses.at(runs.responses.some_times), runs.rms_widths())
+        shapes = count_shapes(runs.nodes, runs.rms_widths())
     return next((number for most, number in TENSOR_PROBES if shapes <= most), 1)
 
 
 def _least_shapes(runs: Runs) -> int:
     """The fewest shapes of time of an output that varies: others tell nothing of what these hide."""
-    Y, widths = runs.responses.at(runs.responses.some_times), runs.rms_widths()
+    Y, widths = runs.nodes, runs.rms_widths()
     shapes = (count_shapes(Y[..., [k]], widths[[k]]) for k in np.flatnonzero(np.isfinite(widths)))
     return min(shapes, default=0)
 
 
 def _farthest(runs: Runs, union: Union, widths: Array) -> Piece:
     """The piece that holds the check run which goes farthest beyond the range."""
-    Y = runs.checks[:, runs.responses.some_times]
-    beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in Y]
+    beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in runs.checks]
     return union.piece_at(runs.points[int(np.argmax(beyond))])
 
 

@@ -34,7 +34,8 @@ class Union:
     @classmethod
     def of(cls, pieces: list[Piece]) -> "Union":
         lows, highs, places = (_stacked(each) for each in zip(*(piece.range for piece in pieces), strict=True))
-        lower, upper, extreme = _joined(lows, highs)
+        lower, upper = lows.min(axis=0), highs.max(axis=0)
+        extreme = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
         below, above = (_stacked([piece.errors[side] for piece in pieces]) for side in (0, 1))
         beyond = np.maximum(np.maximum(lower - (lows - below), highs + above - upper), 0.0)
         checkable = _stacked([piece.checkable_error for piece in pieces])
@@ -45,20 +46,9 @@ class Union:
             pieces, lower, upper, _select(places, extreme[..., None]), beyond, _select(checkable, extreme), trust
         )
 
-    def at_all_times(self) -> tuple[Array, Array, Array]:
-        """The range, and its places, at all times."""
-        lows, highs, places = zip(*(piece.at_all_times.range for piece in self.pieces), strict=True)
-        lower, upper, extreme = _joined(_stacked(lows), _stacked(highs))
-        return lower, upper, _select(_stacked(places), extreme[..., None])
-
     def piece_at(self, point: Array) -> Piece:
         """A piece that holds the point."""
         return min(self.pieces, key=lambda piece: float((np.abs(point - piece.centre) / piece.half).max()))
-
-
-def _joined(lows: Array, highs: Array) -> tuple[Array, Array, Indices]:
-    """Lower and upper bounds (n_t, n_y) of all pieces, and which of them have these (2, n_t, n_y)."""
-    return lows.min(axis=0), highs.max(axis=0), np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
 
 
 def _stacked(arrays: Sequence[Array]) -> Array:
