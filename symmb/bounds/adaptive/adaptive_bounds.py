@@ -8,24 +8,28 @@ from symmb._errors import PropagationError
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bounds.adaptive.clock import Clock
-from symmb.bounds.adaptive.constants import (
-    FAR,
-    MOST_NUMBERS,
-    MOST_RUNS,
-    NOISE_OF_SOLVERS,
-    NOISY_SHARE,
-    ROUNDING_OF_VALUES,
-    ROUNDING_WIDTH,
-    TENSOR_PARAMETERS,
-    UNKNOWN_SHARE,
-)
-from symmb.bounds.adaptive.runs import EstimatedRange, OutgrownError, Runs, rms
-from symmb.bounds.adaptive.sparse_grids import sparse_bounds
-from symmb.bounds.adaptive.tensor_grids import tensor_bounds
+from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, ROUNDING_WIDTH, OutgrownError, Runs, rms
+from symmb.bounds.adaptive.sparse_grids import SparseGrids
+from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
+from symmb.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bounds.failures import failed_region
 from symmb.bounds.result import Bounds
+from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
 from symmb.simulation import Progress, Simulator
+
+FAR = 4.0
+"""Estimated error over the tolerance from which it is doubtful that a study was ended early."""
+MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
+"""Without a budget, the most runs, and the most numbers that are kept of them: 0.3 GB, and as many coefficients."""
+TENSOR_PARAMETERS = 3
+"""Most parameters of tensor grids. Extremes lie at corners and edges, where sparse grids are least accurate."""
+UNKNOWN_SHARE = 1.5 * DOUBTFUL
+"""Least error over the width of a bound near failed runs: no check run tells how good the prediction is there."""
+NOISY_SHARE = 0.25
+"""Measured noise over the width from which bounds are doubtful: few runs of noise alone are six times as far apart."""
+NOISE_OF_SOLVERS = 1e-6
+"""Noise over the values of an output up to which it is what solvers leave of one that parameters do not change."""
 
 
 def adaptive_bounds(
@@ -53,12 +57,14 @@ def adaptive_bounds(
     if first > most:
         takes = "and the probes take" if probes else "takes"
         raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
+    is_patient = budget is not None
     runs, estimated = Runs(simulator, box, most, executor, progress, Clock(seconds), probes), None
     while estimated is None:
         try:
-            is_patient = budget is not None
             with one_thread():
-                estimated = tensor_bounds(runs, tolerance) if tensor else sparse_bounds(runs, tolerance, is_patient)
+                estimated = _bounded(
+                    TensorGrids(runs, tolerance) if tensor else SparseGrids(runs, tolerance, is_patient)
+                )
         except OutgrownError:
             runs = runs.anew()
             if first > runs.left:
@@ -97,6 +103,13 @@ def adaptive_bounds(
         return bounds
     expansion = expansion.without(box.lower == box.upper, is_noise)
     return replace(bounds, expansion=replace(expansion, coefficients=_scaled(expansion.coefficients, power)))
+
+
+def _bounded(surrogate: Surrogate) -> EstimatedRange:
+    """The range of a surrogate that is refined until it is accurate enough."""
+    while (found := surrogate.bounded()) is None:
+        surrogate = surrogate.refined()
+    return found
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:

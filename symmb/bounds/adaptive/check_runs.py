@@ -5,16 +5,22 @@ from itertools import count
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.constants import (
-    CANDIDATES,
-    HEAVIEST,
-    MOST_CORNERS,
-    SAFETY,
-    SHAPE_RUNS,
-    SHAPE_SHARE,
-    SHAPE_TIMES,
-)
 from symmb.bounds.time_windows import average_over_window
+from symmb.nodes import grid
+
+SAFETY = 2.5
+"""Factor on the errors of check runs: these are at a few of the extremes, and others may have larger errors."""
+CANDIDATES = 150
+"""Extremes among which check points are selected: the selection compares all pairs."""
+FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
+"""Shapes of time that hide as much as single numbers do, and their least share of the largest one."""
+_SHAPE_RUNS = 100
+"""Most runs and about as many times of which shapes are counted: a window is 2 % of all times."""
+PROBES = 6
+"""Quasi-random check points. Nodes lie at middles, ends and halves, where symmetric responses may be alike. More find
+narrower bumps."""
+MOST_CORNERS = 32
+"""Most corners that are run because nothing else tells where a response varies."""
 
 
 def select_dispersed(places: Array, weights: Array, number: int) -> Array:
@@ -34,9 +40,7 @@ def select_dispersed(places: Array, weights: Array, number: int) -> Array:
     (n, d) array
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
-    first = max(len(weights) - HEAVIEST, 0)
-    heaviest = np.flatnonzero(weights >= np.sort(weights)[first])
-    heaviest = heaviest[np.argsort(weights[heaviest], kind="stable")]  # the same order on every processor
+    heaviest = np.argsort(-weights, kind="stable")[: 20 * CANDIDATES]
     candidates = heaviest[:: max(1, len(heaviest) // CANDIDATES)]
     points, weights = points[candidates], weights[candidates]
     nearness = np.exp(-sum(np.square(np.subtract.outer(x, x)) for x in points.T) * 2 / points.shape[1])
@@ -88,13 +92,22 @@ def screening_corners(d: int) -> Array:
     return np.concatenate([np.ones((1, prime)), cyclic])[:MOST_CORNERS, :d]
 
 
+def screening_points(d: int) -> Array:
+    """Points (N, d) where nothing else tells where responses vary: corners, and PROBES points between.
+
+    Few corners are all of them: a kink may act in one only.
+    """
+    corners = grid(np.array([-1.0, 1.0]), d) if 2**d <= MOST_CORNERS else screening_corners(d)
+    return np.concatenate([corners, quasi_random_points(2 + PROBES, d)[2:]])
+
+
 def count_shapes(Y: Array, widths: Array) -> int:
     """How many independent functions of time and output responses Y (N, n_t, n_y) are made of.
 
     What few shapes hide, few numbers would: all times together may show no more than one. Shapes count from a share
     SHAPE_SHARE of the largest one on.
     """
-    Y = Y[:SHAPE_RUNS, :: max(1, Y.shape[1] // SHAPE_TIMES)]
+    Y = Y[:_SHAPE_RUNS, :: max(1, Y.shape[1] // _SHAPE_RUNS)]
     relative = ((Y - Y.mean(axis=0)) / widths).reshape(len(Y), -1)
     squares = np.linalg.eigvalsh(relative @ relative.T)
     return int((squares > SHAPE_SHARE**2 * squares[-1]).sum())

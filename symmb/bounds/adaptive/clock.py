@@ -8,7 +8,10 @@ import numpy as np
 
 from symmb._threads import threads_as_before
 from symmb._types import Array
-from symmb.bounds.adaptive.constants import LEAST_SECONDS, SECONDS_OF_RUNS
+
+LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
+"""Seconds that a study may take beyond its runs, unless more are asked for: nobody notices the first, and runs that
+take long are worth as much thought."""
 
 
 class Clock:

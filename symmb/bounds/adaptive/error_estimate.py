@@ -1,4 +1,4 @@
-"""The estimated truncation error of an interpolant, from the decay of its last coefficients."""
+"""The estimated error of an interpolant: of truncation, from the decay of its last coefficients, and at events."""
 
 import itertools
 from dataclasses import dataclass
@@ -8,17 +8,20 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
-from symmb.bounds.adaptive.constants import (
-    DECAY_POWER,
-    FAST_DECAY,
-    NODE_SHARE,
-    NOISE_OF_COEFFICIENTS,
-    SHELLS,
-    SMOOTH_DECAY,
-)
 from symmb.bounds.time_windows import average_over_window
 from symmb.nodes import group_squares, line
-from symmb.polynomials import MultiIndices
+from symmb.polynomials import Expansion, MultiIndices
+
+SHELLS = 4
+"""Degree shells, of two degrees each, whose sizes give the decay."""
+DECAY_POWER, FAST_DECAY = 0.6, 0.8
+"""Power of the observed decay that is expected to continue: 1 trusts it, 0 expects none. On tensor grids the power is
+1 - decay / FAST_DECAY if that is more, because a fast decay goes on."""
+NODE_SHARE = 0.4
+"""Share of the largest error that is expected even at nodes, over the degree (at most 4): places of extremes are known
+only nearly."""
+SMOOTH_DECAY = 0.6
+"""Decay of coefficients in two degrees above which a response is not smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ def _sizes(coefficients: Array, noise: Array | float, groups: list[Indices]) -> 
     The squares that noise (n_y,) is expected to give are subtracted.
     """
     sizes = group_squares(coefficients, groups)
-    sizes -= np.square(NOISE_OF_COEFFICIENTS * noise) * np.array([len(rows) for rows in groups])[:, None, None]
+    sizes -= np.square(noise) * np.array([len(rows) for rows in groups])[:, None, None]
     np.maximum(average_over_window(sizes), 0.0, out=sizes)
     return np.sqrt(sizes, out=sizes)
 
@@ -171,3 +174,47 @@ def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
         base = np.flatnonzero(alpha.sum(axis=1) == 1).tolist()
         first = [k for k in base if alpha[k, i]]
     return np.array(first, dtype=np.intp), np.array(base, dtype=np.intp)
+
+
+def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:
+    """Decay of the coefficients of each direction over two degrees, (d,); 0 in directions of less than a least degree.
+
+    With S_k the norm of all coefficients of degrees k - 1 and k, relative to the widths (n_y,), and n the highest
+    degree, the decay is the larger of S_(n-2) / S_(n-4) and S_(n-4) / S_(n-6). The two highest degrees do not
+    count: an interpolant that does not resolve the response halves them.
+    """
+    decay = np.zeros(expansion.alpha.shape[1])
+    for i, degrees in enumerate(expansion.alpha.T):
+        top = degrees.max()
+        if top >= least:
+            shells = ((degrees > k - 2) & (degrees <= k) for k in (top - 2, top - 4, top - 6))
+            a, b, c = (np.linalg.norm(expansion.coefficients[rows] / widths) for rows in shells)
+            decay[i] = max(a / b if b > 0 else 0.0, b / c if c > 0 else 0.0)
+    return decay
+
+
+def event_errors(nodes: Array, degrees: Indices, Y: Array, events: Indices) -> Array:
+    """Expected errors along each parameter (d, n_t, n_y) where events happen between nodes, nan elsewhere.
+
+    Responses have kinks and jumps there. In between, an extreme exceeds the values at the nodes by at most the change
+    of the response over the distance of two nodes, at the largest slope that occurs away from events.
+
+    Parameters
+    ----------
+    nodes : (N, d)              of a tensor grid with these degrees (d,)
+    Y : (N, n_t, n_y)           responses there
+    events : (N, n_t)           number of events up to each time; -1 where it is not known
+    """
+    order, axes = np.lexsort(nodes.T[::-1]), tuple(range(len(degrees)))
+    shape = tuple(degrees + 1)
+    Y_grid = Y[order].reshape(*shape, *Y.shape[1:])
+    events_grid = events[order].reshape(*shape, -1, 1)
+    is_between = np.ptp(events_grid, axis=axes) > 0
+    errors = np.zeros((len(degrees), *Y.shape[1:]))
+    for i, x in enumerate(nodes[order].T.reshape(len(degrees), *shape)):
+        distance = np.diff(x, axis=i)[..., None, None]
+        change, has_event = np.abs(np.diff(Y_grid, axis=i)), np.diff(events_grid, axis=i) != 0
+        slope = np.where(has_event, 0.0, change / distance).max(axis=axes)
+        widest = np.where(has_event, distance, 0.0).max(axis=axes)
+        errors[i] = np.where(has_event.all(axis=axes), change.max(axis=axes), slope * widest)
+    return np.where(is_between, errors, np.nan)

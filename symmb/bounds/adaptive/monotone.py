@@ -1,20 +1,42 @@
 """Bounds of responses that rise or fall with each parameter throughout the box: runs at corners attain them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bounds.adaptive.constants import EDGES, LOST_SHARE, MONOTONE_SHARE, PATIENCE, SAFETY
-from symmb.bounds.adaptive.runs import EstimatedRange, Runs, relative_rms
-from symmb.bounds.adaptive.screening import may_hide, screen
+from symmb.bounds.adaptive.check_runs import SAFETY, screening_points
+from symmb.bounds.adaptive.runs import Runs, relative_rms
+from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.time_windows import LEAST_WIDTH
 from symmb.nodes import grid
 from symmb.polynomials import Expansion
 
+PATIENCE = 30
+"""Corners for each parameter that are run, and nodes before growth may be given up: more take runs, fewer miss."""
+EDGES = 2
+"""Pairs of corners that differ in one parameter only from which on its effect is not looked for along other edges."""
+LOST_SHARE = 0.1
+"""Share of the tolerance that a response may lose at a corner which is not quite its own."""
+MONOTONE_SHARE = 0.2
+"""Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
+their signs where no run was."""
 
-def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expansion | None]) -> EstimatedRange | None:
-    """What runs attain at the corners to which all parameters pull the responses; None if effects change their signs.
+
+class Base(Protocol):
+    """What corners are tried for: another surrogate, its runs and tolerance, and its expansion through all runs."""
+
+    runs: Runs
+    tolerance: float
+
+    def refined(self) -> Surrogate: ...
+
+    def continued(self) -> Expansion | None: ...
+
+
+class MonotoneCorners:
+    """What runs attain at the corners to which all parameters pull the responses, unless effects change their signs.
 
     The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
     of the box, and along edges. Where these effects have one sign the response is taken as monotone: its extremes are
@@ -25,11 +47,31 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
     that exceed their ends, and of how far any run exceeds the corner that should be the best one. If it is too large
     because signs change, and corners are few, all of them are run: they are the extremes of responses that bend
     little along each parameter, such as products.
-
-    Parameters
-    ----------
-    expansion : makes one of all runs
     """
+
+    def __init__(self, base: Base) -> None:
+        self._base = base
+
+    def bounded(self) -> EstimatedRange | None:
+        """The range; None if effects change their signs."""
+        base = self._base
+        error = _error(base.runs, base.tolerance)
+        if error is None:
+            return None
+        if not base.runs.noise_is_known:
+            base.runs.measure_noise()
+        low, high = base.runs.extremes
+        return EstimatedRange(
+            low, high, error + MONOTONE_SHARE * base.tolerance * (high - low), base.continued, is_enough=True
+        )
+
+    def refined(self) -> Surrogate:
+        """The other surrogate."""
+        return self._base.refined()
+
+
+def _error(runs: Runs, tolerance: float) -> Array | None:
+    """The estimated error (n_t, n_y) of what runs attain at corners; None if it is too large."""
     d = len(runs.box)
     unit = np.eye(d)
     star = runs.nodes[runs.at(np.concatenate([np.zeros((1, d)), -unit, unit]))]
@@ -48,8 +90,8 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
 
     if is_too_large(error_of(against)) or not runs.ok.all():
         return None
-    if may_hide(runs):
-        screen(runs, runs.left // 2)
+    if runs.may_hide():
+        runs.check(screening_points(d)[: runs.left // 2])
     signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
     values = runs.checked(np.concatenate([signs, -signs]))
     if not len(signs) or values is None:
@@ -72,10 +114,7 @@ def monotone_bounds(runs: Runs, tolerance: float, expansion: Callable[[], Expans
         error = error_of(bulge) + SAFETY * runs.beyond(values.min(axis=0), values.max(axis=0))
         if is_too_large(error):
             return None
-    if not runs.noise_is_known:
-        runs.measure_noise()
-    low, high = runs.extremes
-    return EstimatedRange(low, high, error + MONOTONE_SHARE * tolerance * (high - low), expansion, is_enough=True)
+    return error
 
 
 def _run_all_corners(runs: Runs, corner: Array, bulge: Array) -> bool:

@@ -8,25 +8,25 @@ import numpy as np
 from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
 from symmb.bounds.adaptive.check_runs import inflated_error
-from symmb.bounds.adaptive.constants import (
-    HALF_DEGREE,
-    INHERITED_SHARE,
-    MOST_SMOOTHED,
-    REFINED_SHARE,
-    ROUNDING_SHARE,
-    SMALL_HALF_WIDTH,
-    SMALLEST_HALF_WIDTH,
-    SMOOTH_DECAY,
-    TENSOR_RANGE,
-    WHOLE_DEGREE,
-)
-from symmb.bounds.adaptive.error_estimate import TruncationError
+from symmb.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationError, decay_ratios, event_errors
 from symmb.bounds.adaptive.runs import Runs, relative_errors
-from symmb.bounds.adaptive.smoothness import decay_ratios, event_errors
 from symmb.codegen import with_compiler
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, MultiIndices
 from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
+
+REFINED_SHARE = 0.25
+"""Directions with at least this share of the largest error are refined together: more runs, and fewer rounds."""
+WHOLE_DEGREE, HALF_DEGREE = 16, 8
+"""Least degree at which smoothness is judged: on the whole box, and on halves, one of which is expected to be rough."""
+SMALL_HALF_WIDTH, SMALLEST_HALF_WIDTH = 0.05, 1e-6
+"""Half width of a rough piece at which a smooth response is nearly linear, and at which halving ends."""
+INHERITED_SHARE = 0.25
+"""Share of the error that is left after a rough piece was halved along every parameter."""
+TENSOR_RANGE = 1e-5
+"""Accuracy of a range, over its width."""
+MOST_SMOOTHED = 200
+"""Failed nodes of a piece that get the values of the smoothest interpolant: more of them are a region of their own."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and degrees of an interpolant on it."""
@@ -155,8 +155,7 @@ class Piece:
     @property
     def checkable_error(self) -> Array:
         """The part of the errors of the range (2, n_t, n_y) that runs at its places can show; 0 at nodes."""
-        checkable = self.errors - self.truncation.least
-        checkable[checkable < ROUNDING_SHARE * self.errors] = 0.0
+        checkable = np.maximum(self.errors - self.truncation.least, 0.0)
         return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
 
     def expected_error(self, places: Array) -> Array:

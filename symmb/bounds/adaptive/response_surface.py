@@ -1,5 +1,6 @@
 """Bounds of few responses over many parameters, from a Gaussian process that knows in which directions they vary."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -7,35 +8,49 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.bounds.adaptive.check_runs import quasi_random_points, screening_corners
-from symmb.bounds.adaptive.constants import (
-    BESIDE,
-    DECIDED,
-    DEVIATIONS,
-    DOUBTFUL_SHARE,
-    FEWEST_SPREAD,
-    LATEST,
-    LEFT_OUT_SAFETY,
-    OBSERVED_SHARE,
-    PLATEAU,
-    REFIT,
-    RIDGE_LENGTHS,
-    ROUNDING_WIDTH,
-    SEARCH_CANDIDATES,
-    SEARCH_LINE,
-    SEARCH_STARTS,
-    SLOPE_STEP,
-    SPREAD,
-    SUSPICIOUS_RUNS,
-    UNLIKELY,
-)
+from symmb.bounds.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bounds.adaptive.covariances import Ridge, Sum
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
-from symmb.bounds.adaptive.runs import EstimatedRange, Runs
-from symmb.bounds.adaptive.surface_expansion import surface_expansion
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, ROUNDING_WIDTH, Runs
+from symmb.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bounds.time_windows import DOUBTFUL
+from symmb.nodes import Grid
+from symmb.polynomials import Expansion
+
+SURFACE_RUNS, SURFACE_RUNS_OF_PARAMETERS = 100, 20
+"""Runs after which a surface that does not converge is given up: in all, and for each parameter."""
+SLOPE_STEP = 0.1
+"""Distance from the middle at which slopes are taken."""
+RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
+"""Lengths of a ridge of which the most likely one is the start of a search."""
+REFIT, UNLIKELY, DECIDED = 1.4, 20.0, 8
+"""Growth of the runs after which the kernel is chosen anew; logarithm of the ratio of likelihoods beyond which a kernel
+is given up, from so many runs for each parameter on."""
+DEVIATIONS, LATEST = 2.0, 10
+"""Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
+show more."""
+OBSERVED_SHARE = 0.6
+"""Share of the error of the latest runs that extremes may have."""
+LEFT_OUT_SAFETY = 3.0
+"""Factor on the errors at runs that are left out, where a surface does not converge. Their root mean square over the
+width is 7 to 40 % where the response jumps, and at most 1.5 % where it is smooth (known_ranges.py, Genz)."""
+SPREAD, FEWEST_SPREAD = 4, 12
+"""Runs of a round that are spread over the box, and fewest of all rounds. So many corners are the first of them: what
+acts for high values of some parameters together is seen nowhere else."""
+BESIDE = 0.15
+"""Distance in each parameter from an extreme of the surface at which a run shows whether the response is flat there."""
+PLATEAU = 3
+"""Runs inside the box that share an extreme where the response is constant."""
+SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
+"""Points of the box, and as many corners, of which so many start local searches."""
+SEARCH_LINE = 17
+"""Values of a parameter of which the best is looked for: a sine of a period has its extremes within 0.06 of them."""
+EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
+"""Most polynomials of the expansion of a surface, and largest error of it, over the standard deviation."""
 
 
-def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> EstimatedRange:
-    """Range of a Gaussian process through all runs, which is refined where extremes are or are not excluded.
+class ResponseSurface:
+    """A Gaussian process through all runs, which is refined where extremes are or are not excluded.
 
     Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
     those of the mean and some standard deviations, and at points that are spread over the box, first of all at corners.
@@ -47,45 +62,61 @@ def surface_bounds(runs: Runs, nodes: Array, tolerance: float, most: int) -> Est
     ----------
     nodes : (N, d)          points of ``runs.nodes``
     tolerance : of the error, over the width
-    most : runs after which the range is taken as it is
+    is_patient : whether it goes on until no runs are left
     """
-    import scipy.linalg  # noqa: F401  (the next runs give its library one thread as well)
 
-    d, n_spread, n_fit = nodes.shape[1], 0, 0
-    latest, kernels = np.ones(1), list[Kernel]()
-    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
-    runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
-    while True:
-        if not runs.noise_is_known and len(runs) >= SUSPICIOUS_RUNS:
-            runs.measure_noise()
-            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
-        data = _Responses.of(runs, nodes)
+    def __init__(self, runs: Runs, nodes: Array, tolerance: float, is_patient: bool) -> None:
+        import scipy.linalg  # noqa: F401  (the next runs give its library one thread as well)
+
+        d = nodes.shape[1]
+        self._runs, self._nodes, self._tolerance = runs, nodes, tolerance
+        self._most = runs.most if is_patient else SURFACE_RUNS + SURFACE_RUNS_OF_PARAMETERS * d
+        self._latest, self._kernels, self._n_spread, self._n_fit = np.ones(1), list[Kernel](), 0, 0
+        self._corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
+        runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
+
+    def bounded(self) -> EstimatedRange | None:
+        """The range, if its error is small enough or there are no runs left."""
+        runs, tolerance, d = self._runs, self._tolerance, self._nodes.shape[1]
+        self._data = data = _Responses.of(runs, self._nodes)
         if not data.varies.any():
             return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, is_enough=True)
-        if len(data.points) >= REFIT * n_fit:
-            kernels, n_fit = _kernels(kernels, data), len(data.points)
-        surface = GaussianProcess(kernels[0], data.points, data.Y)
+        if len(data.points) >= REFIT * self._n_fit:
+            self._kernels, self._n_fit = _kernels(self._kernels, data), len(data.points)
+        self._surface = surface = GaussianProcess(self._kernels[0], data.points, data.Y)
         # At an extreme the errors of all kinks of a sum have one sign.
-        factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
-        places, ends = _extremes(surface, factor * max(1.0, _rms(surface.left_out_deviations()[-LATEST:])))
+        factor = DEVIATIONS * (d**0.5 if self._kernels[0].is_sum else 1.0)
+        self._places, ends = _extremes(surface, factor * max(1.0, _rms(surface.left_out_deviations()[-LATEST:])))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
-        ends = np.where(_is_plateau(data, attained)[:, None], attained[:, None], ends)
-        observed = np.where(_is_plateau(data, attained), 0.0, OBSERVED_SHARE * _rms(latest) * width)
+        is_plateau = _is_plateau(data, attained)
+        ends = np.where(is_plateau[:, None], attained[:, None], ends)
+        observed = np.where(is_plateau, 0.0, OBSERVED_SHARE * _rms(self._latest) * width)
         estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
-        is_enough = n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
-        if is_enough or len(runs) >= most or not runs.left or runs.clock.is_late:
-            if not is_enough:
-                estimate = np.maximum(estimate, _left_out(surface, data.noise))
-            return data.range(runs, surface, (places[:, 0], ends), attained, estimate)._replace(is_enough=is_enough)
-        space_filling = corners.pop() if corners else quasi_random_points(n_spread + SPREAD, d)[n_spread:]
-        n_spread += SPREAD
-        beside = _beside(places[:, 0].reshape(-1, d), n_spread)
-        new = _distinct([*places.reshape(-1, d), *beside, *space_filling], data.points)
+        is_enough = self._n_spread >= FEWEST_SPREAD and (estimate <= np.maximum(tolerance * width, data.noise)).all()
+        if not (is_enough or len(runs) >= self._most or not runs.left or runs.clock.is_late):
+            return None
+        if not is_enough:
+            estimate = np.maximum(estimate, _left_out(surface, data.noise))
+        found = data.range(runs, surface, (self._places[:, 0], ends), attained, estimate)
+        return found._replace(is_enough=bool(is_enough))
+
+    def refined(self) -> "ResponseSurface":
+        """With runs at extremes, beside them, and spread over the box, or with measured noise."""
+        runs, data, d = self._runs, self._data, self._nodes.shape[1]
+        if not runs.noise_is_known and len(runs) > CHEAP_RUNS:
+            runs.measure_noise()
+            self._kernels, self._n_fit = [], 0  # noise of one response spoils the kernel of all
+            return self
+        spread = self._corners.pop() if self._corners else quasi_random_points(self._n_spread + SPREAD, d)[-SPREAD:]
+        self._n_spread += SPREAD
+        beside = _beside(self._places[:, 0].reshape(-1, d), self._n_spread)
+        new = _distinct([*self._places.reshape(-1, d), *beside, *spread], data.points)
         points, responses = runs.check(new[: runs.left])
         if len(points):
-            errors = np.abs(data.relative(responses) - surface.mean(points))
-            latest = (errors / width).max(axis=1)
+            errors = np.abs(data.relative(responses) - self._surface.mean(points))
+            self._latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +167,10 @@ class _Responses:
         at, ends = extremes
         places = np.zeros((2, len(self.mean), at.shape[2]))
         places[:, self.varies] = at
-        doubtful = estimate > DOUBTFUL_SHARE * np.ptp(attained, axis=0)
+        doubtful = estimate > DOUBTFUL * np.ptp(attained, axis=0)
         lower, upper = np.where(doubtful, attained, ends[:, 0])
         estimate = np.where(doubtful, np.maximum(estimate, np.abs(ends[:, 1] - attained).max(axis=0)), estimate)
-        expansion = partial(surface_expansion, lambda points: self.absolute(surface.mean(points)), runs)
+        expansion = partial(_expansion, lambda points: self.absolute(surface.mean(points)), runs)
         return EstimatedRange(
             self.absolute(lower).reshape(runs.shape),
             self.absolute(upper).reshape(runs.shape),
@@ -273,3 +304,24 @@ def _distinct(points: list[Array], known: Array) -> Array:
         if np.abs(distinct - x).max(axis=1).min() > 1e-3:
             distinct = np.concatenate([distinct, x[None]])
     return distinct[len(known) :]
+
+
+def _expansion(surface: Callable[[Array], Array], runs: Runs) -> Expansion | None:
+    """Interpolant of a surface (N, d) -> (N, n_t n_y) on a sparse grid; None if it is not close to the surface."""
+    d = len(runs.box)
+    # Degree 2 does not tell x^3 from x.
+    grid, step = Grid(d), {tuple(4 * (i == j) for j in range(d)) for i in range(d)}
+    points = quasi_random_points(4 * d, d)
+    expected = surface(points)
+    while True:
+        grid.add(grid.missing(step))
+        coefficients = grid.coefficients(surface(grid.nodes))
+        expansion = Expansion(grid.alpha, coefficients.reshape(-1, *runs.shape), runs.box.names)
+        errors = np.abs(expansion.values(points).reshape(expected.shape) - expected)
+        widths = np.where(np.ptp(expected, axis=0) > 0, np.ptp(expected, axis=0), np.inf)
+        if (errors / widths).max() <= EXPANSION_SHARE:
+            return expansion
+        if len(grid.row) >= EXPANSION_SIZE:
+            return None
+        sizes = extrapolated_sizes(grid, np.abs(coefficients / widths).max(axis=1))
+        step = largest(sizes, len(grid.row) // 4)

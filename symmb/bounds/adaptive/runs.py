@@ -2,49 +2,38 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bounds.adaptive.check_runs import quasi_random_points
+from symmb.bounds.adaptive.check_runs import FEW_SHAPES, count_shapes, quasi_random_points
 from symmb.bounds.adaptive.clock import Clock
-from symmb.bounds.adaptive.constants import (
-    LARGEST_SHARE,
-    NODE_DIGITS,
-    NOISE_RUNS,
-    NOISE_RUNS_OF_FEW,
-    NOISE_SAFETY,
-    NOISE_SPACING,
-    ORDINARY,
-    ROUNDING_OF_VALUES,
-    ROUNDING_WIDTH,
-    WINDOW_SHARE,
-)
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
-from symmb.bounds.time_windows import average_over_window
+from symmb.bounds.time_windows import average_over_window, rests_for_a_time
 from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, TotalDegree, basis_values
 from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
 
-
-class EstimatedRange(NamedTuple):
-    """Range of an interpolant, its estimated error, each (n_t, n_y), and its expansion over the box if it is whole.
-
-    The expansion is made on call: it is as large as the runs, which are not needed any more then. `places` are those of
-    the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is reached.
-    """
-
-    lower: Array
-    upper: Array
-    estimate: Array
-    expansion: Callable[[], Expansion | None] | None
-    places: Array | None = None
-    is_enough: bool = False
+TRUST = 0.6
+"""Least share of its estimated error that an interpolant keeps when check runs show less: runs against safety."""
+CHEAP_RUNS = 60
+"""Runs up to which doubtful bounds are refined further, and beyond which it is worth a few to measure noise."""
+NOISE_RUNS, NOISE_SPACING = 5, 1e-7
+"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there."""
+NOISE_SAFETY = 3.0
+"""Factor on the standard deviation of noise: as far as its values reach."""
+WINDOW_SHARE = 0.2
+"""Weight of the largest error in a window of time: what acts for a moment counts, but less than what stays."""
+ROUNDING_WIDTH = 1e-9
+"""Share of an output's scale below which its width is rounding, unless the simulator tells its noise."""
+ROUNDING_OF_VALUES = 4 * 2.0**-52
+"""The same where it tells it: the digits that numbers have."""
+_ORDINARY = 300
+"""Powers of two, 1e90, by which numbers may grow: they are squared. Half of it is not scaled by a power of two."""
 
 
 class OutgrownError(Exception):
@@ -229,15 +218,18 @@ class Runs:
         lowest, highest = self.extremes
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
+    def may_hide(self) -> bool:
+        """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
+        return count_shapes(self.nodes, self.rms_widths()) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
+
     def measure_noise(self) -> None:
         """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
         d = len(self.box)
         middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
         self.noise_is_known = True
-        number = NOISE_RUNS if self.shape[0] >= NOISE_RUNS else NOISE_RUNS_OF_FEW
-        if number > self.left:
+        if NOISE_RUNS > self.left:
             return
-        along = np.arange(number) - 0.5 * (number - 1)
+        along = np.arange(NOISE_RUNS) - 0.5 * (NOISE_RUNS - 1)
         Y, ok, _ = self._run(middle + NOISE_SPACING * along[:, None] * direction)
         if (freedom := int(ok.sum()) - 2) > 0:
             line, _ = np.linalg.qr(np.vander(along[ok], 2))
@@ -295,10 +287,10 @@ class Runs:
         self._largest = np.maximum(self._largest, largest)
         largest = np.maximum(largest, 0.0 if self._told is None else self._told)
         new = np.maximum(np.where(largest > 0, np.frexp(largest)[1], self.power), self._least_power)
-        if (too_large := varies & (new - self.power > ORDINARY)).any():
+        if (too_large := varies & (new - self.power > _ORDINARY)).any():
             self._least_power = np.where(too_large, new, self._least_power)
             raise OutgrownError
-        self.power = np.where(varies | (np.abs(new) < ORDINARY / 2), self.power, new)
+        self.power = np.where(varies | (np.abs(new) < _ORDINARY / 2), self.power, new)
 
 
 def rms(a: Array) -> Array:
@@ -312,9 +304,9 @@ def relative_rms(error: Array, widths: Array) -> float:
 
 
 def typical_error(error: Array, widths: Array) -> float:
-    """Mean over outputs of the `relative_errors`, at least a share LARGEST_SHARE of the largest one."""
+    """Root mean square over outputs of the `relative_errors`."""
     errors = relative_errors(error, widths)[np.isfinite(widths)]
-    return float(max(np.mean(errors), LARGEST_SHARE * errors.max())) if errors.size else 0.0
+    return float(rms(errors)) if errors.size else 0.0
 
 
 def relative_errors(error: Array, widths: Array) -> Array:
@@ -343,5 +335,5 @@ def _distance(places: Array, points: Array) -> Array:
 
 
 def _keys(points: Array) -> list[bytes]:
-    rounded = np.ascontiguousarray(points.round(NODE_DIGITS) + 0.0)  # no -0
+    rounded = np.ascontiguousarray(points.round(12) + 0.0)  # equal nodes agree, and 0 is not -0
     return rounded.view(f"V{8 * points.shape[1]}").ravel().tolist()
