@@ -9,7 +9,9 @@ import numpy as np
 from symmb._types import Array
 
 DEVIATION = 4.0
-"""Expected size of rates and of logarithms of sizes: a weak prior, which keeps numbers that do not matter in place."""
+"""Expected size of rates of ridges and of logarithms of sizes: a weak prior keeps what does not matter in place."""
+DEVIATION_RATE = 1.0
+"""Expected size of rates of single parameters. More of it takes more runs where there are many parameters."""
 _LIMIT_RATE, _LIMITS_SIZE = 15.0, (1e-6, 1e4)
 
 
@@ -43,6 +45,12 @@ class Term(ABC):
     def limits(self) -> Array:
         """(d + 1, 2) of the vector."""
         return np.array([(-_LIMIT_RATE, _LIMIT_RATE)] * len(self.rates) + [np.log(_LIMITS_SIZE)])
+
+    @property
+    def deviations(self) -> Array:
+        """Expected sizes (d + 1,) of the vector."""
+        rate = DEVIATION if isinstance(self, Ridge) else DEVIATION_RATE
+        return np.array([rate] * len(self.rates) + [DEVIATION])
 
     @abstractmethod
     def values(self, a: Array, b: Array) -> Array:

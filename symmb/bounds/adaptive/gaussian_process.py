@@ -123,8 +123,9 @@ class GaussianProcess:
         each = zip(kernel.terms, self._covariances, strict=True)
         parts = [term.vector_gradient(pull, self.points, values) for term, values in each]
         gradient = np.concatenate([*parts, [kernel.noise * np.trace(pull)]])
-        distance = (kernel.vector - mean) / DEVIATION
-        return value + 0.5 * float(distance @ distance), gradient + distance / DEVIATION
+        deviations = np.concatenate([*(term.deviations for term in kernel.terms), [DEVIATION]])
+        distance = (kernel.vector - mean) / deviations
+        return value + 0.5 * float(distance @ distance), gradient + distance / deviations
 
     def most_likely(self) -> "GaussianProcess":
         """That of the most likely kernel near this one."""
@@ -144,10 +145,6 @@ class GaussianProcess:
     def left_out_errors(self) -> Array:
         """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
         return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
-
-    def left_out_deviations(self) -> Array:
-        """The largest of these errors (N,) over their standard deviations."""
-        return np.abs(self.left_out_errors()).max(axis=1) * np.sqrt(np.square(self._inverse_root).sum(axis=0))
 
     def mean(self, points: Array) -> Array:
         """(M, m)."""

@@ -304,9 +304,9 @@ def relative_rms(error: Array, widths: Array) -> float:
 
 
 def typical_error(error: Array, widths: Array) -> float:
-    """Root mean square over outputs of the `relative_errors`."""
+    """Mean over the outputs that vary of the `relative_errors`."""
     errors = relative_errors(error, widths)[np.isfinite(widths)]
-    return float(rms(errors)) if errors.size else 0.0
+    return float(np.mean(errors)) if errors.size else 0.0
 
 
 def relative_errors(error: Array, widths: Array) -> Array:

@@ -9,6 +9,7 @@ from symmb._types import Array, Indices
 from symmb.bounds.adaptive.check_runs import (
     FEW_SHAPES,
     PROBES,
+    SAFETY,
     count_shapes,
     evenly_spread_points,
     inflated_error,
@@ -20,6 +21,10 @@ from symmb.bounds.adaptive.runs import CHEAP_RUNS, TRUST, Runs, relative_rms, ty
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import is_doubtful, is_doubtful_in_window
 
+FARTHEST_SCALING = 10.0
+"""Largest factor by which the error of a check run is scaled to the error expected elsewhere."""
+LEAST_COST = 15
+"""Runs of a refinement before which it is worth a few to measure noise."""
 FIELD_TRUST = 0.15
 """TRUST of fields: their check runs show errors at many times. Less takes fewer runs, and misses more."""
 
@@ -96,7 +101,7 @@ class TensorGrids:
         inflated, ratio = self._check(union)
         beyond, widths = runs.beyond(union.lower, union.upper), runs.rms_widths()
         left = np.maximum(np.maximum(ratio, trust) * expected if is_field else trust * expected, beyond)
-        estimate = np.maximum(inflated, left)
+        estimate = np.maximum(inflated, SAFETY * left if is_field else left)
         if (
             len(pieces) > 1
             and len(runs.checks)
@@ -110,6 +115,8 @@ class TensorGrids:
             return None
         if error > tolerance and self._can_refine():
             return None
+        if doubtful[:, varies].any():
+            estimate = np.maximum(estimate, expected)
         expansion = (lambda: pieces[0].expansion) if len(pieces) == 1 else None
         is_enough = max(error, TENSOR_RANGE) <= tolerance
         estimate = estimate + TENSOR_RANGE * width
@@ -118,7 +125,7 @@ class TensorGrids:
     def refined(self) -> "TensorGrids":
         """With the worst piece refined or halved, or with measured noise."""
         runs = self._runs
-        if not runs.noise_is_known and len(runs) + self._cost() > CHEAP_RUNS:
+        if not runs.noise_is_known and (self._cost() >= LEAST_COST or len(runs) >= CHEAP_RUNS):
             runs.measure_noise()
             self._pieces = [replace(piece, widths=runs.rms_widths()) for piece in self._pieces]  # with new errors
         else:
@@ -176,7 +183,7 @@ class TensorGrids:
             error = np.square(piece.observed_errors(point[None], runs.checks[[k]])[0])
             error = np.maximum(error - np.square(runs.noise), 0.0)
             ratio = np.divide(estimate, expected, out=np.ones_like(estimate), where=expected > 0)
-            squares = np.maximum(squares, error * np.square(ratio))
+            squares = np.maximum(squares, error * np.square(np.minimum(ratio, FARTHEST_SCALING)))
             seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
             if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
                 largest, self._worst = observed, piece
