@@ -10,7 +10,7 @@ from symmb._types import Array
 
 DEVIATION = 4.0
 """Expected size of rates of ridges and of logarithms of sizes: a weak prior keeps what does not matter in place."""
-DEVIATION_RATE = 1.0
+DEVIATION_RATE = 0.3
 """Expected size of rates of single parameters. More of it takes more runs where there are many parameters."""
 _LIMIT_RATE, _LIMITS_SIZE = 15.0, (1e-6, 1e4)
 

@@ -94,8 +94,8 @@ class TensorGrids:
         union, widths = _Union.of(pieces), runs.rms_widths()
         self._worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
         expected, is_field = union.errors.max(axis=0), self._is_field()
-        trust = FIELD_TRUST if is_field else union.trust
-        if typical_error(trust * expected, widths) > tolerance and self._can_refine():
+        measure, trust = (typical_error, FIELD_TRUST) if is_field else (relative_rms, union.trust)
+        if measure(trust * expected, widths) > tolerance and self._can_refine():
             return None
         runs.tell(relative_rms(expected, widths))
         inflated, ratio = self._check(union)
@@ -108,7 +108,7 @@ class TensorGrids:
             and relative_rms(beyond, widths) >= relative_rms(np.maximum(inflated, trust * expected), widths)
         ):
             self._worst = self._farthest(union)
-        error = typical_error(left if is_field else estimate, widths)
+        error = measure(left if is_field else estimate, widths)
         width, varies = union.upper - union.lower, np.isfinite(widths)
         doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
         if doubtful[:, varies].any() and self._can_refine(CHEAP_RUNS - len(runs)):
