@@ -38,7 +38,7 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
     normal = multivariate_normal(np.zeros(30), noisy)
     expected = -sum(normal.logpdf(y) for y in Y.T) - 30 * np.log(2 * np.pi)
     mean, deviation, rates = np.zeros_like(vector), np.full_like(vector, 4.0), [0, 1, 2, 3, 15, 16, 17, 18]
-    mean[-1], deviation[rates] = np.log(1e-6), 0.3
+    mean[rates], mean[-1], deviation[rates] = np.log(0.3), np.log(1e-6), 1.5
     prior = np.sum(((vector - mean) / deviation) ** 2) / 2
     value, gradient = GaussianProcess(KERNEL, X, Y).unlikeliness()
     assert value == pytest.approx(expected + prior)

@@ -9,10 +9,10 @@ import numpy as np
 from symmb._types import Array
 
 DEVIATION = 4.0
-"""Expected size of rates of ridges and of logarithms of sizes: a weak prior keeps what does not matter in place."""
-DEVIATION_RATE = 0.3
-"""Expected size of rates of single parameters. More of it takes more runs where there are many parameters."""
-_LIMIT_RATE, _LIMITS_SIZE = 15.0, (1e-6, 1e4)
+"""Expected size of components of ridges and of logarithms of sizes: it keeps what does not matter in place."""
+MEAN_RATE, DEVIATION_RATE = float(np.log(0.3)), 1.5
+"""Expected logarithm of other rates, and its standard deviation: more of it takes more runs of many parameters."""
+_LIMIT_RIDGE, _LIMITS_RATE, _LIMITS_SIZE = 15.0, (1e-3, 10.0), (1e-6, 1e4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,23 +34,22 @@ class Term(ABC):
 
     @property
     def vector(self) -> Array:
-        """The numbers (d + 1,) that a likely kernel is searched in: w and log(a)."""
-        return np.append(self.rates, np.log(self.size))
+        """The numbers (d + 1,) that a likely kernel is searched in: log(w) and log(a)."""
+        return np.log(np.append(self.rates, self.size))
 
     def with_vector(self, vector: Array) -> Self:
         """With other numbers."""
-        return replace(self, size=float(np.exp(vector[-1])), rates=vector[:-1])
+        return replace(self, size=float(np.exp(vector[-1])), rates=np.exp(vector[:-1]))
 
     @property
     def limits(self) -> Array:
         """(d + 1, 2) of the vector."""
-        return np.array([(-_LIMIT_RATE, _LIMIT_RATE)] * len(self.rates) + [np.log(_LIMITS_SIZE)])
+        return np.log([_LIMITS_RATE] * len(self.rates) + [_LIMITS_SIZE])
 
     @property
-    def deviations(self) -> Array:
-        """Expected sizes (d + 1,) of the vector."""
-        rate = DEVIATION if isinstance(self, Ridge) else DEVIATION_RATE
-        return np.array([rate] * len(self.rates) + [DEVIATION])
+    def prior(self) -> Array:
+        """Expected vector and its standard deviations (2, d + 1)."""
+        return np.array([(MEAN_RATE, DEVIATION_RATE)] * len(self.rates) + [(0.0, DEVIATION)]).T
 
     @abstractmethod
     def values(self, a: Array, b: Array) -> Array:
@@ -66,7 +65,26 @@ class Term(ABC):
 
 
 class Ridge(Term):
-    """a exp(-(w (x - x'))^2 / 2): functions of one direction w."""
+    """a exp(-(w (x - x'))^2 / 2): functions of one direction w, whose components may have any sign."""
+
+    @property
+    def vector(self) -> Array:
+        """w and log(a)."""
+        return np.append(self.rates, np.log(self.size))
+
+    def with_vector(self, vector: Array) -> Self:
+        """With other numbers."""
+        return replace(self, size=float(np.exp(vector[-1])), rates=vector[:-1])
+
+    @property
+    def limits(self) -> Array:
+        """Of w and log(a)."""
+        return np.array([(-_LIMIT_RIDGE, _LIMIT_RIDGE)] * len(self.rates) + [np.log(_LIMITS_SIZE)])
+
+    @property
+    def prior(self) -> Array:
+        """Of w and log(a)."""
+        return np.array([(0.0, DEVIATION)] * (len(self.rates) + 1)).T
 
     def values(self, a: Array, b: Array) -> Array:
         """(N, M)."""
@@ -96,10 +114,10 @@ class Smooth(Term):
         return self.size * np.exp(-0.5 * np.maximum(squares, 0.0))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """With respect to w and log(a)."""
+        """With respect to log(w) and log(a)."""
         own = pull * values
         rates = own.sum(axis=1) @ np.square(points) - (points * (own @ points)).sum(axis=0)
-        return np.append(-2 * self.rates * rates, own.sum())
+        return np.append(-2 * np.square(self.rates) * rates, own.sum())
 
     def slope(self, pull: Array, a: Array, b: Array) -> Array:
         """(N, d)."""
@@ -123,11 +141,9 @@ class Sum(Term):
         return self.size / len(self.rates) * sum(((1 + part) * np.exp(-part) for part in z), np.zeros((1, 1)))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """With respect to w and log(a)."""
-        squares = np.array(
-            [(pull * np.square(z) * np.exp(-np.abs(z))).sum() for z in self._differences(points, points)]
-        )
-        slopes = -np.divide(squares, self.rates, out=np.zeros_like(squares), where=self.rates != 0)
+        """With respect to log(w) and log(a)."""
+        differences = self._differences(points, points)
+        slopes = np.array([-(pull * np.square(z) * np.exp(-np.abs(z))).sum() for z in differences])
         return np.append(self.size / len(self.rates) * slopes, (pull * values).sum())
 
     def slope(self, pull: Array, a: Array, b: Array) -> Array:

@@ -112,8 +112,7 @@ class GaussianProcess:
         A weak prior keeps numbers that do not matter in place.
         """
         kernel, m = self.kernel, self.Y.shape[1]
-        mean = np.zeros(len(kernel.vector))
-        mean[-1] = _MEAN_NOISE
+        mean, deviation = np.concatenate([*(term.prior for term in kernel.terms), [[_MEAN_NOISE], [DEVIATION]]], axis=1)
         try:
             root, weights = self._inverse_root, self._weights
         except np.linalg.LinAlgError:
@@ -123,9 +122,8 @@ class GaussianProcess:
         each = zip(kernel.terms, self._covariances, strict=True)
         parts = [term.vector_gradient(pull, self.points, values) for term, values in each]
         gradient = np.concatenate([*parts, [kernel.noise * np.trace(pull)]])
-        deviations = np.concatenate([*(term.deviations for term in kernel.terms), [DEVIATION]])
-        distance = (kernel.vector - mean) / deviations
-        return value + 0.5 * float(distance @ distance), gradient + distance / deviations
+        distance = (kernel.vector - mean) / deviation
+        return value + 0.5 * float(distance @ distance), gradient + distance / deviation
 
     def most_likely(self) -> "GaussianProcess":
         """That of the most likely kernel near this one."""
@@ -145,6 +143,10 @@ class GaussianProcess:
     def left_out_errors(self) -> Array:
         """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
         return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
+
+    def left_out_deviations(self) -> Array:
+        """The largest of these errors (N,) over their standard deviations."""
+        return np.abs(self.left_out_errors()).max(axis=1) * np.sqrt(np.square(self._inverse_root).sum(axis=0))
 
     def mean(self, points: Array) -> Array:
         """(M, m)."""

@@ -26,8 +26,9 @@ RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
 REFIT, UNLIKELY, DECIDED = 1.4, 20.0, 8
 """Growth of the runs after which the kernel is chosen anew; logarithm of the ratio of likelihoods beyond which a kernel
 is given up, from so many runs for each parameter on."""
-DEVIATIONS = 2.0
-"""Standard deviations that a response is expected to be from its mean at most: more is safer, and takes more runs."""
+DEVIATIONS, LATEST = 2.0, 10
+"""Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
+show more: more is safer, and takes more runs."""
 OBSERVED_SHARE = 0.6
 """Share of the error of the latest runs that extremes may have."""
 LEFT_OUT_SAFETY = 3.0
@@ -36,6 +37,8 @@ width is 7 to 40 % where the response jumps, and at most 1.5 % where it is smoot
 SPREAD, FEWEST_SPREAD = 4, 12
 """Runs of a round that are spread over the box, and fewest of all rounds. So many corners are the first of them: what
 acts for high values of some parameters together is seen nowhere else."""
+BESIDE = 0.15
+"""Distance in each parameter from an extreme of the surface at which a run shows whether the response is flat there."""
 PLATEAU = 3
 """Runs inside the box that share an extreme where the response is constant."""
 SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
@@ -83,7 +86,7 @@ class ResponseSurface:
         self._surface = surface = GaussianProcess(self._kernels[0], data.points, data.Y)
         # At an extreme the errors of all kinks of a sum have one sign.
         factor = DEVIATIONS * (d**0.5 if self._kernels[0].is_sum else 1.0)
-        self._places, ends = _extremes(surface, factor)
+        self._places, ends = _extremes(surface, factor * max(1.0, _rms(surface.left_out_deviations()[-LATEST:])))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
         ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
         is_plateau = _is_plateau(data, attained)
@@ -99,7 +102,7 @@ class ResponseSurface:
         return found._replace(is_enough=bool(is_enough))
 
     def refined(self) -> "ResponseSurface":
-        """With runs at extremes and spread over the box, or with measured noise."""
+        """With runs at extremes, beside them, and spread over the box, or with measured noise."""
         runs, data, d = self._runs, self._data, self._nodes.shape[1]
         if not runs.noise_is_known and len(runs) > CHEAP_RUNS:
             runs.measure_noise()
@@ -107,7 +110,8 @@ class ResponseSurface:
             return self
         spread = self._corners.pop() if self._corners else quasi_random_points(self._n_spread + SPREAD, d)[-SPREAD:]
         self._n_spread += SPREAD
-        new = _distinct([*self._places.reshape(-1, d), *spread], data.points)
+        beside = _beside(self._places[:, 0].reshape(-1, d), self._n_spread)
+        new = _distinct([*self._places.reshape(-1, d), *beside, *spread], data.points)
         points, responses = runs.check(new[: runs.left])
         if len(points):
             errors = np.abs(data.relative(responses) - self._surface.mean(points))
@@ -282,6 +286,15 @@ def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float
     flat = points.reshape(-1, len(x))
     objective = sign * surface.mean(flat)[:, response] - (factor * surface.deviation(flat) if factor else 0.0)
     return values[objective.reshape(len(x), -1).argmin(axis=1)]
+
+
+def _beside(places: Array, number: int) -> Array:
+    """A point near each place (n, d): runs there show whether the response is as flat as the surface at its extremes.
+
+    Directions depend on the number of the round.
+    """
+    directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
+    return np.clip(places + BESIDE * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
 
 
 def _distinct(points: list[Array], known: Array) -> Array:
