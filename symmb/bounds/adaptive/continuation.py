@@ -229,7 +229,7 @@ def corrected_bounds(
         share = remaining_share(extremes, runs.points).max(axis=0)
         remaining = share * np.maximum(observed, REMAINING_SHARE * estimate)
         error = relative_rms(np.maximum(remaining, unattained().max(axis=0)), runs.rms_widths())
-        if (len(known) >= n_round and (error <= tolerance or error > 0.9 * before)) or runs.clock.is_late:
+        if (len(known) >= n_round and (error <= tolerance or error >= before)) or runs.clock.is_late:
             break
         before = error
     error = np.maximum(spread_over_times(remaining, upper - lower), unattained().max(axis=0))

@@ -23,9 +23,9 @@ SLOPE_STEP = 0.1
 """Distance from the middle at which slopes are taken."""
 RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
 """Lengths of a ridge of which the most likely one is the start of a search."""
-REFIT, UNLIKELY, DECIDED = 1.4, 20.0, 8
-"""Growth of the runs after which the kernel is chosen anew; logarithm of the ratio of likelihoods beyond which a kernel
-is given up, from so many runs for each parameter on."""
+REFIT, UNLIKELY = 1.4, 20.0
+"""Growth of the runs after which the kernel is chosen anew: less takes more time. Logarithm of the ratio of likelihoods
+beyond which a kernel is given up."""
 DEVIATIONS, LATEST = 2.0, 10
 """Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
 show more: more is safer, and takes more runs."""
@@ -224,11 +224,10 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
         second = _with_ridge(first.kernel, first.rest_direction(), data)
         fits.append(GaussianProcess(second, data.points, data.Y).most_likely())
     fits.sort(key=_unlikeliness)
-    is_decided = len(data.points) >= DECIDED * data.points.shape[1]
     likely: dict[tuple[int, bool], Kernel] = {}  # the best one of each number of ridges, and of sums
     for fit in fits:
         kernel = fit.kernel
-        if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY or not (is_decided or kernel.n_ridges > 1):
+        if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY:
             likely.setdefault((kernel.n_ridges, kernel.is_sum), kernel)
     return list(likely.values())
 

@@ -147,7 +147,7 @@ class SparseGrids:
         if nodes >= SLOW * d and self._error > SLOW_ERROR and not self.is_patient:
             return True
         before = min((e for n, e in self._errors.items() if n <= nodes / 2), default=np.inf)
-        return nodes >= PATIENCE * d and self._error > max(1.0, 0.7 * before)
+        return nodes >= PATIENCE * d and self._error >= max(1.0, before)
 
 
 class ExtremeSearch:
@@ -170,7 +170,7 @@ class ExtremeSearch:
         runs, tolerance = self._base.runs, self._base.tolerance
         gain = max((relative_rms(gain, runs.rms_widths()) for gain in self._gains[-2:]), default=np.inf)
         is_done = gain <= tolerance and len(self._gains) > 1
-        if not (is_done or len(self._gains) >= 4 or not runs.left or runs.clock.is_late):
+        if not (is_done or not runs.left or runs.clock.is_late):
             return None
         lowest, highest = runs.extremes
         error = STALLED_SHARE * (highest - lowest)

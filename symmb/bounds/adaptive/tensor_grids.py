@@ -105,7 +105,7 @@ class TensorGrids:
         if (
             len(pieces) > 1
             and len(runs.checks)
-            and relative_rms(beyond, widths) >= relative_rms(np.maximum(inflated, trust * expected), widths)
+            and relative_rms(beyond, widths) > relative_rms(np.maximum(inflated, trust * expected), widths)
         ):
             self._worst = self._farthest(union)
         error = measure(left if is_field else estimate, widths)
