@@ -17,9 +17,11 @@ PATIENCE = 30
 """Corners for each parameter that are run, and nodes before growth may be given up: more take runs, fewer miss."""
 EDGES = 2
 """Pairs of corners that differ in one parameter only from which on its effect is not looked for along other edges."""
+LOST_SHARE = 0.1
+"""Share of the tolerance that a response may lose at a corner which is not quite its own."""
 MONOTONE_SHARE = 0.2
-"""Share of the tolerance that a response may lose at a corner which is not quite its own, and that is expected as error
-of what runs attain at corners: effects of parameters may change their signs where no run was."""
+"""Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
+their signs where no run was."""
 
 
 class Base(Protocol):
@@ -76,7 +78,7 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
     slope = lower_half + upper_half
     width = np.abs(slope).sum(axis=0)
-    allowed = MONOTONE_SHARE * tolerance * np.maximum(width, LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0)))
+    allowed = LOST_SHARE * tolerance * np.maximum(width, LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0)))
     bulge = _bulge(lower_half, upper_half)
     against = bulge.copy()
 
