@@ -11,6 +11,7 @@ import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import Executor
+from symmb.black_boxes import Simulator, WorkerPool
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import is_urdf, load_subject
@@ -18,7 +19,6 @@ from symmb.cli.urdf_scene import parameter_name
 from symmb.codegen import SLOW, has_compiler
 from symmb.files import save_json
 from symmb.plot import PICTURES
-from symmb.simulation import Simulator, WorkerPool
 
 _SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
 

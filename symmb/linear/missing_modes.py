@@ -11,7 +11,7 @@ import numpy as np
 from symmb.linear.eigenvalues import eigenvalues
 from symmb.linear.linear_equations import Blocks
 from symmb.linear.steady import SteadyMotion
-from symmb.simulation import REMEDY, AttachedLoads
+from symmb.verification import REMEDY, AttachedLoads
 
 _TOO_HIGH = 0.05
 """Share of a frequency by which it may be too high: deflections then lack 10 %."""

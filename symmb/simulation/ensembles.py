@@ -4,19 +4,20 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import RLock
 from typing import cast
 
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
+from symmb.black_boxes import BLOCK, Ensemble
 from symmb.codegen import BLAMED, REASONS, FailedSamples
+from symmb.formulations import Formulation, jet_outputs, outputs_along
 from symmb.integrate import AnyEngine, Integration, Run
-from symmb.simulation.formulation import Formulation
-from symmb.simulation.lock import LOCK
-from symmb.simulation.outputs import jet_outputs, outputs_along
-from symmb.simulation.simulator import BLOCK, Ensemble
 from symmb.symbolic import batch
 
+LOCK = RLock()
+"""CasADi's reference counts are not atomic: one Python thread at a time calls CasADi. CasADi's own threads compute."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
 """Failed samples of a block whose messages name joints: as many as are printed."""
@@ -96,19 +97,15 @@ class CompiledEnsemble:
         self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.form.start.states(self.P)[0]
         self._failed: FailedSamples | None = None
 
-    @property
+    @cached_property
     def Y(self) -> Array:
         """(N, n_t, n_y) outputs, nan where a sample failed."""
-        return self._trajectories
-
-    @cached_property
-    def _trajectories(self) -> Array:
         Y, self._failed = self.engine.values(self._x0, self.P, self.threads)
         return Y
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
-        if "_trajectories" in self.__dict__:
+        if "Y" in self.__dict__:
             return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
         lower, upper, self._failed = self.engine.extremes(self._x0, self.P, self.threads)
         return lower, upper
