@@ -236,8 +236,9 @@ def _stream_of_runs(
             following += 1
             ready.append(some)
         while indices is not None and sum(len(some.ok) for some in ready) >= len(indices):
-            whole, ready = _split(joined(ready, len(simulator.times), len(simulator.outputs)), len(indices))
-            merging.add(reduction.update(reduction.init(), whole, indices), len(indices))
+            whole = joined(ready, len(simulator.times), len(simulator.outputs))
+            merging.add(reduction.update(reduction.init(), whole[: len(indices)], indices), len(indices))
+            ready = [whole[len(indices) :]]
             indices = next(waiting, None)
     return merging.state
 
@@ -254,20 +255,3 @@ def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
     messages = tuple(f"{reason} ({_text(dict(zip(simulator.parameters, p, strict=True)))})" for p in P.tolist())
     return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)
-
-
-def _split(ensemble: Ensemble, count: int) -> tuple[Ensemble, list[Ensemble]]:
-    """The first runs of an ensemble, and the others."""
-    failed = int((~ensemble.ok[:count]).sum())
-    first, others = slice(count), slice(count, None)
-    parts = [
-        Ensemble(
-            ensemble.Y[some],
-            ensemble.ok[some],
-            ensemble.t_failed[some],
-            messages,
-            None if ensemble.events is None else ensemble.events[some],
-        )
-        for some, messages in ((first, ensemble.messages[:failed]), (others, ensemble.messages[failed:]))
-    ]
-    return parts[0], parts[1:] if len(parts[1].ok) else []

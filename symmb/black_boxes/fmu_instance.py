@@ -5,7 +5,7 @@ import faulthandler
 import os
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -71,17 +71,21 @@ class Instance:
             if ends or returned:
                 raise SimulationError(ENDED)
 
-    def reader(self, variables: Sequence[Variable]) -> "Reader":
-        """What reads these variables."""
+    def reader(self, variables: Sequence[Variable]) -> Callable[[Array], None]:
+        """What reads these variables into a row."""
         kinds: dict[str, list[int]] = {}
         for k, variable in enumerate(variables):
             kinds.setdefault(self._accessor(variable.type), []).append(k)
-        return Reader(
-            [
-                (getattr(self.model, f"get{kind}"), [variables[k].reference for k in columns], columns)
-                for kind, columns in kinds.items()
-            ]
-        )
+        calls = [
+            (getattr(self.model, f"get{kind}"), [variables[k].reference for k in columns], columns)
+            for kind, columns in kinds.items()
+        ]
+
+        def read(row: Array) -> None:
+            for get, references, columns in calls:
+                row[columns] = get(references)
+
+        return read
 
     def _accessor(self, kind: str) -> str:
         """The type by which FMI reads and writes a variable."""
@@ -91,17 +95,6 @@ class Instance:
         """Let go of the instance and of its library."""
         with suppress(Exception):  # it may be broken
             self.model.freeInstance()
-
-
-class Reader:
-    """Reads variables into a row."""
-
-    def __init__(self, calls: list[tuple[Any, list[int], list[int]]]) -> None:
-        self._calls = calls
-
-    def __call__(self, row: Array) -> None:
-        for get, references, columns in self._calls:
-            row[columns] = get(references)
 
 
 def is_fatal(error: BaseException) -> bool:

@@ -7,7 +7,7 @@ import functools
 import hashlib
 import sys
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -95,19 +95,13 @@ class _Values:
         kind = type(thing)
         if kind in _ATOMS or isinstance(thing, np.generic):
             yield repr(thing).encode(errors="surrogatepass")
-        elif kind in (list, tuple):
-            yield from ((part,) for part in thing)
-        elif kind in (dict, types.MappingProxyType):
-            for key, value in thing.items():
-                yield from ((key,), (value,))
+        elif kind in _PARTS:
+            yield from _PARTS[kind](thing)
         elif kind in (set, frozenset):
             yield from sorted(self.of(part) for part in thing)
         elif kind is np.ndarray and not thing.dtype.hasobject:
             yield f"{thing.dtype} {thing.shape}".encode()
             yield np.ascontiguousarray(thing).tobytes()
-        elif kind is types.CodeType:
-            yield thing.co_code
-            yield (tuple(getattr(thing, name) for name in _CODE),)
         elif isinstance(thing, types.ModuleType):
             yield thing.__name__.encode()
             if not _is_installed(thing.__name__) and (file := getattr(thing, "__file__", None)):
@@ -119,20 +113,9 @@ class _Values:
         elif isinstance(thing, type):
             yield thing.__qualname__.encode()
             yield (thing.__bases__,)
-            for name, member in vars(thing).items():
-                if _is_member(name, member):
-                    yield from ((name,), (member,))
-        elif kind in (staticmethod, classmethod):
-            yield (thing.__func__,)
-        elif kind is functools.cached_property:  # that of Python 3.11 holds a lock
-            yield (thing.func,)
-        elif kind is property:
-            yield ((thing.fget, thing.fset, thing.fdel),)
-        elif kind is ca.Function:
-            yield thing.serialize().encode()
+            yield from _pairs({name: member for name, member in vars(thing).items() if _is_member(name, member)})
         elif is_dataclass(thing) and kind.__module__.partition(".")[0] == _OURS:
-            for field in fields(thing):
-                yield from ((field.name,), (getattr(thing, field.name),))
+            yield from _pairs({field.name: getattr(thing, field.name) for field in fields(thing)})
         else:
             yield from self._pickled_parts(thing)
 
@@ -162,6 +145,23 @@ _CODE = (
     *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
 )
 """What counts of code, beside its instructions. Its lines and its file do not."""
+
+
+def _pairs(mapping: Mapping[Any, Any]) -> Iterator[tuple[Any]]:
+    for key, value in mapping.items():
+        yield from ((key,), (value,))
+
+
+_PARTS: dict[type, Callable[[Any], Iterable[bytes | tuple[Any]]]] = {
+    **dict.fromkeys((list, tuple), lambda things: ((part,) for part in things)),
+    **dict.fromkeys((dict, types.MappingProxyType), _pairs),
+    **dict.fromkeys((staticmethod, classmethod), lambda method: [(method.__func__,)]),
+    functools.cached_property: lambda member: [(member.func,)],  # that of Python 3.11 holds a lock
+    property: lambda member: [((member.fget, member.fset, member.fdel),)],
+    types.CodeType: lambda code: [code.co_code, (tuple(getattr(code, name) for name in _CODE),)],
+    ca.Function: lambda function: [function.serialize().encode()],
+}
+"""Parts of things by their types."""
 
 
 def _function_parts(f: types.FunctionType) -> Iterator[tuple[Any]]:

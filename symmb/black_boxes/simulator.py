@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
-import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
@@ -72,6 +71,14 @@ class Ensemble:
     def of(cls, samples: Samples) -> "Ensemble":
         """What samples compute at their first use, computed now and here."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
+
+    def __getitem__(self, some: slice) -> "Ensemble":
+        """Some samples, which follow each other."""
+        told = iter(self.messages)
+        messages = [None if ok else next(told) for ok in self.ok.tolist()]
+        events = None if self.events is None else self.events[some]
+        texts = tuple(text for text in messages[some] if text is not None)
+        return Ensemble(self.Y[some], self.ok[some], self.t_failed[some], texts, events)
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
@@ -162,16 +169,6 @@ class March(Protocol):
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """Pairs (i, Y_i (N, n_y)) for the times i = 0 ... n_t - 1; rows of failed samples are nan."""
-        ...
-
-
-@runtime_checkable
-class Plain(Protocol):
-    """Capability: the outputs are plain expressions of parameters and time."""
-
-    @property
-    def expression(self) -> ca.Function:
-        """CasADi function (p (d,), t) -> y (n_y,)."""
         ...
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,13 +30,6 @@ from symmb.black_boxes.simulator import (
 from symmb.model import Box
 
 S = TypeVar("S")
-
-
-@runtime_checkable
-class Identified(Protocol):
-    """Capability: a digest of all that its runs depend on, but for the parameters."""
-
-    def identity(self) -> str: ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,59 +72,41 @@ class StoredSimulator:
     path: Path
     version: str
     identity: str
+    parameters: Mapping[str, float]
+    times: Array
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    box: Box | None
 
     def __init__(self, simulator: Simulator, path: str | Path, version: str = "") -> None:
         if isinstance(simulator, type) or not isinstance(getattr(simulator, "parameters", None), Mapping):
             raise DeclarationError(f"StoredSimulator: expected a simulator, got {shown(simulator)}.")
-        if not isinstance(simulator, Identified):
+        if isinstance(simulator, StoredSimulator):
+            raise DeclarationError("StoredSimulator: the simulator is a StoredSimulator already. Give the one inside.")
+        if (identity := getattr(simulator, "identity", None)) is None:
             raise DeclarationError(
                 f"StoredSimulator: {simulator!r} has no method identity(). Give one that returns a text in which "
                 "everything stands that its runs depend on, but for the parameters."
             )
-        if isinstance(simulator, StoredSimulator):
-            raise DeclarationError("StoredSimulator: the simulator is a StoredSimulator already. Give the one inside.")
         if not isinstance(path, str | Path) or not is_text(str(path)):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
         if not isinstance(version, str):
             raise DeclarationError(f"StoredSimulator: version must be a text, got {shown(version)}.")
         # Told once: a function may change what it has caught, such as a list of its calls.
         try:
-            identity = simulator.identity()
+            key = identity()
         except UndigestedError as error:
             if not version:
                 raise
-            identity = error.key
-        vars(self).update(simulator=simulator, path=Path(path), version=version, identity=identity)
-
-    @property
-    def parameters(self) -> Mapping[str, float]:
-        """Nominal values by name."""
-        return self.simulator.parameters
-
-    @property
-    def times(self) -> Array:
-        """(n_t,) output times [s]."""
-        return self.simulator.times
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """n_y names."""
-        return self.simulator.outputs
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the outputs, as far as they are known."""
-        return getattr(self.simulator, "units", ())
+            key = error.key
+        vars(self).update(simulator=simulator, path=Path(path), version=version, identity=key)
+        vars(self).update({name: getattr(simulator, name) for name in ("parameters", "times", "outputs")})
+        vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
 
     @property
     def noise(self) -> Array | None:
         """(n_y,) how far values may be off; None if it is not known."""
         return self.simulator.noise if isinstance(self.simulator, Noisy) else None
-
-    @property
-    def box(self) -> Box | None:
-        """The box of the scene, if it has one."""
-        return getattr(self.simulator, "box", None)
 
     @property
     def doubts(self) -> tuple[str, ...]:

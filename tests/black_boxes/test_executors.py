@@ -251,7 +251,7 @@ def test_runs_go_out_one_by_one_where_they_are_slow():
         sizes: list[int] = []
 
         def submit(self, f, item) -> Future:
-            self.sizes.append(len(item))
+            self.sizes.append(len(item[1]))
             return super().submit(f, item)
 
     with Counting(1) as pool:
