@@ -96,8 +96,8 @@ def fmpy(module: str = "") -> Any:
     return optional_package(f"fmpy.{module}" if module else "fmpy", OWNER, "fmu")
 
 
-def described(path: Path, fmi_type: str | None) -> tuple[FMU, list[Any]]:
-    """An FMU, and FMPy's descriptions of its variables.
+def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
+    """An FMU, and FMPy's descriptions of its variables by their names.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, list[Any]]:
         _number(getattr(interface, "fixedInternalStepSize", None)),
         not getattr(interface, "canHandleVariableCommunicationStepSize", True),
     )
-    return fmu, description.modelVariables
+    return fmu, {variable.name: variable for variable in description.modelVariables}
 
 
 def _files(path: Path) -> list[str]:
@@ -202,14 +202,13 @@ def _number(text: Any) -> float | None:
     return number if 0.0 < number < np.inf else None
 
 
-def parameters_of(path: Path, variables: Sequence[Any], parameters: Mapping[str, float]) -> tuple[Variable, ...]:
+def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple[Variable, ...]:
     """The variables of an FMU that parameters set.
 
     Raises
     ------
     DeclarationError    if there is no such variable, it cannot be set, or it is not a number
     """
-    known = {variable.name: variable for variable in variables}
     found = tuple(_found(path, known, name, "parameter") for name in parameters)
     for variable, value in zip(found, parameters.values(), strict=True):
         reason = _fixed_by(known[variable.name])
@@ -220,14 +219,13 @@ def parameters_of(path: Path, variables: Sequence[Any], parameters: Mapping[str,
     return found
 
 
-def outputs_of(path: Path, variables: Sequence[Any], outputs: Sequence[str]) -> tuple[Variable, ...]:
+def outputs_of(path: Path, known: Mapping[str, Any], outputs: Sequence[str]) -> tuple[Variable, ...]:
     """The variables of an FMU that are outputs of a study.
 
     Raises
     ------
     DeclarationError    if there is no such variable, or it is not a number
     """
-    known = {variable.name: variable for variable in variables}
     return tuple(_found(path, known, name, "output") for name in outputs)
 
 

@@ -66,10 +66,11 @@ class Formulation:
             self.memory[key] = derive(self.dae, times)
         return self.memory[key]
 
-    def singularity(self, X: Array, p: Array, times: Array) -> Singularity | None:
-        """The position of the bodies closest to a singular one among states X (m, n_x), if one is close."""
-        dae, X = self.in_bodies(X, p)
-        return singularity(dae, X, p, times)
+    def singularity(self, X: Array, times: Array, p: Array) -> Singularity | None:
+        """The position of the bodies closest to a singular one among the finite states X (m, n_x), if one is close."""
+        finite = np.isfinite(X).all(axis=1)
+        dae, X = self.in_bodies(X[finite], p)
+        return singularity(dae, X, p, times[finite])
 
     def in_bodies(self, X: Array, p: Array) -> tuple[DAE, Array]:
         """The equations of the bodies, and their states (m, n_x) for states X of this formulation."""

@@ -31,17 +31,9 @@ from symmb.integrate import (
     round_otherwise,
 )
 from symmb.mechanics import FlexibleBody
-from symmb.model import DAE, Scene, units_of
-from symmb.simulation.ensembles import (
-    LOCK,
-    CompiledEnsemble,
-    block_size,
-    ensemble_of_expressions,
-    ensemble_of_runs,
-    jets,
-)
+from symmb.model import Scene, units_of
+from symmb.simulation.ensembles import LOCK, CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
 from symmb.simulation.solver_choice import MANY, Pilot, another, choose, for_studies, require_able
-from symmb.start import Start
 from symmb.symbolic import HIGHEST_ORDER, batch
 from symmb.verification import LinearTheory, TwoWays, noise_of_outputs, times_to_compare
 
@@ -88,6 +80,7 @@ class DAESimulator:
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs, self.units = scene.output_names, units_of(scene.system, scene.y)
         self.bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
+        self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._is_flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
@@ -122,21 +115,6 @@ class DAESimulator:
         return "; ".join(filter(None, (reason, str(self.formulation.kinks(self.times) or ""))))
 
     @property
-    def dae(self) -> DAE:
-        """The equations in coordinates of the bodies."""
-        return self.bodies.dae
-
-    @property
-    def start(self) -> Start:
-        """The start in coordinates of the bodies."""
-        return self.bodies.start
-
-    @property
-    def y(self) -> ca.Function:
-        """(x, p, t) -> outputs (n_y,) for states x of the bodies."""
-        return self.bodies.y
-
-    @property
     def formulation(self) -> Formulation:
         """Equations, start and outputs in the coordinates in which the solver runs."""
         return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self.bodies
@@ -158,8 +136,9 @@ class DAESimulator:
 
     def around(self, p: Array) -> "DAESimulator":
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
+        bodies = self.bodies.around(p)
         joints, spare = (form and form.around(p) for form in (self._joints, self._spare))
-        copy = self._with(bodies=self.bodies.around(p), _joints=joints, _spare=spare)
+        copy = self._with(bodies=bodies, dae=bodies.dae, _joints=joints, _spare=spare)
         copy.longest_step = float(self.formulation.pulses(self.times)(p[None])[0])
         if copy.longest_step != self.longest_step:
             copy._use(self.solver)  # what is compiled follows other pulses
@@ -362,13 +341,24 @@ class DAESimulator:
             p0 = require_numbers("jets", "p0", p0, len(self.parameters))
             directions = np.atleast_2d(require_numbers("jets", "directions", directions, len(p0), leading=True))
             order = whole("jets", "order", order, 0, HIGHEST_ORDER)
-            runs = self._lanes(order) or self.integration(order)
-            Y, failure = jets(self.formulation, runs, self.times, p0, directions, order, self.threads)
-            if failure:
+            m, form = len(directions), self.formulation
+            x0, P = np.hstack(form.start.jets(p0, directions, order)), np.hstack([np.tile(p0, (m, 1)), directions])
+            fault: tuple[float, str] | None = None
+            if (lanes := self._lanes(order)) is not None:
+                Y, failed = lanes.values(x0, P, self.threads)
+                if np.isfinite(failed.t_failed).any():
+                    k = int(np.nanargmin(failed.t_failed))
+                    fault = failed.t_failed[k], failed.reasons[k]
+            else:
+                runs, y = self.integration(order).run(x0, P, self.threads), jet_outputs(form.y, order)
+                fault = next(((run.t_failed, run.message) for run in runs if run.message), None)
+                Y = outputs_along(y, runs, P, self.times, self.threads)
+            if fault:
                 kink = self.kink(p0)
                 near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""
-                raise SimulationError(f"{self!r}: derivatives break down at {failure}{near}.")
-            return Y
+                text = f"t = {fault[0]:g} s: {fault[1]}{near}"
+                raise SimulationError(f"{self!r}: derivatives break down at {text}.")
+            return Y.reshape(m, len(self.times), order + 1, -1).transpose(2, 0, 1, 3)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""

@@ -11,7 +11,7 @@ from symmb._types import Array, Indices, Mask
 from symmb.formulations import Formulation
 from symmb.integrate import CVODES, Run, refined
 from symmb.model import DAE
-from symmb.start import Singularity, singularity
+from symmb.start import Singularity
 from symmb.symbolic import batch
 from symmb.verification.two_ways import TwoWays, Way, changes_of_outputs
 
@@ -121,14 +121,14 @@ class Examination:
     @cached_property
     def singularity(self) -> Singularity | None:
         """The time closest to a singular position, if one is close."""
-        near = self._closest(self.x, self.t)
+        near = self.way.bodies.singularity(self.x, self.t, self.p)
         if near or self.way.bodies.dae.G is None or self.way.bodies.dae.impacts is not None:
             return near
         if np.isnan(self.x[-1]).any():
             return self._at_failure()
         if not self.is_close and self._is_unexplained(self.energy_drift):
             t, x = self._again
-            return self._closest(x, t)
+            return self.way.bodies.singularity(x, t, self.p)
         return None
 
     @property
@@ -195,10 +195,6 @@ class Examination:
         rounding = partial(changes_of_outputs, y, dae, run.X, p, t)
         return not TwoWays(t, self.way.outputs, values, others, ("", ""), rounding).lost.any()
 
-    def _closest(self, x: Array, t: Array) -> Singularity | None:
-        known = _known(x)
-        return singularity(self.way.bodies.dae, x[known], self.p, t[known])
-
     def _at_failure(self) -> Singularity | None:
         """From the last state on the constraints on, where a run that fails is lost."""
         dae, known = self.way.bodies.dae, _known(self.x)
@@ -208,7 +204,7 @@ class Examination:
         for _ in range(_CLOSER if known[0] else 0):
             t = np.linspace(begin, end, min(_NEAR, _number(dae)))
             X = _AGAIN.integration(dae, t).run(x[None], self.p[None])[0].X
-            near, known = self._closest(X, t), _known(X)
+            near, known = self.way.bodies.singularity(X, t, self.p), _known(X)
             if near or known.all():
                 return near
             lost = int(known.argmin())
