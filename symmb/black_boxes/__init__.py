@@ -4,7 +4,6 @@ The interface, executors, functions, programs and FMUs of others, and the store 
 """
 
 from symmb.black_boxes.black_box import BlackBox
-from symmb.black_boxes.executors import WorkerPool
 from symmb.black_boxes.identity import digest
 from symmb.black_boxes.run_database import STATES, RunDatabase, open_run_database
 from symmb.black_boxes.simulator import (

@@ -237,7 +237,7 @@ def _stream_of_runs(
             ready.append(some)
         while indices is not None and sum(len(some.ok) for some in ready) >= len(indices):
             whole = joined(ready, len(simulator.times), len(simulator.outputs))
-            merging.add(reduction.update(reduction.init(), whole[: len(indices)], indices), len(indices))
+            merging.reduce(whole[: len(indices)], indices)
             ready = [whole[len(indices) :]]
             indices = next(waiting, None)
     return merging.state

@@ -15,7 +15,7 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
-from symmb._cleanup import end_with_parent, watch_parent
+from symmb._cleanup import watch_parent
 from symmb._errors import DeclarationError, SimulationError, SymmbError, SymmbWarning, text_of
 from symmb._options import shown
 from symmb.black_boxes.limited_calls import end_calls_of
@@ -70,18 +70,6 @@ class LostTask:
 class _Task:
     item: Any
     future: Any
-
-
-class WorkerPool(ProcessPoolExecutor):
-    """Processes of symmb's own for the command line: they end with this one, and leave nothing behind.
-
-    Parameters
-    ----------
-    workers : how many
-    """
-
-    def __init__(self, workers: int) -> None:
-        super().__init__(workers, initializer=end_with_parent)
 
 
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:

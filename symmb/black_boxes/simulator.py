@@ -229,6 +229,10 @@ class Merging(Generic[S]):
         self.reduction, self.progress, self.samples = reduction, progress, samples
         self.state, self.count, self._done = reduction.init(), 0, 0
 
+    def reduce(self, block: Samples, indices: Indices) -> None:
+        """Reduce and merge the next block."""
+        self.add(self.reduction.update(self.reduction.init(), block, indices), len(indices))
+
     def add(self, part: S, samples: int) -> None:
         """Merge the state of the next block."""
         self.state = self.reduction.merge(self.state, part)

@@ -134,8 +134,7 @@ class StoredSimulator:
         with open_run_database(self.path) as database:
             number = self._make(database, P, executor, progress)
             for indices in blocks(len(P), samples_of_block(len(P)) if isinstance(self.simulator, BlackBox) else BLOCK):
-                block = database.read(number, P[indices], (len(self.times), len(self.outputs)))
-                merging.add(reduction.update(reduction.init(), block, indices), len(indices))
+                merging.reduce(database.read(number, P[indices], (len(self.times), len(self.outputs))), indices)
         return merging.state
 
     def _make(self, database: RunDatabase, P: Array, executor: Executor | None, progress: Progress | None) -> int:

@@ -108,13 +108,11 @@ class Formulations(NamedTuple):
     bodies : Formulation           in those of its bodies
     joints : Formulation or None   in those of its joints, if it runs in these
     spare : Formulation or None    in those of its joints, if it does not, which cost more operations
-    free : Formulation or None     in those that no row of constraints binds
     """
 
     bodies: Formulation
     joints: Formulation | None
     spare: Formulation | None
-    free: Formulation | None
 
 
 def formulations(scene: Scene) -> Formulations:
@@ -133,9 +131,8 @@ def formulations(scene: Scene) -> Formulations:
 
 def _formulations(scene: Scene) -> Formulations:
     bodies = _in_bodies(scene)
-    free = bodies if not bodies.dae.n_r else None
     if scene.coordinates == "body":
-        return Formulations(bodies, None, None, free)
+        return Formulations(bodies, None, None)
     system = scene.system.joint_space()
     if turns := system.joints.whole_turns(bodies.start.q_nominal):
         system = scene.system.joint_space(turns)
@@ -143,17 +140,15 @@ def _formulations(scene: Scene) -> Formulations:
     if joints is None and scene.coordinates == "joint":
         why = "it starts close to a singular position" if system.joints.names else "no joint carries a rigid body"
         raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
-    if free is None and joints is not None and not joints.dae.n_r:
-        free = joints
     if joints is None or scene.coordinates:
-        return Formulations(bodies, joints, None, free)
+        return Formulations(bodies, joints, None)
     least = bodies.least_operations
     counted = joints.operations > _CHEAPER * least
     if counted and joints.operations > _CHEAPER * bodies.operations:
-        return Formulations(bodies, None, joints, free)
+        return Formulations(bodies, None, joints)
     of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
     why = f"coordinates of joints: {joints.operations} operations a stage, {of_bodies} in those of bodies"
-    return Formulations(bodies, replace(joints, why=why), None, free)
+    return Formulations(bodies, replace(joints, why=why), None)
 
 
 def _in_bodies(scene: Scene) -> Formulation:

@@ -67,7 +67,6 @@ class DAESimulator:
     setup_seconds : float          time for deriving, compiling and starting so far [s]
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     bodies : Formulation           in coordinates of the bodies
-    unconstrained : Formulation    equations, start and outputs in coordinates that no row of constraints binds, or None
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -79,7 +78,7 @@ class DAESimulator:
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs, self.units = scene.output_names, units_of(scene.system, scene.y)
-        self.bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
+        self.bodies, self._joints, self._spare = formulations(scene)
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
@@ -118,6 +117,12 @@ class DAESimulator:
     def formulation(self) -> Formulation:
         """Equations, start and outputs in the coordinates in which the solver runs."""
         return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self.bodies
+
+    @property
+    def unconstrained(self) -> Formulation | None:
+        """Equations, start and outputs in coordinates that no row of constraints binds, if there are any."""
+        forms = (self.bodies, self._joints, self._spare)
+        return next((form for form in forms if form is not None and not form.dae.n_r), None)
 
     @property
     def coordinates(self) -> str:

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -285,19 +285,18 @@ class Trajectory(Result, files.Saved):
         DeclarationError       if the file is damaged, has other contents, or is of another scene
         """
         known, derived = files.load(path, "what Trajectory.save writes", of_record, of_table)
-        run = cls(scene=None, simulator=None, **known)
+        simulator = None
+        if scene is not None:
+            require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
+            scene = scene.with_times(known["t"])
+            simulator = prepare_equations(scene)
+            dae = simulator.start.dae
+            names = (dae.q_names, dae.v_names, dae.s_names), list(dae.p_names)
+            if (derived["state_names"], list(known["parameters"])) != names:
+                raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
+        run = cls(scene=scene, simulator=simulator, **known)
         vars(run).update(derived)  # in place of the values that cached properties would compute
-        if scene is None:
-            return run
-        require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
-        scene = scene.with_times(run.t)
-        simulator = prepare_equations(scene)
-        dae = simulator.start.dae
-        if run.state_names != (dae.q_names, dae.v_names, dae.s_names) or list(run.parameters) != list(dae.p_names):
-            raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
-        whole = replace(run, scene=scene, simulator=simulator)
-        vars(whole).update(derived)
-        return whole
+        return run
 
     def _record(self) -> dict[str, Any]:
         q_names, v_names, s_names = self.state_names
