@@ -41,7 +41,7 @@ def digest(*things: Any) -> str:
     ------
     UndigestedError         if there is something that pickle would not write either
     """
-    values = _Values()
+    values = _Digests()
     try:
         key = values.of(things).hex()
     except RecursionError:
@@ -66,7 +66,7 @@ def file_digest(path: Path) -> str:
     return state.hexdigest()
 
 
-class _Values:
+class _Digests:
     """Digests of things by their values."""
 
     def __init__(self) -> None:

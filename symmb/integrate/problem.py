@@ -15,7 +15,7 @@ PROJECTION_STEPS = 3
 
 
 @dataclass(frozen=True)
-class Problem:
+class InitialValueProblem:
     """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along.
 
     `projected` is x on the constraints as far as it is to be moved there, with quaternions of norm 1 and with sampled
@@ -38,7 +38,7 @@ class Problem:
             return None
         return common("project", [self.x, self.p, self.t], [self.projected])
 
-    def in_units(self, units: Array) -> "Problem":
+    def in_units(self, units: Array) -> "InitialValueProblem":
         """The problem of x and integrals over units (n_x + n_quad,), in which one absolute tolerance holds for all."""
         n, D = self.x.numel(), ca.DM(units[: self.x.numel()])
 
@@ -54,7 +54,7 @@ class Problem:
         }
         return replace(self, ode=at(self.ode) / D, **parts)
 
-    def from_begin(self) -> "Problem":
+    def from_begin(self) -> "InitialValueProblem":
         """The problem of the change of x and of the integrals since a begin, over units and more by an offset.
 
         The begin of x and, for all, units and offsets are the last parameters.
@@ -72,7 +72,7 @@ class Problem:
         nothing, guess = ca.SX(0, 1), at(self.z_guess)
         return replace(self, x=y, p=p, ode=ode, alg=at(self.alg), quad=nothing, z_guess=guess, projected=None)
 
-    def jets(self, order: int) -> "Problem":
+    def jets(self, order: int) -> "InitialValueProblem":
         """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
         if order == 0:
             return self
@@ -108,7 +108,7 @@ def build_problem(
     work: bool,
     one_step: bool = False,
     projections: int = PROJECTION_STEPS,
-) -> Problem:
+) -> InitialValueProblem:
     """The index-reduced DAE.
 
     Parameters
@@ -159,7 +159,7 @@ def build_problem(
     if dae.sampling is not None:
         projected = sampled(dae, x if projected is None else projected, p, time)
     power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
-    return Problem(
+    return InitialValueProblem(
         x=x,
         z=z,
         p=p,
