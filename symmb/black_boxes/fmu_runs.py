@@ -1,12 +1,13 @@
 """Runs of an FMU, in a process of their own: from one communication point to the next, by FMPy's CVODE if need be."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Protocol
 
 import numpy as np
@@ -92,7 +93,7 @@ class FMURunner:
             else:
                 instance.model.reset()
             instance.initialize(self.parameters, values, self.times)
-            rows = self._cosimulated(instance) if self.fmu.fmi_type == CO_SIMULATION else self._integrated(instance)
+            rows = self._outputs(instance)
         except Exception as error:
             if instance is not None and not is_fatal(error):
                 instance.free()
@@ -105,29 +106,31 @@ class FMURunner:
                 instance.free()
         return rows
 
-    def _cosimulated(self, instance: Instance) -> Array:
-        rows, read = self._table(), instance.reader(self.outputs)
+    def _outputs(self, instance: Instance) -> Array:
+        """Outputs (n_t, n_y) from one communication point to the next."""
+        rows, read = np.empty((len(self.times), len(self.outputs))), instance.reader(self.outputs)
+        step = self._cosimulate if self.fmu.fmi_type == CO_SIMULATION else self._integration(instance)
         read(rows[0])
         for k, row in enumerate(rows[1:]):
             for begin, length in self._steps(k):
-                self._t = begin
-                instance.advance(begin, length)
-            self._t = self.times[k + 1]
+                step(instance, begin, length)
             read(row)
         return rows
 
-    def _integrated(self, instance: Instance) -> Array:
-        rows, read, events = self._table(), instance.reader(self.outputs), _EventMode(instance)
+    def _cosimulate(self, instance: Instance, begin: float, length: float) -> None:
+        self._t = begin
+        instance.advance(begin, length)
+        self._t = begin + length
+
+    def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
+        """Communication steps by the solver, which outlives instances."""
+        events = _EventMode(instance)
         if self._solver is None:
             self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
         else:
             self._solver.restart(instance, self.times[0])
-        read(rows[0])
-        for k, row in enumerate(rows[1:]):
-            for begin, length in self._steps(k):
-                self._integrate(instance, self._solver, events, begin + length)
-            read(row)
-        return rows
+        solver = self._solver
+        return lambda instance, begin, length: self._integrate(instance, solver, events, begin + length)
 
     def _integrate(self, instance: Instance, solver: "FMUSolver", events: "_EventMode", end: float) -> None:
         """Take the solver and the FMU from the present time to another."""
@@ -162,9 +165,6 @@ class FMURunner:
         else:
             points = np.linspace(begin, end, 1 + count).tolist()
             yield from ((a, b - a) for a, b in pairwise(points))
-
-    def _table(self) -> Array:
-        return np.empty((len(self.times), len(self.outputs)))
 
 
 def steps_between(begin: float, end: float, step: float) -> int:
@@ -203,13 +203,6 @@ class _EventMode:
             self.next = time if is_planned else np.inf
             if ends:
                 raise SimulationError(ENDED)
-
-
-class _NoInputs:
-    """The FMU's inputs over time: they stay what they were set to."""
-
-    def apply(self, *_: Any) -> None:
-        pass
 
 
 def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolver:
@@ -251,7 +244,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
         nx=fmu.n_states,
         nz=fmu.n_indicators,
         **_callbacks(instance),
-        input=_NoInputs(),
+        input=SimpleNamespace(apply=lambda *_: None),  # inputs stay what they were set to
         startTime=t,
         maxStep=step,
         relativeTolerance=RTOL,

@@ -221,7 +221,11 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
     size = path.stat().st_size if path.exists() else 0
     if not size and not create:
         raise DeclarationError(f"{path} does not exist, or is empty.")
-    if (path.exists() and not path.is_file()) or (size and not _begins(path, _HEADER)):
+    is_store = path.is_file() or not path.exists()
+    if size and is_store:
+        with path.open("rb") as file:
+            is_store = file.read(len(_HEADER)) == _HEADER
+    if not is_store:
         raise DeclarationError(f"{path} is no run store. Give another name.")  # SQLite writes over short files
     return sqlite3.connect(path, timeout=_WAIT)
 
@@ -271,11 +275,6 @@ def _sound(row: Sequence[Any]) -> Sequence[Any]:
     if checksum != _checksum(*values):
         raise ValueError("a row has another checksum")
     return values
-
-
-def _begins(path: Path, header: bytes) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(header)) == header
 
 
 def sample_keys(P: Array) -> list[bytes]:

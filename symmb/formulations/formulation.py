@@ -11,7 +11,7 @@ from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
 from symmb._types import Array
 from symmb.events import Kinks, Pulses, kinks
-from symmb.formulations.outputs import joint_output_function, output_function
+from symmb.formulations.output_functions import joint_output_function, output_function
 from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints

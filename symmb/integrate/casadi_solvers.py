@@ -11,9 +11,9 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.codegen import Tolerances
 from symmb.integrate.fixed_step import collocation, fixed_step_integration
+from symmb.integrate.initial_value_problem import InitialValueProblem, build_problem
 from symmb.integrate.integration import Integration
 from symmb.integrate.multistep import multistep_integration
-from symmb.integrate.problem import InitialValueProblem, build_problem
 from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.integrate.stabilized_index2 import stabilized_problem

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb.codegen import Contacts, StepEnds
 from symmb.events import ImpactLaws
-from symmb.integrate.problem import InitialValueProblem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.step_ends import SwitchedProblem
 from symmb.model import DAE, Impacts
 

@@ -4,9 +4,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.integration import Integration
 from symmb.integrate.marching import Advance, Marching, interval_steps
-from symmb.integrate.problem import InitialValueProblem
 from symmb.schemes import Step, runge_kutta
 from symmb.symbolic import common
 

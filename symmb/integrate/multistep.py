@@ -10,9 +10,9 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.events import longest_step
 from symmb.integrate.cells import CELLS, refined
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.integration import Integration, RunAdvance, quiet
 from symmb.integrate.one_sided import OneSided, one_sided
-from symmb.integrate.problem import InitialValueProblem
 from symmb.integrate.side_walk import SideWalk, Stops
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE, Lazy

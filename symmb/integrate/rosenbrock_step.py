@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from symmb.integrate.problem import InitialValueProblem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.schemes import Step
 from symmb.schemes import rosenbrock as rodas
 from symmb.symbolic import common, general_solver

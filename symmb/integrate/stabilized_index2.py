@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from symmb.integrate.problem import InitialValueProblem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.projection import sampled
 from symmb.model import DAE
 from symmb.symbolic import independent

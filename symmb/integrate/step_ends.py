@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.codegen import StepEnds
 from symmb.events import TimeSwitches, time_switches
-from symmb.integrate.problem import InitialValueProblem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.model import DAE
 from symmb.symbolic import On, batch, branches, has_kinks, with_common_expressions
 

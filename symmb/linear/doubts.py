@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from symmb.linear.high_frequencies import doubts_of_loads
 from symmb.linear.linear_equations import Blocks
-from symmb.linear.missing_modes import doubts_of_loads
 from symmb.linear.steady import DOUBT, SteadyMotion
 from symmb.model import Scene
 from symmb.verification import AttachedLoads, deformation_doubts

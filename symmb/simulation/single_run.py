@@ -132,7 +132,11 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     trajectory = replace(trajectory, run_doubts=doubts)
-    return solver, _checked(runs, solver, trajectory) if check else trajectory
+    if check:
+        ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
+        doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
+        trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
+    return solver, trajectory
 
 
 def _start_fault(runs: "_PilotRuns") -> str:
@@ -237,13 +241,6 @@ def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[s
         f"The equations have {switches}. The motion changes the side of one behind t = {missed:.6g} s, where no step "
         "of the run ended: others may be passed over as well.",
     )
-
-
-def _checked(runs: "_PilotRuns", solver: Solver, trajectory: Trajectory) -> Trajectory:
-    """The trajectory with errors from a second run."""
-    ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
-    doubts = (*trajectory.run_doubts, *ways.doubts, *filter(None, [ways.unchecked]))
-    return replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
 
 
 def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
