@@ -4,9 +4,9 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
+from symmb.black_boxes import Jets, Simulator
 from symmb.bounds.method import Method, parameter_columns, parameter_samples
 from symmb.model import Box
-from symmb.simulation import Jets, Simulator
 
 
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._types import Executor
+from symmb.black_boxes import Noisy, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
 from symmb.model import Box
 from symmb.nodes import grid
-from symmb.simulation import DAESimulator, Noisy, Simulator
+from symmb.simulation import DAESimulator
 
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:

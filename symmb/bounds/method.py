@@ -12,11 +12,11 @@ from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
+from symmb.black_boxes import Attained, Progress, Simulator, attained_by_runs
 from symmb.bounds.possible_values import possible_values
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.simulation import Attained, Progress, Simulator, attained_by_runs
 
 
 class Method(ABC):

@@ -16,6 +16,7 @@ from symmb._options import (
     require_whole,
 )
 from symmb._types import Array, Executor, Mask
+from symmb.black_boxes import March, Noisy, Progress, Simulator
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failed_region import failed_region
 from symmb.bounds.failure import Failure, failure_text
@@ -28,7 +29,6 @@ from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.polynomials.ranges import Exact, LegendreInclusion, Range
-from symmb.simulation import March, Noisy, Progress, Simulator
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 

@@ -4,9 +4,10 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
+from symmb.black_boxes import Simulator
 from symmb.bounds.interval import Interval, operate
 from symmb.model import Box
-from symmb.simulation import DAESimulator, Simulator
+from symmb.simulation import DAESimulator
 from symmb.symbolic import interpret
 
 _MOST = 10_000

@@ -12,6 +12,7 @@ from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
+from symmb.black_boxes import Kinked, Progress, Simulator
 from symmb.bounds.derivatives import unit_jets
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
@@ -20,7 +21,6 @@ from symmb.bounds.surrogate import Surrogate
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials import MultiIndices, homogeneous
-from symmb.simulation import Kinked, Progress, Simulator
 
 _MOST_EVALUATIONS = 100_000
 """Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""

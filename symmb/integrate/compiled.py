@@ -42,7 +42,7 @@ class CompiledSolver(Solver):
         ----------
         times : (n_t,) array     output times [s]
         y : (x, p, t) -> (n_y,)  outputs; with work, its integral follows them
-        order : int              with an order, x and p are those of the Taylor coefficients, see `Problem.jets`
+        order : int              with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
         start : Start            compiled too, if it is not large; without it, each run is given its state
         """
 

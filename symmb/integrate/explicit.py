@@ -11,8 +11,8 @@ from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, 
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
 from symmb.integrate.contacts import contact_functions, contacts_of, with_gaps
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
+from symmb.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.integration import Integration, stateless_integration
-from symmb.integrate.problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
 from symmb.integrate.step_ends import stops_in_time, switched
 from symmb.model import DAE

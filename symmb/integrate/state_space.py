@@ -11,8 +11,8 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.codegen import ArrayEngine, StepEnds, Tolerances, Values, model_function
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
+from symmb.integrate.initial_value_problem import build_problem
 from symmb.integrate.integration import Integration, stateless_integration
-from symmb.integrate.problem import build_problem
 from symmb.integrate.step_ends import SwitchedProblem, switched
 from symmb.model import DAE
 from symmb.start import Start, independent_rows_and_columns

@@ -10,6 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError, warn_of
 from symmb._options import require_names
 from symmb._types import Array, Indices
+from symmb.formulations import Formulation, formulations
 from symmb.linear.doubts import doubts_of
 from symmb.linear.inputs import with_inputs, with_uniform
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent
@@ -18,7 +19,8 @@ from symmb.linear.point import point_of, require_smooth, started
 from symmb.linear.result import Linearization
 from symmb.linear.steady import SteadyMotion
 from symmb.model import DAE, Scene
-from symmb.simulation import Formulation, Trajectory, attached_loads, formulations, with_loads
+from symmb.simulation import Trajectory
+from symmb.verification import attached_loads, with_loads
 
 
 def linearize(

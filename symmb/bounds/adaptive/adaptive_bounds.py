@@ -7,6 +7,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.constants import (
     FAR,
@@ -25,7 +26,6 @@ from symmb.bounds.adaptive.tensor_grids import tensor_bounds
 from symmb.bounds.failed_region import failed_region
 from symmb.bounds.result import Bounds
 from symmb.model import Box
-from symmb.simulation import Progress, Simulator
 
 
 def adaptive_bounds(

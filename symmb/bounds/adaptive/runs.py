@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Noisy, Progress, Simulator, note_attained, run_blocks
 from symmb.bounds.adaptive.check_runs import quasi_random_points
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.constants import (
@@ -31,7 +32,6 @@ from symmb.bounds.reductions import failure_records
 from symmb.bounds.time_windows import average_over_window
 from symmb.model import Box
 from symmb.polynomials import Expansion, TotalDegree, basis_values
-from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
 
 
 class EstimatedRange(NamedTuple):
