@@ -85,7 +85,7 @@ class LinearEquations:
         """The linear equations at states X (N, n_x) with parameters P (N, n_p) at the time t [s]."""
         dae, n_z, n_u = self.dae, self.n_z, len(self.inputs)
         N, n = len(X), n_z + n_u
-        if not n_z:
+        if not n:
             raise DeclarationError("linearize: the scene has no states: nothing in it moves.")
         f, cuts = self._slopes
         if self.often and f.n_instructions() * n <= _MOST_INSTRUCTIONS:
