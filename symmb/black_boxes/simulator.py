@@ -192,7 +192,7 @@ def stream(
     simulator : picklable if the executor runs in other processes
     P : (N, d) parameter values
     reduction : of each block
-    executor : as for `executors.finished`; None runs here
+    executor : as for `executors.finished`
     progress : called after each block with the finished samples and all
     block : samples of a block; must not depend on the executor
 
@@ -204,9 +204,8 @@ def stream(
     P = checked_samples(simulator, P, progress)
     tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
     work = partial(_reduce_block, simulator, reduction)
-    results = enumerate(map(work, tasks)) if executor is None else finished(work, tasks, executor)
     merging, arrived = Merging(reduction, progress, len(P)), dict[int, Any]()
-    for k, result in results:
+    for k, result in finished(work, tasks, executor):
         if isinstance(result, LostTask):
             raise SimulationError(f"{simulator!r}: {result.reason}")
         arrived[k] = result
