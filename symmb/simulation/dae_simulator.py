@@ -249,14 +249,22 @@ class DAESimulator:
             other._integrations[0] = solver.independent_integration(other.formulation.dae, times, finest)
         return other
 
-    def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:
-        """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way."""
-        other, key = self._other if values is None else self.another_way(self.times), p.tobytes()
+    def two_ways(self, p: Array, values: Array | None = None, finest: bool = False) -> TwoWays:
+        """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way.
+
+        That is the more accurate one if it is to be the finest, or if the ways disagree.
+        """
+        other, key = self._other if values is None else self.another_way(self.times), p.tobytes() + bytes([finest])
         if values is not None or key not in self._ways:
             Y = self.run(p[None]).Y[0] if values is None else values
-            ways = TwoWays.of(self, other, p, Y)
-            if ways.lost.any():  # the errors of the other way may be the larger ones
+            ways = TwoWays.of(self, self.another_way(other.times, finest=True) if finest else other, p, Y)
+            if not finest and ways.lost.any():
                 ways = TwoWays.of(self, self.another_way(other.times, finest=True), p, Y)
+            if ways.message:  # the same family of solvers tells less, but more than nothing
+                tighter = self._with(times=other.times, reason="")
+                tighter._use(self.solver.tighter(times=self.times))
+                by_itself = TwoWays.of(self, tighter, p, Y)
+                ways = ways if by_itself.message else replace(by_itself, unchecked=ways.unchecked)
             self._ways[key] = ways
         return self._ways[key]
 

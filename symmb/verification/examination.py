@@ -13,7 +13,7 @@ from symmb.integrate import CVODES, Run, refined
 from symmb.model import DAE
 from symmb.start import Singularity
 from symmb.symbolic import batch
-from symmb.verification.two_ways import TwoWays, Way, changes_of_outputs
+from symmb.verification.two_ways import ROUNDING, TwoWays, Way, changes_of_outputs
 
 _MOST, _LEAST, _WORK = 10_000, 100, 2e9
 """Most times at which a run is examined: times (number of velocities)^3 stays below `_WORK`, which takes seconds, but
@@ -192,8 +192,8 @@ class Examination:
         if _change(energy(self.way.bodies, run.X, p, t, work_of(run))) >= _FALLS * _change(self._energy):
             return False
         values, others = (batch(y, x, p, t[:, None])[0].reshape(len(t), -1) for x in (self.x, run.X))
-        rounding = partial(changes_of_outputs, y, dae, run.X, p, t)
-        return not TwoWays(t, self.way.outputs, values, others, ("", ""), rounding).lost.any()
+        changes = partial(changes_of_outputs, y, dae, run.X, p, t)
+        return not TwoWays(t, self.way.outputs, values, others, ("", ""), changes, (ROUNDING, ROUNDING)).lost.any()
 
     def _at_failure(self) -> Singularity | None:
         """From the last state on the constraints on, where a run that fails is lost."""

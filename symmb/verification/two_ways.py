@@ -19,6 +19,9 @@ from symmb.symbolic import batch
 _CERTAIN, _EXACT = 1e-3, 1e-9
 """Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
 that hardly changes."""
+_OF_WIDTH = 0.01
+"""Error of a run over the width of bounds from which they are doubtful: half of what other errors of bounds may be,
+since few times are looked at."""
 _GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
 """Errors of a run over the relative tolerance of its steps, up to which these explain it, and the same of multistep
 methods: 2,000 steps have 40 and 400. A tolerance that is larger than the usual one excuses nothing."""
@@ -26,7 +29,7 @@ _NAMED = 4
 """Outputs that a sentence names."""
 _TIMES = 101
 """Times at which a study compares two ways: as many as a picture shows."""
-_ROUNDING, _SHIFT = 1e-12, 1e-6
+ROUNDING, _SHIFT = 1e-12, 1e-6
 """Changes of states, over their sizes, that no solver resolves; and those that tell how outputs follow them."""
 _AROUND, _OF_STEPS = 10, 0.1
 """States from which noise is told, and errors of steps over rtol and the sizes of states: atol is a hundredth of it."""
@@ -64,10 +67,12 @@ class TwoWays:
     t, names : (m,), (n_y,)        times [s], and names of the outputs
     values, others : (m, n_y)      outputs in both ways, nan from a failure on
     ways : (str, str)              solver and coordinates of both
-    floor : () -> (n_y,)           differences that the tolerances of both explain
+    floor : level -> (n_y,)        changes of the outputs if states change by a level of their sizes
+    levels : (float, float)        of both ways, what their tolerances explain
     parameters : str               of both runs, such as "l1 = 1.02"
     message : str                  when and why the other way failed; empty if it did not
     seconds : float                time that the other way took [s]
+    unchecked : str                why the run is not checked to its end, or by another family, in a sentence
     """
 
     t: Array
@@ -75,10 +80,12 @@ class TwoWays:
     values: Array
     others: Array
     ways: tuple[str, str]
-    floor: Callable[[], Array]
+    floor: Callable[[float], Array]
+    levels: tuple[float, float]
     parameters: str = ""
     message: str = ""
     seconds: float = 0.0
+    unchecked: str = ""
 
     @classmethod
     def of(cls, first: Way, second: Way, p: Array, values: Array) -> "TwoWays":
@@ -88,16 +95,21 @@ class TwoWays:
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.run(p[None])
+        parameters = ", ".join(f"{name} = {value:g}" for name, value in zip(first.parameters, p, strict=True))
+        message = "".join(f"breaks down at t = {run.t_failed[0]:g} s: {text}" for text in run.messages)
+        where = parameters and f", with {parameters},"
         return cls(
             t=second.times,
             names=first.outputs,
             values=values[some],
             others=run.Y[0],
             ways=(first.way, second.way),
-            floor=partial(_changes, second, p, max(_error_of_runs(way.solver) for way in (first, second))),
-            parameters=", ".join(f"{name} = {value:g}" for name, value in zip(first.parameters, p, strict=True)),
-            message="".join(f"breaks down at t = {run.t_failed[0]:g} s: {message}" for message in run.messages),
+            floor=partial(_changes, second, p),
+            levels=(_error_of_runs(first.solver), _error_of_runs(second.solver)),
+            parameters=parameters,
+            message=message,
             seconds=time.perf_counter() - begin,
+            unchecked=message and f"A second run by {second.way}{where} {message}.",
         )
 
     @property
@@ -112,31 +124,41 @@ class TwoWays:
     @cached_property
     def lost(self) -> Mask:
         """Where fewer than three digits of outputs are certain, (m, n_y)."""
+        return self.beyond(_CERTAIN * self._range, max(self.levels))
+
+    def beyond(self, limits: Array, level: float) -> Mask:
+        """Where errors (m, n_y) are beyond limits (n_y,), and beyond what a level of the states' sizes explains."""
         size = np.abs(np.nan_to_num(self.values)).max(axis=0, initial=0.0)
-        lost = self.error > np.maximum(_CERTAIN * self._range, _EXACT * size)
-        return lost & (self.error > self.floor()) if lost.any() else lost
+        large = self.error > np.maximum(limits, _EXACT * size)
+        return large & (self.error > self.floor(level)) if large.any() else large
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """From when on, and how far the ways are apart."""
-        lost = self.lost
+        return self._doubts(self.lost, self._range, "a thousandth of their range")
+
+    def is_large_beside(self, widths: Array) -> bool:
+        """Whether errors, of whichever way, are large beside the widths (n_y,) of bounds."""
+        return bool(self.beyond(_OF_WIDTH * widths, ROUNDING).any())
+
+    def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
+        """The same for errors that are large beside the widths (n_y,) of bounds; the other way is more accurate."""
+        lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
+        doubts = self._doubts(lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds")
+        return tuple(f"{doubt} Give a solver of a smaller rtol." for doubt in doubts)
+
+    def _doubts(self, lost: Mask, sizes: Array, beyond: str) -> tuple[str, ...]:
         if not lost.any():
             return ()
         concerned = [name for name, some in zip(self.names, lost.T, strict=True) if some.any()]
         listed = ", ".join(concerned[:_NAMED] + ["..."] * (len(concerned) > _NAMED))
-        shares = np.where(lost, self.error / np.maximum(self._range, np.finfo(float).tiny), 0.0)
+        shares = np.where(lost, self.error / np.maximum(sizes, np.finfo(float).tiny), 0.0)
         k, i = np.unravel_index(int(shares.argmax()), lost.shape)
         both = zip((self.values, self.others), self.ways, strict=True)
         value, other = (f"{values[k, i]:.9g} by {way}" for values, way in both)
-        since = f"From t = {self.t[int(lost.any(axis=1).argmax())]:g} s on, errors of {listed} exceed a thousandth of"
+        since = f"From t = {self.t[int(lost.any(axis=1).argmax())]:g} s on, errors of {listed} exceed {beyond}"
         at = f"at t = {self.t[k]:g} s" + (self.parameters and f" and {self.parameters}")
-        return (f"{since} their range: {at}, {self.names[i]} is {value}, and {other}.",)
-
-    @property
-    def unchecked(self) -> str:
-        """Why the run is not checked to its end, in a sentence; empty if it is."""
-        where = self.parameters and f", with {self.parameters},"
-        return self.message and f"A second run by {self.ways[1]}{where} {self.message}."
+        return (f"{since}: {at}, {self.names[i]} is {value}, and {other}.",)
 
 
 def times_to_compare(times: Array) -> Indices:
@@ -157,11 +179,8 @@ def _changes(way: Way, p: Array, level: float) -> Array:
     return changes_of_outputs(way.bodies.y, *form.in_bodies(X, p), p, way.times, level)
 
 
-def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float = _ROUNDING) -> Array:
-    """Changes of outputs y(x, p, t) along a run X (n_t, n_x) if states change by a level of their sizes, (n_y,).
-
-    Without a level, these are the changes that rounding of the states can make.
-    """
+def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
+    """Changes of outputs y(x, p, t) along a run X (n_t, n_x) if states change by a level of their sizes, (n_y,)."""
     signs = np.where(np.cos(np.arange(1, X.shape[1] + 1) ** 1.5) > 0, 1.0, -1.0)  # that no symmetry lets cancel
     shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * signs * dae.state_sizes, X))
     change = np.nan_to_num(np.abs(shifted - here), posinf=0.0)
@@ -177,5 +196,5 @@ def noise_of_outputs(y: ca.Function, dae: DAE, x: Array, p: Array, t: float, rto
     states = x + np.vstack([np.zeros(len(x)), around])
     shift = np.random.default_rng(1).uniform(-1, 1, states.shape) * _SHIFT * dae.state_sizes
     there, here = (batch(y, some, p, np.full((len(some), 1), t))[0] for some in (states + shift, states))
-    level = _ROUNDING if rtol is None else max(_OF_STEPS * rtol, _ROUNDING)
+    level = ROUNDING if rtol is None else max(_OF_STEPS * rtol, ROUNDING)
     return level / _SHIFT * np.median(np.nan_to_num(np.abs(there - here), posinf=0.0), axis=0)
