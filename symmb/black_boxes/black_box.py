@@ -119,41 +119,35 @@ class BlackBox(ABC):
     ) -> S:
         """Run samples P (N, d), and merge the states of blocks in their order.
 
-        A task is one run where runs are slow, and several where they are fast, by what former tasks took. Blocks are
-        the same whatever the tasks are. So the result does not depend on the executor.
+        A task is one run where runs are slow, and several of a block where they are fast, by what former tasks took.
+        Blocks are the same whatever the tasks are. So the result does not depend on the executor.
         """
         P = checked_samples(self, P, progress)
-        block = samples_of_block(len(P))
-        tasks: list[Array] = []
+        all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
         seconds = np.inf  # of a run
 
         def next_tasks() -> Iterator[Array]:
-            begin = 0
-            while begin < len(P):
-                size = max(1, min(block, int(_ENOUGH / seconds))) if seconds else block
-                tasks.append(P[begin : begin + size])
-                begin += size
-                yield tasks[-1]
+            for indices in all_blocks:
+                begin, end = int(indices[0]), int(indices[-1]) + 1
+                while begin < end:
+                    size = max(1, min(end - begin, int(_ENOUGH / seconds))) if seconds else end - begin
+                    tasks.append(P[begin : begin + size])
+                    begin += size
+                    yield tasks[-1]
 
-        merging = Merging(reduction, progress, len(P))
-        waiting = iter(blocks(len(P), block))
-        indices = next(waiting, None)
-        arrived: dict[int, Ensemble] = {}
-        ready: list[Ensemble] = []
-        following = 0
+        merging, arrived, following = Merging(reduction, progress, len(P)), dict[int, Ensemble](), 0
+        parts: list[Ensemble] = []  # of the next block
         for k, result in finished(partial(timed_runs, self), next_tasks(), executor):
             if isinstance(result, LostTask):
                 arrived[k] = lost_runs(self, tasks[k], result.reason)
             else:
                 arrived[k], seconds = result
-            while (some := arrived.pop(following, None)) is not None:
+            while (part := arrived.pop(following, None)) is not None:
                 following += 1
-                ready.append(some)
-            while indices is not None and sum(len(some.ok) for some in ready) >= len(indices):
-                whole = joined(ready, len(self.times), len(self.outputs))
-                merging.reduce(whole[: len(indices)], indices)
-                ready = [whole[len(indices) :]]
-                indices = next(waiting, None)
+                parts.append(part)
+                indices = all_blocks[merging.count]
+                if sum(len(some.ok) for some in parts) == len(indices):
+                    merging.reduce(joined(parts, len(self.times), len(self.outputs)), indices)
         return merging.state
 
     def _finite(self, result: Any) -> Array:

@@ -72,14 +72,6 @@ class Ensemble:
         """What samples compute at their first use, computed now and here."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
 
-    def __getitem__(self, some: slice) -> "Ensemble":
-        """Some samples, which follow each other."""
-        told = iter(self.messages)
-        messages = [None if ok else next(told) for ok in self.ok.tolist()]
-        events = None if self.events is None else self.events[some]
-        texts = tuple(text for text in messages[some] if text is not None)
-        return Ensemble(self.Y[some], self.ok[some], self.t_failed[some], texts, events)
-
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
         Y = self.Y if self.ok.all() else self.Y[self.ok]
