@@ -24,7 +24,6 @@ from symmb.black_boxes.simulator import (
     blocks,
     checked_samples,
     joined,
-    stream,
 )
 
 S = TypeVar("S")
@@ -118,12 +117,38 @@ class BlackBox(ABC):
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run P (N, d) block by block, and reduce each block."""
+        """Run samples P (N, d), and merge the states of blocks in their order.
+
+        A task is one run where runs are slow, and several of a block where they are fast, by what former tasks took.
+        Blocks are the same whatever the tasks are. So the result does not depend on the executor.
+        """
         P = checked_samples(self, P, progress)
-        block = samples_of_block(len(P))
-        if executor is None:
-            return stream(self, P, reduction, None, progress, block)
-        return _stream_of_runs(self, P, reduction, executor, progress, block)
+        all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
+        seconds = np.inf  # of a run
+
+        def next_tasks() -> Iterator[Array]:
+            for indices in all_blocks:
+                begin, end = int(indices[0]), int(indices[-1]) + 1
+                while begin < end:
+                    size = max(1, min(end - begin, int(_ENOUGH / seconds))) if seconds else end - begin
+                    tasks.append(P[begin : begin + size])
+                    begin += size
+                    yield tasks[-1]
+
+        merging, arrived, following = Merging(reduction, progress, len(P)), dict[int, Ensemble](), 0
+        parts: list[Ensemble] = []  # of the next block
+        for k, result in finished(partial(timed_runs, self), next_tasks(), executor):
+            if isinstance(result, LostTask):
+                arrived[k] = lost_runs(self, tasks[k], result.reason)
+            else:
+                arrived[k], seconds = result
+            while (part := arrived.pop(following, None)) is not None:
+                following += 1
+                parts.append(part)
+                indices = all_blocks[merging.count]
+                if sum(len(some.ok) for some in parts) == len(indices):
+                    merging.reduce(joined(parts, len(self.times), len(self.outputs)), indices)
+        return merging.state
 
     def _finite(self, result: Any) -> Array:
         """A result (n_t, n_y) of which all values are finite."""
@@ -200,47 +225,6 @@ def _short(value: Any) -> str:
 
 def _text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name}={value:.6g}" for name, value in values.items())
-
-
-def _stream_of_runs(
-    simulator: Simulator, P: Array, reduction: Reduction[S], executor: Executor, progress: Progress | None, block: int
-) -> S:
-    """Run samples P (N, d) by an executor, and merge the states of blocks in their order.
-
-    A task is one run where runs are slow, and several where they are fast, by what former tasks took. Blocks have
-    `block` samples whatever the tasks are. So the result does not depend on the executor.
-    """
-    tasks: list[Array] = []
-    seconds = np.inf  # of a run
-
-    def next_tasks() -> Iterator[Array]:
-        begin = 0
-        while begin < len(P):
-            size = max(1, min(block, int(_ENOUGH / seconds))) if seconds else block
-            tasks.append(P[begin : begin + size])
-            begin += size
-            yield tasks[-1]
-
-    merging = Merging(reduction, progress, len(P))
-    waiting = iter(blocks(len(P), block))
-    indices = next(waiting, None)
-    arrived: dict[int, Ensemble] = {}
-    ready: list[Ensemble] = []
-    following = 0
-    for k, result in finished(partial(timed_runs, simulator), next_tasks(), executor):
-        if isinstance(result, LostTask):
-            arrived[k] = lost_runs(simulator, tasks[k], result.reason)
-        else:
-            arrived[k], seconds = result
-        while (some := arrived.pop(following, None)) is not None:
-            following += 1
-            ready.append(some)
-        while indices is not None and sum(len(some.ok) for some in ready) >= len(indices):
-            whole = joined(ready, len(simulator.times), len(simulator.outputs))
-            merging.reduce(whole[: len(indices)], indices)
-            ready = [whole[len(indices) :]]
-            indices = next(waiting, None)
-    return merging.state
 
 
 def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import subprocess
 import tempfile
 from collections import Counter
@@ -17,7 +16,7 @@ from symmb._options import require_timeout, shown, whole
 from symmb._types import Array
 from symmb.black_boxes.black_box import BlackBox
 from symmb.black_boxes.identity import DeclaredFiles, digest
-from symmb.black_boxes.limited_calls import LimitedCalls, fault_text
+from symmb.black_boxes.limited_calls import LimitedCalls, fault_text, signal_name
 from symmb.black_boxes.program_files import (
     READERS,
     filled,
@@ -214,7 +213,8 @@ class CommandSimulator(BlackBox):
             except OSError as error:
                 raise SimulationError(f"the program cannot be started: {error}") from None
         if status:
-            raise SimulationError(f"the program {_status_text(status)}{_last_line(folder)}")
+            how = f"ended with exit status {status}" if status > 0 else f"was killed by {signal_name(-status)}"
+            raise SimulationError(f"the program {how}{_last_line(folder)}")
         if not isinstance(self.read, str):
             return self.read(folder)
         return read_table(folder / self.read, self.times, self.outputs, self.interpolate)
@@ -266,15 +266,6 @@ def _kept(folder: Path, base: Path | None) -> Path:
     """The folder under a name that is not removed."""
     kept = tempfile.mkdtemp(prefix="symmb_run-", dir=base)
     return folder.rename(kept)  # onto an empty folder
-
-
-def _status_text(status: int) -> str:
-    if status > 0:
-        return f"ended with exit status {status}"
-    try:
-        return f"was killed by {signal.Signals(-status).name}"
-    except ValueError:
-        return f"was killed by signal {-status}"
 
 
 def _last_line(folder: Path) -> str:

@@ -80,7 +80,7 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     f : picklable if the executor runs in other processes
     items : taken when there is a worker for them
     executor : with `submit`, as those of concurrent.futures, loky, mpi4py and Dask; with an ordered `map`; or a
-        function that makes one, and makes another when it breaks
+        function that makes one, and makes another when it breaks; None: here, one after the other
 
     Raises
     ------
@@ -88,6 +88,9 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     SimulationError         if an executor that was handed in as an object breaks, or if a function makes broken ones;
                             if it returns other results than those of its tasks, or raises
     """
+    if executor is None:
+        yield from enumerate(map(f, items))
+        return
     first = secrets.randbits(_BITS)  # so that results of one call are not taken for those of another
     with _Pool(executor) as pool:
         for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):

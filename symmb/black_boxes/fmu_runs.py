@@ -25,7 +25,7 @@ _MOST_EVENTS = 1000
 """Events at one time, above which they are taken to go on for ever."""
 RTOL = 1e-9
 """Relative tolerance: bounds subtract runs that differ little. An oscillator is then exact to 1e-7 after ten periods
-(tests/simulation/test_fmu.py)."""
+(tests/black_boxes/test_fmu.py)."""
 _MOST_STEPS = 1_000_000
 """Steps between two communication points. FMPy's 500 are too few for this tolerance."""
 

@@ -65,6 +65,13 @@ class _Worker:
             self.status = os.waitstatus_to_exitcode(status)
         return True
 
+    @property
+    def end_text(self) -> str:
+        """How the process ended, if that is known."""
+        if self.status is None:
+            return ""
+        return f" by {signal_name(-self.status)}" if self.status < 0 else f" with exit status {self.status}"
+
     def end(self) -> None:
         with _LOCK:
             if self not in _WORKERS:  # another thread ends it, and its pipe may have the number of another file
@@ -128,7 +135,7 @@ class LimitedCalls:
         except (EOFError, ConnectionError):
             worker.has_ended()
             worker.end()
-            raise SimulationError(f"{self.subject} ended its process{_status_text(worker.status)}") from None
+            raise SimulationError(f"{self.subject} ended its process{worker.end_text}") from None
         except BaseException:  # also an interrupt: the next call must not get this result
             worker.end()
             raise
@@ -164,11 +171,12 @@ def end_calls_of(threads: Collection[threading.Thread]) -> None:
     end_groups(*(worker.pid for worker in list(_WORKERS) if worker.thread in threads))
 
 
-def _status_text(status: int | None) -> str:
-    """How a process ended, if that is known."""
-    if status is None:
-        return ""
-    return f" by {signal.Signals(-status).name}" if status < 0 else f" with exit status {status}"
+def signal_name(number: int) -> str:
+    """The name of a signal. Those of real time have none."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
 
 
 def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:

@@ -72,14 +72,6 @@ class Ensemble:
         """What samples compute at their first use, computed now and here."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
 
-    def __getitem__(self, some: slice) -> "Ensemble":
-        """Some samples, which follow each other."""
-        told = iter(self.messages)
-        messages = [None if ok else next(told) for ok in self.ok.tolist()]
-        events = None if self.events is None else self.events[some]
-        texts = tuple(text for text in messages[some] if text is not None)
-        return Ensemble(self.Y[some], self.ok[some], self.t_failed[some], texts, events)
-
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
         Y = self.Y if self.ok.all() else self.Y[self.ok]
@@ -192,7 +184,7 @@ def stream(
     simulator : picklable if the executor runs in other processes
     P : (N, d) parameter values
     reduction : of each block
-    executor : as for `executors.finished`; None runs here
+    executor : as for `executors.finished`
     progress : called after each block with the finished samples and all
     block : samples of a block; must not depend on the executor
 
@@ -204,9 +196,8 @@ def stream(
     P = checked_samples(simulator, P, progress)
     tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
     work = partial(_reduce_block, simulator, reduction)
-    results = enumerate(map(work, tasks)) if executor is None else finished(work, tasks, executor)
     merging, arrived = Merging(reduction, progress, len(P)), dict[int, Any]()
-    for k, result in results:
+    for k, result in finished(work, tasks, executor):
         if isinstance(result, LostTask):
             raise SimulationError(f"{simulator!r}: {result.reason}")
         arrived[k] = result

@@ -1,10 +1,10 @@
 """A simulator that keeps every finished run in a file, and takes from there what it knows."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from symmb.black_boxes.simulator import (
     BLOCK,
     Ensemble,
     Merging,
-    Noisy,
     Progress,
     Reduction,
     Simulator,
@@ -106,7 +105,7 @@ class StoredSimulator:
     @property
     def noise(self) -> Array | None:
         """(n_y,) how far values may be off; None if it is not known."""
-        return self.simulator.noise if isinstance(self.simulator, Noisy) else None
+        return getattr(self.simulator, "noise", None)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -145,13 +144,10 @@ class StoredSimulator:
             if key not in known:
                 known.add(key)
                 missing.append(p[None])
-        run = partial(timed_runs, self.simulator)
-        results: Iterator[tuple[int, Any]]
-        results = enumerate(map(run, missing)) if executor is None else finished(run, missing, executor)
         done = len(P) - len(missing)
         if progress is not None and done:
             progress(done, len(P))
-        for k, result in results:
+        for k, result in finished(partial(timed_runs, self.simulator), missing, executor):
             is_lost = isinstance(result, LostTask)
             runs, seconds = (lost_runs(self.simulator, missing[k], result.reason), 0.0) if is_lost else result
             database.add(number, missing[k][0], runs, seconds, is_lost)

@@ -143,8 +143,7 @@ class DAESimulator:
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
         bodies = self.bodies.around(p)
         joints, spare = (form and form.around(p) for form in (self._joints, self._spare))
-        copy = self._with(bodies=bodies, dae=bodies.dae, _joints=joints, _spare=spare)
-        copy.longest_step = float(self.formulation.pulses(self.times)(p[None])[0])
+        copy = self._with(bodies=bodies, dae=bodies.dae, _joints=joints, _spare=spare, _longest_step=None)
         if copy.longest_step != self.longest_step:
             copy._use(self.solver)  # what is compiled follows other pulses
         return copy
@@ -158,10 +157,12 @@ class DAESimulator:
         """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
         return self if self._joints is None or not self._joints.why or not self._joints.dae.n_c else self._in_bodies
 
-    @cached_property
+    @property
     def longest_step(self) -> float:
         """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses."""
-        return float(self.formulation.pulses(self.times)(self.dae.p_nominal[None])[0])
+        if self._longest_step is None:
+            self._longest_step = float(self.formulation.pulses(self.times)(self.dae.p_nominal[None])[0])
+        return self._longest_step
 
     @cached_property
     def _in_bodies(self) -> "DAESimulator":
@@ -212,7 +213,8 @@ class DAESimulator:
         self._engines: dict[int, AnyEngine] = {}
         self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
-        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies", "longest_step"):
+        self._longest_step: float | None = None
+        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:

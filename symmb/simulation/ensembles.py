@@ -95,15 +95,19 @@ class CompiledEnsemble:
         self._x0 = np.empty((len(self.P), 0)) if self.engine.starts else self.form.start.states(self.P)[0]
         self._failed: FailedSamples | None = None
 
-    @cached_property
+    @property
     def Y(self) -> Array:
         """(N, n_t, n_y) outputs, nan where a sample failed."""
+        return self._trajectories
+
+    @cached_property
+    def _trajectories(self) -> Array:
         Y, self._failed = self.engine.values(self._x0, self.P, self.threads)
         return Y
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
-        if "Y" in self.__dict__:
+        if "_trajectories" in self.__dict__:
             return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
         lower, upper, self._failed = self.engine.extremes(self._x0, self.P, self.threads)
         return lower, upper

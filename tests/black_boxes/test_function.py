@@ -142,6 +142,12 @@ def test_calls_that_take_too_long_are_failed_samples(copies):
     assert (ensemble.Y[ensemble.ok][:, :, 0] == P[ensemble.ok] * TIMES).all()
 
 
+def test_a_signal_without_a_name_is_told_by_its_number():
+    number = signal.SIGRTMIN + 3  # one of real time
+    ends = FunctionSimulator(lambda a: os.kill(os.getpid(), number), {"a": 1.0}, TIMES, ["x"], timeout=10)
+    assert ends.run(np.ones((1, 1))).messages == (f"the function ended its process by signal {int(number)} (a=1)",)
+
+
 def test_timeouts_hold_in_threads_and_in_processes():
     P = np.arange(1.0, 8.0)[:, None]
     alone = run_blocks(LIMITED, P)
