@@ -90,6 +90,7 @@ class DormandPrince(Explicit):
     Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853.
     """
 
+    meets_switches: ClassVar[bool] = True
     projection_steps: ClassVar[int] = 1  # the drift of one step is small
 
     rtol: float = 1e-8

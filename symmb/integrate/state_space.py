@@ -36,6 +36,7 @@ class StateSpace(CompiledSolver):
     Wehage, Haug (1982), Journal of Mechanical Design 104, 247-255.
     """
 
+    meets_switches: ClassVar[bool] = True
     keeps_positions: ClassVar[bool] = True
     gives_derivatives: ClassVar[bool] = False
 

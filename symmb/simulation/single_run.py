@@ -12,6 +12,7 @@ from symmb._interrupts import carry, kept_interrupts, runs_of
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
+from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
 from symmb.integrate import Run, Solver, SwitchPasses, stiffness
 from symmb.model import Scene, compile_dae
@@ -233,8 +234,14 @@ def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[s
     states = trajectory.examination
     if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
         return ()
-    known = states.t < run.stops.until
-    missed = switches.passed_over(states.x[known], runs.p, states.t[known], run.stops.passes)
+    stops, later = run.stops, states.t >= run.stops.until
+    is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
+    if is_full and switches.met(states.x[later], runs.p, states.t[later]):
+        return (
+            f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
+            f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
+        )
+    missed = switches.passed_over(states.x[~later], runs.p, states.t[~later], stops.passes)
     if np.isnan(missed):
         return ()
     return (
