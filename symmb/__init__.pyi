@@ -6,6 +6,10 @@ from ._errors import PropagationError as PropagationError
 from ._errors import SimulationError as SimulationError
 from ._errors import SymmbError as SymmbError
 from ._errors import SymmbWarning as SymmbWarning
+from .black_boxes.command_simulator import CommandSimulator as CommandSimulator
+from .black_boxes.fmu_simulator import FMUSimulator as FMUSimulator
+from .black_boxes.function_simulator import FunctionSimulator as FunctionSimulator
+from .black_boxes.stored_simulator import StoredSimulator as StoredSimulator
 from .bounds.interval_arithmetic import IntervalArithmetic as IntervalArithmetic
 from .bounds.optimization import Optimization as Optimization
 from .bounds.polynomial_chaos import PolynomialChaos as PolynomialChaos
@@ -113,12 +117,8 @@ from .polynomials.ranges.bernstein import Bernstein as Bernstein
 from .polynomials.ranges.exact import Exact as Exact
 from .polynomials.ranges.inclusion import ChebyshevInclusion as ChebyshevInclusion
 from .polynomials.ranges.inclusion import LegendreInclusion as LegendreInclusion
-from .simulation.command_simulator import CommandSimulator as CommandSimulator
 from .simulation.dae_simulator import DAESimulator as DAESimulator
-from .simulation.fmu_simulator import FMUSimulator as FMUSimulator
-from .simulation.function_simulator import FunctionSimulator as FunctionSimulator
 from .simulation.single_run import simulate as simulate
-from .simulation.stored_simulator import StoredSimulator as StoredSimulator
 from .simulation.subject import prepare as prepare
 from .simulation.trajectory import Trajectory as Trajectory
 from .structures.beams import Beam as Beam

@@ -159,7 +159,7 @@ def test_rates_whose_squares_are_no_numbers(rate):
 
 @pytest.mark.parametrize("make", [lambda: mb.IDAS(atol=10**400), lambda: mb.HHT(step=10**400)])
 def test_numbers_beyond_doubles(make):
-    with pytest.raises(mb.DeclarationError, match="must be a number above 0"):
+    with pytest.raises(mb.DeclarationError, match="must be a number above"):
         make()
 
 

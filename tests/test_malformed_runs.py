@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import symmb as mb
+from symmb.black_boxes import run_database
 from symmb.cli.main import main
-from symmb.simulation import run_database
 
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(k=(0.5, 1.5))

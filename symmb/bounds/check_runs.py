@@ -7,13 +7,13 @@ these lines predict. No method chooses its own runs like that. Runs, bounds and 
 import numpy as np
 
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Noisy, Simulator
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records, gathered, which_failed
 from symmb.bounds.result import ROUNDING, Bounds, Surrogate
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
 from symmb.nodes import grid
-from symmb.simulation import Noisy, Simulator
 
 _RUNS = 13
 """Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as the

@@ -5,20 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from symmb._types import Executor
+from symmb._types import Array, Executor
+from symmb.black_boxes import Noisy, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import Bounds
 from symmb.model import Box
 from symmb.nodes import grid
-from symmb.simulation import DAESimulator, Noisy, Simulator
+from symmb.simulation import DAESimulator
 
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
     if bounds.kind == "enclosure":
         return replace(bounds, run_doubts=(*bounds.run_doubts, *_doubts_of_proofs(simulator, box, bounds.seconds)))
-    own, remarks = _second_look(simulator, box, bounds.seconds)
+    own, remarks = _second_look(simulator, box, bounds)
     own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
     doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
@@ -41,7 +42,7 @@ def _doubts_of_proofs(simulator: Simulator, box: Box, seconds: float) -> tuple[s
     return (*simulator.start.doubts, *simulator.theory.nominal_doubts, *_linear_theory_doubts(simulator, box, seconds))
 
 
-def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[str, ...], list[str]]:
+def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
     """Doubts and remarks from the run at the nominal parameters and one at a corner, which are made in two ways.
 
     That at the corner is left out if the first one has doubts, or took longer than the study and a second.
@@ -53,12 +54,25 @@ def _second_look(simulator: Simulator, box: Box, seconds: float) -> tuple[tuple[
     remarks = [first.unchecked] if first.unchecked else []
     if first.doubts:
         return own, remarks
-    if first.seconds > seconds + _PATIENCE:
+    lower, upper = bounds.inner or (bounds.lower, bounds.upper)
+    widths = (upper - lower).max(axis=0)
+    if beside_widths := _doubts_of_widths(simulator, simulator.dae.p_nominal, widths):
+        return (*own, *beside_widths), remarks
+    if first.seconds > bounds.seconds + _PATIENCE:
         left_out = f"No run at a corner was checked in another way, because one takes {first.seconds:.0f} s."
         return own, [*remarks, left_out]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
-    corner = simulator.two_ways(parameter_samples(simulator, box, signs[None])[0])
-    return (*own, *corner.doubts), [*remarks, *filter(None, [corner.unchecked])]
+    p = parameter_samples(simulator, box, signs[None])[0]
+    corner = simulator.two_ways(p)
+    doubts = corner.doubts or _doubts_of_widths(simulator, p, widths)
+    return (*own, *doubts), [*remarks, *filter(None, [corner.unchecked])]
+
+
+def _doubts_of_widths(simulator: DAESimulator, p: Array, widths: Array) -> tuple[str, ...]:
+    """Whether errors of a run are large beside the widths (n_y,) of bounds, by the more accurate of two other ways."""
+    if not simulator.two_ways(p).is_large_beside(widths):
+        return ()
+    return simulator.two_ways(p, finest=True).doubts_of_widths(widths)
 
 
 def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:

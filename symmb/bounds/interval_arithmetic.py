@@ -8,12 +8,12 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Executor
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.interval import Interval, operate, parameter_intervals
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.simulation import Progress, Simulator
 from symmb.symbolic import interpret
 
 

@@ -12,11 +12,12 @@ from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
+from symmb.black_boxes import Attained, Jets, Progress, Simulator, attained_by_runs
 from symmb.bounds.interval import Interval, operate, parameter_intervals
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.simulation import Attained, DAESimulator, Jets, Progress, Simulator, attained_by_runs
+from symmb.simulation import DAESimulator
 from symmb.symbolic import interpret
 
 _MOST_OPERATIONS = 10_000

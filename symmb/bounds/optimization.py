@@ -8,6 +8,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._options import constructor_text, require_between, require_whole
 from symmb._types import Array, Executor
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.failures import failed_region
 from symmb.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bounds.quadratic_models import Quadratics, quadratics
@@ -16,7 +17,6 @@ from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import grid
-from symmb.simulation import Progress, Simulator
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
 """A response and its negative are minimised."""

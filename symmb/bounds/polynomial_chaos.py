@@ -16,6 +16,7 @@ from symmb._options import (
     require_whole,
 )
 from symmb._types import Array, Executor, Mask
+from symmb.black_boxes import March, Noisy, Progress, Simulator
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failures import Failure, failed_region, failure_text
 from symmb.bounds.method import Method, parameter_samples
@@ -26,7 +27,6 @@ from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.polynomials.ranges import Exact, LegendreInclusion, Range
-from symmb.simulation import March, Noisy, Progress, Simulator
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 

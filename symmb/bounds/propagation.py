@@ -6,13 +6,14 @@ from symmb._errors import warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._progress import shown_runs
 from symmb._types import Executor
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.doubts import checked, doubted
 from symmb.bounds.method import Method, require_method
 from symmb.bounds.result import Bounds
 from symmb.bounds.study import study_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import Progress, Simulator, simulator_of
+from symmb.simulation import simulator_of
 
 
 def propagate(

@@ -8,9 +8,9 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Reduction, Samples, Simulator
 from symmb.bounds.failures import Failure, failure_text
 from symmb.model import Box
-from symmb.simulation import Reduction, Samples, Simulator
 
 FailedRuns = tuple[tuple[int, float, str], ...]
 """(sample number, time, message) of each failed run."""

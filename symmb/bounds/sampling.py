@@ -8,6 +8,7 @@ import numpy as np
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_kind, require_whole
 from symmb._types import Array, Executor
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.failures import failed_region
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
@@ -15,7 +16,6 @@ from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import Random, Sampler, grid
-from symmb.simulation import Progress, Simulator
 
 _RANDOM = Random()
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Executor, Indices
+from symmb.black_boxes import Progress, Reduction, S, Samples, Simulator
 from symmb.bounds.reductions import together
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, Progress, Reduction, S, Samples, Simulator
+from symmb.simulation import DAESimulator
 
 
 class Bounding(Protocol):

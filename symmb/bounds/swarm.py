@@ -9,13 +9,13 @@ import numpy as np
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.bounds.failures import Failure, failed_region
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.simulation import Progress, Reduction, Samples, Simulator
 
 _CONSTRICTION, _PULL = 0.7298, 2.05
 """Factor on the velocity, and largest pull towards the own and the common best point: Clerc and Kennedy (2002), IEEE

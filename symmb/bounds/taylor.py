@@ -12,13 +12,13 @@ from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
+from symmb.black_boxes import Kinked, Progress, Simulator
 from symmb.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bounds.result import Bounds, Surrogate
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.polynomials import MultiIndices, homogeneous
-from symmb.simulation import Kinked, Progress, Simulator
 
 _MOST_EVALUATIONS = 100_000
 """Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""

@@ -10,12 +10,12 @@ from symmb._errors import PropagationError
 from symmb._limits import require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor, Mask
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.method import Method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.enclosures import EXTRA_NODES, NO_START, Enclosure, Problem, enclose, problem_of
 from symmb.model import Box
-from symmb.simulation import Progress, Simulator
 
 _HIGHEST = 60
 """Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""

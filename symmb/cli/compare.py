@@ -4,13 +4,16 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 
 import symmb as mb
+from symmb._cleanup import end_with_parent
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import Executor
+from symmb.black_boxes import Simulator
 from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import is_urdf, load_subject
@@ -18,7 +21,6 @@ from symmb.cli.urdf_scene import parameter_name
 from symmb.codegen import SLOW, has_compiler
 from symmb.files import save_json
 from symmb.plot import PICTURES
-from symmb.simulation import Simulator, WorkerPool
 
 _SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
 
@@ -95,7 +97,8 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
 @contextmanager
 def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
     if options.dask is None:
-        yield None if options.workers is None else partial(WorkerPool, options.workers)
+        pool = partial(ProcessPoolExecutor, options.workers, initializer=end_with_parent)
+        yield None if options.workers is None else pool
         return
     try:
         from dask.distributed import Client

@@ -10,8 +10,8 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Named, parameter_names
 from symmb._table import aligned
+from symmb.black_boxes import STATES, RunDatabase, open_run_database
 from symmb.files import replacement, require_suffix
-from symmb.simulation import STATES, RunDatabase, opened
 
 _PRUNED = {"failed": (1, 2, 3), "timed-out": (2,), "all": (0, 1, 2, 3)}
 """States of the runs that each word removes."""
@@ -29,7 +29,7 @@ def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:
 
 
 def _runs(options: argparse.Namespace) -> tuple[str, ...]:
-    with opened(Path(options.file), create=False) as database:
+    with open_run_database(Path(options.file), create=False) as database:
         numbers = [number for number, *_ in database.studies()]
         if options.study is not None and options.study not in numbers:
             raise DeclarationError(f"no study {options.study} in {options.file}, only {numbers}.")

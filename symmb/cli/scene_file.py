@@ -10,9 +10,9 @@ from types import ModuleType
 
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
+from symmb.black_boxes import Simulator
 from symmb.cli.urdf_scene import urdf_scene
 from symmb.model import Box, Scene
-from symmb.simulation import Simulator
 
 _PACKAGE = Path(__file__).parents[1]
 _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"

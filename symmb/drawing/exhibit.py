@@ -48,7 +48,7 @@ class Region:
 
 
 @dataclass(frozen=True, eq=False)
-class Range:
+class PicturedBounds:
     """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the output and time that are looked at."""
 
     lower: Array
@@ -63,7 +63,7 @@ class Exhibit:
 
     drawing: Drawing
     ghosts: tuple[Ghost, ...] = ()
-    bounds: Range | None = None
+    bounds: PicturedBounds | None = None
     region: Region | None = None
     picture: int = 0
 
@@ -114,7 +114,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     return Exhibit(
         drawing,
         tuple(ghosts),
-        Range(bounds.lower[rows], bounds.upper[rows], column, t),
+        PicturedBounds(bounds.lower[rows], bounds.upper[rows], column, t),
         None if point is None else _region(study, point, drawing),
         _picture(drawing, t),
     )

@@ -11,7 +11,7 @@ from symmb._types import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class MovingFrame:
     """A moving frame: `pose` (n_f, 3, 4) is [R | r], body to world [-, m]. `pose` (1, 3, 4) is at rest."""
 
     name: str
@@ -19,7 +19,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class FramePoint:
     """A point in a frame, in its axes [m]: `base` and, where it moves in the frame, `shift`, (1, 3) or (n_f, 3).
 
     The shift of a flexible body (`elastic`) is its deformation at the point, which a viewer may enlarge.
@@ -85,8 +85,8 @@ class Drawing:
 
     name: str
     t: Array
-    frames: tuple[Frame, ...]
-    places: tuple[Place, ...]
+    frames: tuple[MovingFrame, ...]
+    places: tuple[FramePoint, ...]
     shapes: tuple[Shape, ...]
     camera: Array
     planar: bool

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Expr
-from symmb.drawing.shapes import Frame, Place
+from symmb.drawing.shapes import FramePoint, MovingFrame
 from symmb.mechanics import AbstractBody, FlexibleBody, Ground, Point
 from symmb.model import Scene
 from symmb.simulation import Trajectory
@@ -156,18 +156,18 @@ class Survey:
         """The places in a frame that elements are attached to."""
         return [place for place in self._known.values() if self._places[place][0] == frame]
 
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[MovingFrame, ...]:
         """The ground's frame and those of the bodies."""
-        return tuple(Frame(body.name, self.pose(i)) for i, body in enumerate(self.bodies))
+        return tuple(MovingFrame(body.name, self.pose(i)) for i, body in enumerate(self.bodies))
 
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[FramePoint, ...]:
         """All places asked for so far, by their numbers."""
         return tuple(_place(frame, base(), None if now is None else now()) for frame, base, now in self._places)
 
 
-def _place(frame: int, base: Array, now: Array | None) -> Place:
+def _place(frame: int, base: Array, now: Array | None) -> FramePoint:
     if now is not None:
-        return Place(frame, base[0], now - base[0], elastic=True)
+        return FramePoint(frame, base[0], now - base[0], elastic=True)
     if len(base) > 1:
-        return Place(frame, base[0], base - base[0])
-    return Place(frame, base[0])
+        return FramePoint(frame, base[0], base - base[0])
+    return FramePoint(frame, base[0])

@@ -16,7 +16,7 @@ from symmb.enclosures.rounding import U, above, of_sum
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class TimeStep:
     """A step from t0 over h.
 
     Attributes

@@ -7,7 +7,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import points
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.degrees import degrees_of_equations, highest
 from symmb.enclosures.ellipses import Control, node_counts
 from symmb.enclosures.errors import ProofError
@@ -35,7 +35,7 @@ bounds of rounding hold for sums of so many terms.
 """
 
 
-def exact_defects(step: Step) -> tuple[Array, Array] | None:
+def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) where the rates are polynomials; otherwise None.
 
     All are polynomials of known degree then, and their interpolation in one node more is exact. None also where the
@@ -63,7 +63,9 @@ def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
     return tuple(int(degree) + 1 for degree in degrees)
 
 
-def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control) -> Array:
+def defect_of_motion(
+    step: TimeStep, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control
+) -> Array:
     """Bounds (n,) of |C d| with d = u' - f(u).
 
     Parameters
@@ -104,7 +106,7 @@ def defect_of_motion(step: Step, rho: list[float], C_on: Array, most_rate: Array
     return above(sampled + alias)
 
 
-def _sampled_defect(step: Step, counts: tuple[int, ...], in_frame: bool = True) -> Array:
+def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = True) -> Array:
     """Bounds (n,) of the interpolation at nodes of C d, or of d."""
     n, k = step.problem.n, len(counts)
     found = step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0]
@@ -121,7 +123,7 @@ def _sampled_defect(step: Step, counts: tuple[int, ...], in_frame: bool = True) 
     return ch.bound_of_samples(g, errors, k)
 
 
-def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
+def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
     """Bounds (n, n) of |C (A B - B')|.
 
     Parameters
@@ -142,7 +144,7 @@ def defect_of_frame(step: Step, rho: list[float], C_on: Array, most_slope: Array
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
 
 
-def _sampled_frame(step: Step, counts: tuple[int, ...]) -> Array:
+def _sampled_frame(step: TimeStep, counts: tuple[int, ...]) -> Array:
     """Bounds (n, n) of the interpolation of C (A B - B') at nodes."""
     n, k = step.problem.n, len(counts)
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]

@@ -7,14 +7,14 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 
 Degree = tuple[Array, float | None]
 """Highest degrees in time and in the parameters, infinite where a number is no polynomial; and the value of a constant
 of the graph."""
 
 
-def degrees_of_equations(step: Step) -> tuple[Array, Array]:
+def degrees_of_equations(step: TimeStep) -> tuple[Array, Array]:
     """Highest degrees in time and in the parameters of the rates along the motion, and of their Jacobian.
 
     Coefficients of the motion that are 0 as computed may be rounding, but not where those of its rate are 0 as well.
@@ -25,14 +25,14 @@ def degrees_of_equations(step: Step) -> tuple[Array, Array]:
     return rates, slopes
 
 
-def degrees_of_outputs(step: Step) -> Array:
+def degrees_of_outputs(step: TimeStep) -> Array:
     """Highest degrees (n_y, d) in the parameters of the outputs along the motion."""
     none = np.zeros(step.x.c.ndim - 1)
     (outputs,) = step.problem.output_tape.run(_OPERATIONS, lambda value: (none, value), _arguments(step))
     return np.array([degree[1:] for degree, _ in outputs])
 
 
-def _arguments(step: Step) -> list[list[Degree]]:
+def _arguments(step: TimeStep) -> list[list[Degree]]:
     """Degrees of states, parameters and time."""
     none = np.zeros(step.x.c.ndim - 1)
     x: list[Degree] = [

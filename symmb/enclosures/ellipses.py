@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import discs
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.patches import Patches, largest_on
 
@@ -68,7 +68,7 @@ class Control:
     turn: int = 0
 
 
-def ellipses(step: Step, spread: tuple[float, float]) -> list[float]:
+def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
     """Parameters of ellipses on which states and parameters move farther than on the box, by a share of their room."""
     problem = step.problem
     rows = np.abs(step.x.c) / step.room[(slice(None), *(None,) * (step.x.c.ndim - 1))]
@@ -126,7 +126,7 @@ def reaches(found: list[discs.Disc]) -> Array:
     return np.array([float(discs.reach(a).max()) for a in found])
 
 
-def patches_on(step: Step, rho: list[float], patches: tuple[int, int]) -> Patches:
+def patches_on(step: TimeStep, rho: list[float], patches: tuple[int, int]) -> Patches:
     """Patches of polyellipses: so many of time, and of each parameter."""
     return Patches(rho, [patches[0], *[patches[1]] * (len(rho) - 1)], step.degrees)
 
@@ -143,7 +143,7 @@ class Tried:
     nodes: float
 
 
-def adapted(step: Step, control: Control) -> Tried:
+def adapted(step: TimeStep, control: Control) -> Tried:
     """Ellipses and patches, with bounds of the equations there.
 
     Those of the last step are compared with others, of which the cheapest are taken.
@@ -169,7 +169,7 @@ def adapted(step: Step, control: Control) -> Tried:
     return best
 
 
-def _tried(step: Step, choice: Choice, wanted: float) -> Tried:
+def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     n = step.problem.n
     rho = ellipses(step, choice.spread)
     count = choice.patches[0] * float(choice.patches[1]) ** (len(rho) - 1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import Choice
 from symmb.enclosures.flow import integrated
 from symmb.enclosures.march import Course
@@ -21,7 +21,7 @@ def expression_bounds(problem: Problem, order: int) -> Course:
     course = Course.empty(problem)
     terms = (order + 1,) * d
     none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
-    whole = Step(problem, 0.0, end or 1.0, none, none, none.c[None])
+    whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
     for spread in _SPREADS:
         lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, Choice((spread, spread)), _SHARP)
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)

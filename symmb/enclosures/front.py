@@ -6,7 +6,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit
 from symmb.enclosures.rounding import U, above, of_sum
@@ -58,12 +58,12 @@ def slowest(x: Array) -> int:
     return int(np.argmax(tails))
 
 
-def entering(front: Front, step: Step) -> Array:
+def entering(front: Front, step: TimeStep) -> Array:
     """|w| (n,) at the start of a step whose motion and frame begin with the polynomials of the front."""
     return above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
 
 
-def leaving(step: Step, w: Array) -> Front:
+def leaving(step: TimeStep, w: Array) -> Front:
     """The front at the end of a step with |w| there."""
     n, d = step.problem.n, step.problem.d
     x, x_error = _end(step.x, d)

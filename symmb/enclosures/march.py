@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import Choice, Control, patches_on, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import frame, motion
@@ -145,7 +145,7 @@ def march(
             return
 
 
-def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[Step, Proof]:
+def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """A proved step that begins at a front, and its proof.
 
     What was adapted to earlier steps may be bad for this one, and its frame may differ too much over the box: before it
@@ -168,7 +168,7 @@ def _first_choice(problem: Problem) -> Choice:
     return Choice(patches=(usual, usual))
 
 
-def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[Step, Proof]:
+def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """The same, as long as it can be proved with what is adapted so far."""
     h = aim = control.h
     reason = ""
@@ -187,7 +187,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             continue
         try:
             B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
-            step = Step(problem, front.t, h, x, B, C)
+            step = TimeStep(problem, front.t, h, x, B, C)
             _require_valid(step)
             proof = prove(step, entering(front, step), control)
             control.h = h_resolved
@@ -197,7 +197,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
     raise ProofError(reason or "the motion changes too fast for the shortest step")
 
 
-def _require_valid(step: Step) -> None:
+def _require_valid(step: TimeStep) -> None:
     """ProofError unless no law of time switches in a step, for all parameters."""
     tape = step.problem.valid_tape
     if tape is None:

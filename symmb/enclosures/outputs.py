@@ -7,7 +7,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
-from symmb.enclosures.curves import Step, parameter_points
+from symmb.enclosures.curves import TimeStep, parameter_points
 from symmb.enclosures.degrees import degrees_of_outputs
 from symmb.enclosures.ellipses import Choice, ellipses, node_counts, nodes_needed, patches_on, reaches, usual_patches
 from symmb.enclosures.errors import ProofError
@@ -28,7 +28,7 @@ SHARP = 1e-6
 
 
 def output_bounds(
-    step: Step, w: Array, times: Array, choice: Choice, sharp: float = SHARP
+    step: TimeStep, w: Array, times: Array, choice: Choice, sharp: float = SHARP
 ) -> tuple[Array, Array, Array, Array]:
     """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
 
@@ -67,7 +67,7 @@ def output_bounds(
         return -lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
 
 
-def _ellipses(step: Step, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
+def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
     """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs.
 
     The last value is about the number of these nodes.
@@ -89,7 +89,7 @@ _FACTORS = (1.0, 0.3, 3.0, 10.0)
 
 
 def _good_bounds(
-    step: Step, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
+    step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
 ) -> tuple[Array, Array, Array]:
     """The same of some outputs, which are at most `most` on the ellipses rho of the parameters."""
     d = len(rho)
@@ -104,7 +104,7 @@ def _good_bounds(
 
 
 def interpolation(
-    step: Step,
+    step: TimeStep,
     times: Array,
     which: tuple[int, ...],
     rho: list[float],
@@ -151,7 +151,7 @@ def interpolation(
     return c, above(lost + lebesgue * (errors[:, None] + 2 * U * peak) + 2 * U * peak + alias[:, None])
 
 
-def _values(step: Step, times: Array, counts: tuple[int, ...], which: tuple[int, ...]) -> tuple[Array, Array]:
+def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[int, ...]) -> tuple[Array, Array]:
     """Outputs (m, n_t, *counts) at times and nodes of the parameters, and bounds of the errors (m,)."""
     problem, d = step.problem, len(counts)
     at = step.at(times)

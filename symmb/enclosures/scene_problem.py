@@ -8,12 +8,14 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array
+from symmb.black_boxes import Simulator
 from symmb.enclosures.discs import OPERATIONS
 from symmb.enclosures.problem import Problem, StartEquations
 from symmb.enclosures.tape import Tape
 from symmb.events import TimeSwitches, kinks
+from symmb.formulations import Formulation
 from symmb.model import DAE, Box
-from symmb.simulation import DAESimulator, Formulation, Simulator
+from symmb.simulation import DAESimulator
 from symmb.symbolic import On, branches, common
 
 

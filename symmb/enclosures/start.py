@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs, points
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.ellipses import ellipses, reaches, usual_patches
 from symmb.enclosures.errors import ProofError
 from symmb.enclosures.flow import Curve, fit, integrated, parameters_at
@@ -50,7 +50,7 @@ def _first_front(problem: Problem, order: int) -> Front:
     own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
                   np.ones(start.residual.numel_in(0)), start)  # fmt: skip
     u = integrated(_unknowns(own, order), np.zeros((own.n, 1, *(order + 1,) * d)), 1.0)
-    step = Step(own, 0.0, 1.0, u, _NONE, _NONE.c)
+    step = TimeStep(own, 0.0, 1.0, u, _NONE, _NONE.c)
     e = _distance(step)
     every = tuple(range(n))
     rho, most = _largest(step, start_of="outputs")
@@ -117,11 +117,11 @@ def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> A
     return u.T.reshape(u.shape[1], *counts)
 
 
-def _patches(step: Step, rho: list[float], finer: int = 1) -> Patches:
+def _patches(step: TimeStep, rho: list[float], finer: int = 1) -> Patches:
     return Patches(rho, [1, *[finer * usual_patches(step.problem.d)] * (len(rho) - 1)], step.degrees)
 
 
-def _largest(step: Step, start_of: str) -> tuple[list[float], Array]:
+def _largest(step: TimeStep, start_of: str) -> tuple[list[float], Array]:
     """Ellipses of the parameters, and bounds of the states or of the residual on them."""
     problem = step.problem
     tape = problem.output_tape if start_of == "outputs" else problem.rate_tape
@@ -134,7 +134,7 @@ def _largest(step: Step, start_of: str) -> tuple[list[float], Array]:
     raise ProofError("the starting values cannot be shown to be smooth over the box")
 
 
-def _slopes(step: Step, e: Array) -> Array:
+def _slopes(step: TimeStep, e: Array) -> Array:
     """Bounds of the derivatives of the states by the unknowns, over the box and within e (n_u,) of them."""
     d = step.problem.d
     found = np.empty(0)
@@ -151,7 +151,7 @@ def _finer(d: int) -> Iterator[int]:
     return (finer for finer in _FINER if finer == 1 or finer**d <= _FINEST)
 
 
-def _distance(step: Step) -> Array:
+def _distance(step: TimeStep) -> Array:
     """Bounds (n_u,) of the distance of the solution from the polynomials u.
 
     With Y about the inverse of the Jacobian J at the middle, |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves one

@@ -22,7 +22,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.enclosures import chebyshev as ch
 from symmb.enclosures import discs
-from symmb.enclosures.curves import Step
+from symmb.enclosures.curves import TimeStep
 from symmb.enclosures.defects import defect_of_frame, defect_of_motion, exact_defects
 from symmb.enclosures.ellipses import Control, adapted, patches_on
 from symmb.enclosures.errors import ProofError
@@ -43,7 +43,7 @@ class Proof:
     end: Array
 
 
-def prove(step: Step, w0: Array, control: Control) -> Proof:
+def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
     """Bounds of w over a step from |w| <= w0 (n,) at its beginning.
 
     Raises
@@ -54,7 +54,7 @@ def prove(step: Step, w0: Array, control: Control) -> Proof:
         return _prove(step, w0, control)
 
 
-def _prove(step: Step, w0: Array, control: Control) -> Proof:
+def _prove(step: TimeStep, w0: Array, control: Control) -> Proof:
     defects = exact_defects(step)
     if defects is not None:
         defect, growth = defects
@@ -93,7 +93,7 @@ class _Curvature:
     2 R kappa s, and its mean over s in [0, 1] by at most R kappa.
     """
 
-    def __init__(self, step: Step, rho: list[float], patches: tuple[int, int]) -> None:
+    def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
         self._step = step
         self._patches = patches_on(step, [1.0] * len(rho), patches)
         own = ch.sums(step.x.c, step.x.c.ndim - 1)

@@ -128,7 +128,7 @@ class Pulses:
     """
 
     def __init__(self, dae: DAE, times: Array) -> None:
-        self._signals = None
+        self._signals, self._latest = None, (None, np.empty(0))
         if len(times) < 2 or not _is_timed(dae):
             return
         f, at = _equations(dae)
@@ -143,8 +143,14 @@ class Pulses:
         """Steps (N,) [s] shorter than every pulse at parameters P (N, n_p); infinite without pulses."""
         if self._signals is None:
             return np.full(len(P), np.inf)
+        latest = self._latest
+        if latest[0] != P.tobytes():  # several solvers run at the same parameters
+            self._latest = latest = P.tobytes(), self._shorter(self._signals, P)
+        return latest[1]
+
+    def _shorter(self, signals: ca.Function, P: Array) -> Array:
         stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
-        laws_at = (batch(self._signals, p, self._t[:, None])[0].T for p in P)
+        laws_at = (batch(signals, p, self._t[:, None])[0].T for p in P)
         return np.array(
             [
                 min((_shortest_pulse(self._t, law, own) for law in values), default=np.inf) / 2

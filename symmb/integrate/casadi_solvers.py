@@ -11,9 +11,9 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.codegen import Tolerances
 from symmb.integrate.fixed_step import collocation, fixed_step_integration
+from symmb.integrate.initial_value_problem import InitialValueProblem, build_problem
 from symmb.integrate.integration import Integration
 from symmb.integrate.multistep import multistep_integration
-from symmb.integrate.problem import Problem, build_problem
 from symmb.integrate.solver import Solver
 from symmb.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.integrate.stabilized_index2 import stabilized_problem
@@ -39,7 +39,7 @@ class _Multistep(Solver):
     stabilization: Stabilization
 
     @abstractmethod
-    def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
+    def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
         """CasADi's options, from those for tolerances, for an integration over a time of this length."""
 
     def has_dense_output(self, dae: DAE) -> bool:
@@ -56,7 +56,7 @@ class _Multistep(Solver):
         return self._integration_of(dae, times, 0, False, independent=True, of_state=of_state)
 
     def _integration_of(self, dae: DAE, times: Array, order: int, work: bool, **options: bool) -> Integration:
-        def problem_of(dae: DAE) -> Problem:
+        def problem_of(dae: DAE) -> InitialValueProblem:
             return build_problem(dae, self.stabilization, algebraic=self.algebraic, work=work)
 
         tolerances, units = _measures(self.tolerances(dae, order, int(work and dae.power is not None)))
@@ -83,7 +83,7 @@ class IDAS(_Multistep):
     atol: float | None = None
     stabilization: Stabilization = None
 
-    def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
+    def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
         return _with_multipliers(options, problem)
 
 
@@ -111,7 +111,7 @@ class CVODES(_Multistep):
     def takes_any_coordinates(self) -> bool:
         return not isinstance(self.stabilization, AugmentedLagrangian)
 
-    def _method(self, options: dict[str, Any], problem: Problem, length: float) -> dict[str, Any]:
+    def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
         adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         # A run that reaches a singularity would otherwise creep into it with ever shorter steps.
         return {**options, **adams, "min_step_size": SHORTEST_STEP * length}
@@ -142,7 +142,7 @@ class StabilizedIndex2(Solver):
         # in it is within the tolerance.
         first = FIRST_STEP * self.rtol / dae.scales.rate
 
-        def method(problem: Problem, length: float) -> dict[str, Any]:
+        def method(problem: InitialValueProblem, length: float) -> dict[str, Any]:
             return _with_multipliers(options, problem) | {"calc_ic": False}
 
         problem_of = partial(stabilized_problem, work=work)
@@ -183,7 +183,7 @@ class Collocation(Solver):
         return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
 
 
-def _with_multipliers(options: dict[str, Any], problem: Problem) -> dict[str, Any]:
+def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> dict[str, Any]:
     """The options of IDAS for a problem whose multipliers are unknowns."""
     tolerances = [options["abstol"]] * problem.x.numel() + [UNTESTED] * problem.z.numel()
     # Rows of the constraints are small beside those of short steps: CasADi's own QR factorisation, without pivoting,

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb.codegen import Contacts, StepEnds
 from symmb.events import ImpactLaws
-from symmb.integrate.problem import Problem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.step_ends import SwitchedProblem
 from symmb.model import DAE, Impacts
 
@@ -28,7 +28,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def with_gaps(
-    problem: Problem, frozen: SwitchedProblem | None, dae: DAE, impacts: Impacts, work: bool
+    problem: InitialValueProblem, frozen: SwitchedProblem | None, dae: DAE, impacts: Impacts, work: bool
 ) -> SwitchedProblem:
     """A problem, perhaps with switches, whose last switches are the gaps of open contacts, and 1 for closed ones.
 

@@ -36,6 +36,7 @@ class EventDriven(Explicit):
     Numerical Methods for Nonsmooth Dynamical Systems, chapter 8.
     """
 
+    meets_switches: ClassVar[bool] = True
     locates_events: ClassVar[bool] = True
     takes_any_coordinates: ClassVar[bool] = False
     stabilization: ClassVar[Stabilization] = Projection()

@@ -11,8 +11,8 @@ from symmb.codegen import ArrayEngine, Engine, FixedStep, StepEnds, Tolerances, 
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
 from symmb.integrate.contacts import contact_functions, contacts_of, with_gaps
 from symmb.integrate.fixed_step import explicit, fixed_step_integration
+from symmb.integrate.initial_value_problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.integration import Integration, stateless_integration
-from symmb.integrate.problem import PROJECTION_STEPS, build_problem
 from symmb.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
 from symmb.integrate.step_ends import stops_in_time, switched
 from symmb.model import DAE
@@ -90,6 +90,7 @@ class DormandPrince(Explicit):
     Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853.
     """
 
+    meets_switches: ClassVar[bool] = True
     projection_steps: ClassVar[int] = 1  # the drift of one step is small
 
     rtol: float = 1e-8

@@ -4,9 +4,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.integration import Integration
 from symmb.integrate.marching import Advance, Marching, interval_steps
-from symmb.integrate.problem import Problem
 from symmb.schemes import Step, runge_kutta
 from symmb.symbolic import common
 
@@ -39,7 +39,7 @@ def fixed_step_integration(
     return Integration(times, n_x, advance.n_quad, whole, between, guess, project, Marching(advance, times, counts))
 
 
-def explicit(problem: Problem) -> Advance:
+def explicit(problem: InitialValueProblem) -> Advance:
     """The classical Runge-Kutta method."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     rates = common("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad])
@@ -53,7 +53,7 @@ def explicit(problem: Problem) -> Advance:
     return Advance(_start_at_rest(problem), step, n_x, n_quad)
 
 
-def collocation(problem: Problem, degree: int) -> Advance:
+def collocation(problem: InitialValueProblem, degree: int) -> Advance:
     """Radau collocation of the given degree on the problem with its algebraic variables, one step of CasADi's own."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
@@ -96,7 +96,7 @@ def implicit(scheme: Step) -> Advance:
     return Advance(begin, ca.Function("step", symbols, [following(z, *symbols)]), scheme.n_x, scheme.n_quad)
 
 
-def _start_at_rest(problem: Problem) -> ca.Function:
+def _start_at_rest(problem: InitialValueProblem) -> ca.Function:
     """A history that is the state alone, with nothing integrated along yet."""
     w = ca.vertcat(problem.x, ca.SX.zeros(problem.quad.numel()))
     return ca.Function("begin", [problem.x, problem.p, problem.t, ca.SX.sym("h")], [w])

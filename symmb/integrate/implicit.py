@@ -11,8 +11,8 @@ from symmb._types import Array
 from symmb.codegen import Engine, FixedStep, Scheme, StepEnds, Tolerances, has_compiler, scheme_function
 from symmb.integrate.compiled import CompiledIntegration, CompiledSolver
 from symmb.integrate.fixed_step import fixed_step_integration, implicit
+from symmb.integrate.initial_value_problem import build_problem
 from symmb.integrate.integration import Integration
-from symmb.integrate.problem import build_problem
 from symmb.integrate.projection import sampled_jets
 from symmb.integrate.rosenbrock_step import rosenbrock
 from symmb.integrate.stabilization import AugmentedLagrangian, Stabilization

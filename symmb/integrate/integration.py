@@ -30,7 +30,7 @@ _COUNTED = {
 }
 
 
-Advance = Callable[[float, float, Array], tuple[Array, Array]]
+RunAdvance = Callable[[float, float, Array], tuple[Array, Array]]
 """(begin, end, x (n_x,)) -> x, quad (n_quad,) of one sample."""
 
 
@@ -172,12 +172,12 @@ class Integration:
         run = Run(X, quad, stops=stops if stops.passes.size else None)
         return self._go_on(self._pieces(p, stops), run, self.times, 0, p, stops, interrupts)
 
-    def _pieces(self, p: Array, stops: Stops) -> Advance:
+    def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
         """How one sample goes along one piece between its stops after the other."""
         return partial(self.advance, self._between, p)
 
     def _go_on(
-        self, advance: Advance, run: Run, times: Array, last: int, p: Array, stops: Stops, interrupts: Interrupts
+        self, advance: RunAdvance, run: Run, times: Array, last: int, p: Array, stops: Stops, interrupts: Interrupts
     ) -> Run:
         """The run at times behind the last known one, one by one."""
         x, (usual, spare), first = run.X[last], self._limit, self._statistics["steps"]

@@ -10,9 +10,9 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.events import longest_step
 from symmb.integrate.cells import CELLS, refined
-from symmb.integrate.integration import Advance, Integration, quiet
+from symmb.integrate.initial_value_problem import InitialValueProblem
+from symmb.integrate.integration import Integration, RunAdvance, quiet
 from symmb.integrate.one_sided import OneSided, one_sided
-from symmb.integrate.problem import Problem
 from symmb.integrate.side_walk import SideWalk, Stops
 from symmb.integrate.switch_passes import SwitchPasses
 from symmb.model import DAE, Lazy
@@ -39,10 +39,10 @@ _NOISE = 1e-15
 
 
 def multistep_integration(
-    problem_of: Callable[[DAE], Problem],
+    problem_of: Callable[[DAE], InitialValueProblem],
     dae: DAE,
     plugin: str,
-    options: Callable[[Problem, float], dict[str, Any]],
+    options: Callable[[InitialValueProblem, float], dict[str, Any]],
     times: Array,
     rtol: float,
     units: Array | None = None,
@@ -72,11 +72,11 @@ def multistep_integration(
     steps = {"step0": first, "max_step_size": min(longest_step(dae, times), longest)}
     steps = {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
-    def limited(problem: Problem, length: float, unit: float, most: float) -> dict[str, Any]:
+    def limited(problem: InitialValueProblem, length: float, unit: float, most: float) -> dict[str, Any]:
         lengths = {name: step / unit for name, step in steps.items()}
         return options(problem, length) | lengths | {"max_num_steps": max(int(most), LEAST)}
 
-    def from_0_to_1(name: str, problem: Problem, ends: Array, most: float) -> ca.Function:
+    def from_0_to_1(name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
         """One integrator for every interval, by the time since its begin over its length."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
@@ -118,7 +118,7 @@ class _MultistepIntegration(Integration):
     def __init__(
         self,
         times: Array,
-        problem: Problem,
+        problem: InitialValueProblem,
         guess: ca.Function,
         project: ca.Function | None,
         stops: Callable[[Array, Array], Stops],
@@ -137,7 +137,7 @@ class _MultistepIntegration(Integration):
         super().__init__(times, n_x, n_quad, whole, between, guess, project, stops=stops, units=units, **grid)
         self._smooth = smooth
 
-    def _pieces(self, p: Array, stops: Stops) -> Advance:
+    def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
         smooth, n = self._smooth, self.n_x
         if smooth is None or not np.isfinite(stops.passes).any():
             return super()._pieces(p, stops)
@@ -170,7 +170,13 @@ class _SmoothPieces:
     """
 
     def __init__(
-        self, equations: OneSided, problem: Problem, integrator: ca.Function, n_q: int, rtol: float, units: Array | None
+        self,
+        equations: OneSided,
+        problem: InitialValueProblem,
+        integrator: ca.Function,
+        n_q: int,
+        rtol: float,
+        units: Array | None,
     ) -> None:
         self.equations, self.integrator, self._n_q, self._rtol = equations, integrator, n_q, rtol
         self._n = problem.x.numel()
@@ -210,13 +216,13 @@ def _integrator(
     return ca.integrator(name, plugin, parts, begin, ends, options)
 
 
-def _parts(problem: Problem) -> dict[str, ca.SX]:
+def _parts(problem: InitialValueProblem) -> dict[str, ca.SX]:
     parts = {"x": problem.x, "z": problem.z, "p": problem.p, "t": problem.t}
     parts |= {"ode": problem.ode, "alg": problem.alg, "quad": problem.quad}
     return {name: e for name, e in parts.items() if e.numel()}
 
 
-def _rescaled(problem: Problem, begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
+def _rescaled(problem: InitialValueProblem, begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
     """In terms of tau, t = begin + span tau."""
     tau, parts = ca.SX.sym("tau"), _parts(problem)
     own = {name: ca.substitute(parts[name], problem.t, begin + span * tau) for name in _SCALED & parts.keys()}

@@ -2,13 +2,13 @@
 
 import casadi as ca
 
-from symmb.integrate.problem import Problem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.schemes import Step
 from symmb.schemes import rosenbrock as rodas
 from symmb.symbolic import common, general_solver
 
 
-def rosenbrock(problem: Problem) -> Step:
+def rosenbrock(problem: InitialValueProblem) -> Step:
     """Six linear systems a step with one matrix, of the Jacobian that CasADi derives; history with multipliers."""
     n_x, n_quad, n_z, t, p = problem.x.numel(), problem.quad.numel(), problem.z.numel(), problem.t, problem.p
     n, nothing = n_x + n_quad + n_z, ca.SX(0, 1)

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.integrate.one_sided import OneSided
 
-Advance = Callable[[float, float, Array, Array], Array]
+SideAdvance = Callable[[float, float, Array, Array], Array]
 """(begin, end, y, parameters) -> y at the end"""
 
 _BREAKDOWNS = RuntimeError, np.linalg.LinAlgError
@@ -70,13 +70,13 @@ class SideWalk:
     p : (n_p,)                   of one sample
     stops : Stops                of this sample
     span : float                 horizon [s]
-    one_sided : Advance          by the equations of sides, which are the last parameters: along a piece, and by a time
+    one_sided : SideAdvance      by the equations of sides, which are the last parameters: along a piece, and by a time
                                  that is short or below 0
-    free : Advance               along a piece by equations that follow the state
+    free : SideAdvance           along a piece by equations that follow the state
     """
 
     def __init__(
-        self, equations: OneSided, p: Array, stops: Stops, span: float, one_sided: Advance, free: Advance
+        self, equations: OneSided, p: Array, stops: Stops, span: float, one_sided: SideAdvance, free: SideAdvance
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
         self._one_sided, self._free = one_sided, free

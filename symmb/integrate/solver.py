@@ -43,6 +43,8 @@ class Solver(ABC):
     """Types of the option `stabilization`, besides None."""
     locates_events: ClassVar[bool] = False
     """Whether steps end at impacts."""
+    meets_switches: ClassVar[bool] = False
+    """Whether its own steps end at switches of the state. Those of others end where DormandPrince meets some."""
     begins_anew: ClassVar[bool] = False
     """Whether a fixed step takes nothing along over an output time but the state."""
     gives_derivatives: ClassVar[bool] = True

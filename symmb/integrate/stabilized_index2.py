@@ -2,13 +2,13 @@
 
 import casadi as ca
 
-from symmb.integrate.problem import Problem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.integrate.projection import sampled
 from symmb.model import DAE
 from symmb.symbolic import independent
 
 
-def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
+def stabilized_problem(dae: DAE, *, work: bool) -> InitialValueProblem:
     """The stabilised index-2 form: positions and velocities are algebraic equations, multipliers lam and mu unknowns.
 
         q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
@@ -48,7 +48,7 @@ def stabilized_problem(dae: DAE, *, work: bool) -> Problem:
         if dae.vanishing is not None:
             positions = independent(positions, mu, of_c * dae.vanishing(*at)[1])
         rows = ca.vertcat(rows, positions)
-    return Problem(
+    return InitialValueProblem(
         x=x,
         z=ca.vertcat(a, z, mu),
         p=p,

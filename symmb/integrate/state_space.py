@@ -11,8 +11,8 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.codegen import ArrayEngine, StepEnds, Tolerances, Values, model_function
 from symmb.integrate.compiled import AnyEngine, CompiledIntegration, CompiledSolver
+from symmb.integrate.initial_value_problem import build_problem
 from symmb.integrate.integration import Integration, stateless_integration
-from symmb.integrate.problem import build_problem
 from symmb.integrate.step_ends import SwitchedProblem, switched
 from symmb.model import DAE
 from symmb.start import Start, independent_rows_and_columns
@@ -36,6 +36,7 @@ class StateSpace(CompiledSolver):
     Wehage, Haug (1982), Journal of Mechanical Design 104, 247-255.
     """
 
+    meets_switches: ClassVar[bool] = True
     keeps_positions: ClassVar[bool] = True
     gives_derivatives: ClassVar[bool] = False
 

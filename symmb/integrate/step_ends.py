@@ -8,7 +8,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.codegen import StepEnds
 from symmb.events import TimeSwitches, time_switches
-from symmb.integrate.problem import Problem
+from symmb.integrate.initial_value_problem import InitialValueProblem
 from symmb.model import DAE
 from symmb.symbolic import On, batch, branches, has_kinks, with_common_expressions
 
@@ -32,12 +32,12 @@ class SwitchedProblem:
     ends : StepEnds
     """
 
-    problem: Problem
+    problem: InitialValueProblem
     switches: ca.SX
     ends: StepEnds
 
 
-def switched(problem: Problem, dae: DAE, times: Array) -> SwitchedProblem | None:
+def switched(problem: InitialValueProblem, dae: DAE, times: Array) -> SwitchedProblem | None:
     """The problem with its switches; None if it has none. Algebraic variables must be eliminated."""
     x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])

@@ -9,10 +9,11 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
+from symmb.black_boxes import BlackBox
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
 from symmb.model import Scene
-from symmb.simulation import BlackBox, scene_of
+from symmb.simulation import scene_of
 
 _VALUES = 65
 """Values of the parameter at which stability is looked at: a stable range must be wider than their distance."""

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from symmb.linear.high_frequencies import doubts_of_loads
 from symmb.linear.linear_equations import Blocks
-from symmb.linear.missing_modes import doubts_of_loads
 from symmb.linear.steady import DOUBT, SteadyMotion
 from symmb.model import Scene
-from symmb.simulation import AttachedLoads, deformation_doubts
+from symmb.verification import AttachedLoads, deformation_doubts
 
 _TIMES, _GOLDEN = 21, 0.6180339887
 """Later times at which A is compared, and the share of the horizon between them: they do not fall on whole periods."""

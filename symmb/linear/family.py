@@ -11,7 +11,8 @@ from symmb.linear.linearization import formulation_of, free_states
 from symmb.linear.point import LinearizationPoint, require_smooth, started
 from symmb.linear.steady import SteadyMotion
 from symmb.model import Scene
-from symmb.simulation import attached_loads, scene_of, with_loads
+from symmb.simulation import scene_of
+from symmb.verification import attached_loads, with_loads
 
 
 class LinearFamily:

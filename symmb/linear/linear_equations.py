@@ -9,8 +9,8 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
+from symmb.formulations import Formulation
 from symmb.model import DAE
-from symmb.simulation import Formulation
 from symmb.symbolic import batch, common
 
 _MOST_INSTRUCTIONS = 2_000_000
@@ -85,7 +85,7 @@ class LinearEquations:
         """The linear equations at states X (N, n_x) with parameters P (N, n_p) at the time t [s]."""
         dae, n_z, n_u = self.dae, self.n_z, len(self.inputs)
         N, n = len(X), n_z + n_u
-        if not n_z:
+        if not n:
             raise DeclarationError("linearize: the scene has no states: nothing in it moves.")
         f, cuts = self._slopes
         if self.often and f.n_instructions() * n <= _MOST_INSTRUCTIONS:
@@ -149,7 +149,7 @@ class LinearEquations:
         bodies, dae = self.formulation.bodies, self.dae
         if bodies is None:
             return state[dae.n_q : dae.n_q + dae.n_v]
-        return bodies.states(state, p)[bodies.dae.n_q : bodies.dae.n_q + bodies.dae.n_v]
+        return bodies.states()(state, p)[bodies.dae.n_q : bodies.dae.n_q + bodies.dae.n_v]
 
 
 def independent(equations: LinearEquations, blocks: Blocks) -> Indices:

@@ -10,6 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError, warn_of
 from symmb._options import require_names
 from symmb._types import Array, Indices
+from symmb.formulations import Formulation, formulations
 from symmb.linear.doubts import doubts_of
 from symmb.linear.inputs import with_inputs, with_uniform
 from symmb.linear.linear_equations import Blocks, LinearEquations, independent
@@ -18,7 +19,8 @@ from symmb.linear.point import point_of, require_smooth, started
 from symmb.linear.result import Linearization
 from symmb.linear.steady import SteadyMotion
 from symmb.model import DAE, Scene
-from symmb.simulation import Formulation, Trajectory, attached_loads, formulations, with_loads
+from symmb.simulation import Trajectory
+from symmb.verification import attached_loads, with_loads
 
 
 def linearize(
@@ -69,7 +71,7 @@ def linearize(
     blocks = equations.blocks(point.x[None], p[None], t)
     _require_free_inputs(inputs, blocks)
     _require_slopes_of_outputs([scene.output_names[k] for k in chosen], blocks.C[0][chosen], blocks.D[0][chosen])
-    free = free_states(equations, blocks)
+    free = free_states(equations, blocks, len(uniform))
     motion = SteadyMotion(equations, point, blocks, free)
     doubts = doubts_of(extended, motion, blocks, loads)
     n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
@@ -135,17 +137,17 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
             )
 
 
-def free_states(equations: LinearEquations, blocks: Blocks) -> Indices:
+def free_states(equations: LinearEquations, blocks: Blocks, others: int = 0) -> Indices:
     """Numbers of independent displacements, velocities and first-order states, without the flags of closed impacts.
 
     Raises
     ------
-    DeclarationError       if there are none
+    DeclarationError       if there are none, and no others either
     """
     dae = equations.dae
     flags = 2 * dae.n_v + dae.impacts.closed if dae.impacts is not None else np.zeros(0, dtype=np.intp)
     free = np.setdiff1d(independent(equations, blocks), flags)
-    if not len(free):
+    if not len(free) + others:
         raise DeclarationError("linearize: the scene has no state that can deviate: nothing in it moves freely.")
     return free
 

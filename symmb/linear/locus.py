@@ -8,10 +8,10 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array, Mask
+from symmb.black_boxes import BlackBox
 from symmb.linear.eigenvalues import Eigenvalues
 from symmb.linear.family import LinearFamily
 from symmb.linear.following import followed
-from symmb.simulation import BlackBox
 
 QUANTITIES = ("f", "zeta", "re", "im")
 """Frequency [Hz], damping [-], and real and imaginary part [1/s] of an oscillation."""

@@ -9,10 +9,10 @@ import numpy as np
 from symmb._errors import DeclarationError, SimulationError
 from symmb._options import whole
 from symmb._types import Array
+from symmb.black_boxes import BlackBox
 from symmb.linear.family import LinearFamily
 from symmb.linear.following import Followed, followed
 from symmb.model import Box, Scene
-from symmb.simulation import BlackBox
 
 
 class ModalSimulator(BlackBox):

@@ -7,11 +7,12 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array
+from symmb.formulations import Formulation
 from symmb.integrate import project
 from symmb.linear.point import LinearizationPoint
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene
-from symmb.simulation import Formulation, Trajectory, prepare_equations
+from symmb.simulation import Trajectory, prepare_equations
 from symmb.symbolic import batch, common
 
 _PERIODS, _PICTURES = 3, 36

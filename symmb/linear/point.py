@@ -10,9 +10,10 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._options import is_finite_number, shown
 from symmb._types import Array
 from symmb.events import kinks
+from symmb.formulations import Formulation
 from symmb.linear.linear_equations import LinearEquations
 from symmb.model import DAE, Scene
-from symmb.simulation import DAESimulator, Formulation, Trajectory, parameter_values, scene_of
+from symmb.simulation import DAESimulator, Trajectory, parameter_values, scene_of
 
 _ON = 1e-9
 """Distance from a switch, in sizes of the states, below which a state is on it."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_numbers
-from symmb.model.contact_equations import Contacts
+from symmb.model.contact_equations import ContactEquations
 from symmb.model.dae import DAE
 from symmb.model.lazy import Lazy
 from symmb.model.redundancy import redundancy_equations
@@ -60,7 +60,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     displacement = ca.SX.sym("delta", reduced.v.numel())
     moved = reduced.retract(displacement)
     retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
-    contacts = Contacts(reduced) if c.impacts else None
+    contacts = ContactEquations(reduced) if c.impacts else None
     functions: dict[str, ca.Function | None] = dict.fromkeys(("Phi", "Phi_dot", "G"))
     functions |= _functions(reduced, _rows(reduced))
     for name, values in (
@@ -98,7 +98,7 @@ def _rows(system: System) -> dict[str, Outputs]:
 
 
 def _equations(
-    system: System, contacts: Contacts | None, whole: tuple[System, tuple[int, int]] | None
+    system: System, contacts: ContactEquations | None, whole: tuple[System, tuple[int, int]] | None
 ) -> dict[str, Lazy[ca.Function]]:
     """The Functions of the equations of motion that the scene has, by name.
 

@@ -43,7 +43,7 @@ class Impacts:
     project: ca.Function
 
 
-class Contacts:
+class ContactEquations:
     """The equations of a system's impacts in SX."""
 
     def __init__(self, system: System) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.plot.colours import BAND_COLOUR, colour_of
-from symmb.plot.curves import Band, Curve
+from symmb.plot.curves import Band, PlottedBounds
 from symmb.plot.layout import (
     DASHES,
     HEAD_HEIGHT,
@@ -91,7 +91,7 @@ def plot_bounds(
 
 
 def draw_bounds(
-    panels: Sequence["Axes"], t: Array, shown: Sequence[int], reference: Band, curves: Sequence[Curve]
+    panels: Sequence["Axes"], t: Array, shown: Sequence[int], reference: Band, curves: Sequence[PlottedBounds]
 ) -> None:
     """Bounds by several methods over the reference, one panel an output."""
     for axes, i in zip(panels, shown, strict=True):
@@ -107,7 +107,7 @@ def draw_bounds(
             axes.set_ylim(*_window(reference, curves, i))
 
 
-def _window(reference: Band, curves: Sequence[Curve], i: int) -> tuple[float, float]:
+def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
     """Limits that show the reference and half its range on either side; wilder bounds leave the panel."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from symmb._types import Array
 from symmb.plot.bounds import draw_bounds
 from symmb.plot.colours import colour_of
-from symmb.plot.curves import Band, Curve
+from symmb.plot.curves import Band, PlottedBounds
 from symmb.plot.layout import (
     DASHES,
     DIAGRAM_HEIGHT,
@@ -47,7 +47,7 @@ def plot_comparison(
     t: Array,
     names: Sequence[str],
     reference: Band,
-    curves: Sequence[Curve],
+    curves: Sequence[PlottedBounds],
     *,
     measured: npt.NDArray[np.bool_],
     uncertainty: Array,
@@ -74,7 +74,7 @@ def plot_comparison(
                             chosen outputs takes the errors
     path : optional         where to write the picture; the suffix decides the format
     """
-    families: dict[str, list[Curve]] = {}
+    families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
         families.setdefault(curve.family, []).append(curve)
     best = [min(group, key=lambda curve: largest_error(curve, measured)) for group in families.values()]
@@ -102,8 +102,8 @@ def _drawn_into(
     names: Sequence[str],
     units: Sequence[str],
     reference: Band,
-    families: Mapping[str, Sequence[Curve]],
-    best: Sequence[Curve],
+    families: Mapping[str, Sequence[PlottedBounds]],
+    best: Sequence[PlottedBounds],
     chosen: Sequence[int] | None,
     measured: npt.NDArray[np.bool_],
     uncertainty: Array,
@@ -123,7 +123,7 @@ def _drawn_into(
 
 
 def _draw_errors(
-    axes: "Axes", families: Sequence[Sequence[Curve]], measured: npt.NDArray[np.bool_], uncertainty: Array
+    axes: "Axes", families: Sequence[Sequence[PlottedBounds]], measured: npt.NDArray[np.bool_], uncertainty: Array
 ) -> None:
     known = uncertainty[measured & np.isfinite(uncertainty)]
     floor = max(float(known.mean()) if known.size else 0.0, LEAST_ERROR)
@@ -185,7 +185,7 @@ def write_numbers(axes: "Axes", numbers: Sequence[tuple[float, float, str, str]]
         )
 
 
-def largest_error(curve: Curve, measured: npt.NDArray[np.bool_]) -> float:
+def largest_error(curve: PlottedBounds, measured: npt.NDArray[np.bool_]) -> float:
     """Mean error over the outputs that count; infinite where it is not a number."""
     error = _or_infinite(curve.error[measured])
     return float(error.mean()) if error.size else 0.0
@@ -195,7 +195,7 @@ def _or_infinite(error: Array) -> Array:
     return np.where(np.isnan(error), np.inf, error)
 
 
-def hardest_outputs(curves: Sequence[Curve], measured: npt.NDArray[np.bool_]) -> list[int]:
+def hardest_outputs(curves: Sequence[PlottedBounds], measured: npt.NDArray[np.bool_]) -> list[int]:
     """The outputs to draw, in their order: those with the largest median error."""
     if len(measured) <= MOST_PANELS or not curves:
         return list(range(min(len(measured), MOST_PANELS)))

@@ -20,7 +20,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Curve:
+class PlottedBounds:
     """Bounds by one setting of one family of methods: lower, upper (n_t, n_y), error (n_y,), run time [s]."""
 
     family: str

@@ -13,37 +13,36 @@ import numpy as np
 from symmb._errors import SimulationError
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor, Indices
+from symmb.black_boxes import Progress, Reduction, Samples, checked_samples, digest, stream
 from symmb.codegen import NoCompilerError, cores
 from symmb.events import broken
+from symmb.formulations import Formulation, formulations, jet_outputs, outputs_along
 from symmb.integrate import (
     CVODES,
     AnyEngine,
     CompiledSolver,
     DormandPrince,
+    EventDriven,
     Integration,
     Solver,
+    SwitchPasses,
+    impacts_text,
     refined,
     round_otherwise,
 )
 from symmb.mechanics import FlexibleBody
 from symmb.model import Scene, units_of
-from symmb.simulation.certainty import noise_of_outputs
-from symmb.simulation.ensembles import CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs, jets
-from symmb.simulation.first_kink import first_kink
-from symmb.simulation.formulation import Formulation, formulations
-from symmb.simulation.identity import digest
-from symmb.simulation.linear_theory import LinearTheory
-from symmb.simulation.lock import LOCK
-from symmb.simulation.outputs import jet_outputs, outputs_along
-from symmb.simulation.simulator import Progress, Reduction, Samples, checked_samples, stream
-from symmb.simulation.solver_choice import Pilot, another, choose, for_impacts, for_studies, pilot_of, require_able
-from symmb.simulation.two_ways import TwoWays, times_to_compare
+from symmb.simulation.ensembles import LOCK, CompiledEnsemble, block_size, ensemble_of_expressions, ensemble_of_runs
+from symmb.simulation.solver_choice import MANY, Pilot, another, choose, for_studies, require_able
 from symmb.symbolic import HIGHEST_ORDER, batch
+from symmb.verification import LinearTheory, TwoWays, noise_of_outputs, times_to_compare
 
 S = TypeVar("S")
 
 _TIGHTENINGS = 4
 """Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
+_NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
+"""Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 
 
 class DAESimulator:
@@ -68,7 +67,6 @@ class DAESimulator:
     setup_seconds : float          time for deriving, compiling and starting so far [s]
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     bodies : Formulation           in coordinates of the bodies
-    unconstrained : Formulation    equations, start and outputs in coordinates that no row of constraints binds, or None
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -80,14 +78,14 @@ class DAESimulator:
         self.parameters = dict(scene.system.parameters)
         self.times = np.asarray(scene.times, dtype=float)
         self.outputs, self.units = scene.output_names, units_of(scene.system, scene.y)
-        self.bodies, self._joints, self._spare, self.unconstrained = formulations(scene)
+        self.bodies, self._joints, self._spare = formulations(scene)
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self._contradiction = broken(self.dae, self.start.q_nominal, self.times)
         self.threads = cores()
         self._is_flexible = any(isinstance(body, FlexibleBody) for body in scene.system.bodies)
         self.setup_seconds, reason = 0.0, ""
         if solver is None and self.dae.impacts is not None:
-            solver, reason = for_impacts(self.dae.impacts)
+            solver, reason = EventDriven(), f"{impacts_text(self.dae.impacts)}: events have to be located"
         self._use(solver or DormandPrince())
         if solver is None:
             reason = self._choose()
@@ -101,13 +99,8 @@ class DAESimulator:
         self.prepare()
         state = {name: value for name, value in self.__dict__.items() if name not in ("_other", "theory")}
         scene = self.scene if self._is_flexible else None  # nothing else of a study asks for it
-        return {
-            **state,
-            "scene": scene,
-            "_ways": {},
-            "_single": [],
-            "threads": 1,
-        }  # a copy is one of many that run in parallel
+        # A copy is one of many that run in parallel.
+        return state | {"scene": scene, "_ways": {}, "_single": [], "threads": 1}
 
     def _choose(self) -> str:
         """Choose the solver by pilot runs, and keep what the pilot compiled in the same coordinates; the reason."""
@@ -126,6 +119,12 @@ class DAESimulator:
         return self._joints if self._joints is not None and self.solver.takes_any_coordinates else self.bodies
 
     @property
+    def unconstrained(self) -> Formulation | None:
+        """Equations, start and outputs in coordinates that no row of constraints binds, if there are any."""
+        forms = (self.bodies, self._joints, self._spare)
+        return next((form for form in forms if form is not None and not form.dae.n_r), None)
+
+    @property
     def coordinates(self) -> str:
         """Those in which the samples run: "joint" or "body"."""
         return "joint" if self.formulation is self._joints else "body"
@@ -142,9 +141,9 @@ class DAESimulator:
 
     def around(self, p: Array) -> "DAESimulator":
         """The same simulator for runs with parameters p (n_p,): steps follow the pulses of laws there."""
-        bodies, joints, spare = (form and form.around(p) for form in (self.bodies, self._joints, self._spare))
-        copy = self._with(bodies=bodies, dae=bodies and bodies.dae, _joints=joints, _spare=spare)
-        copy.longest_step = float(self.formulation.pulses(self.times)(p[None])[0])
+        bodies = self.bodies.around(p)
+        joints, spare = (form and form.around(p) for form in (self._joints, self._spare))
+        copy = self._with(bodies=bodies, dae=bodies.dae, _joints=joints, _spare=spare, _longest_step=None)
         if copy.longest_step != self.longest_step:
             copy._use(self.solver)  # what is compiled follows other pulses
         return copy
@@ -158,10 +157,12 @@ class DAESimulator:
         """That for judging solvers: loops run in coordinates of bodies, with short steps near singular positions."""
         return self if self._joints is None or not self._joints.why or not self._joints.dae.n_c else self._in_bodies
 
-    @cached_property
+    @property
     def longest_step(self) -> float:
         """A step [s] shorter than every pulse of a law of time at the nominal parameters; infinite without pulses."""
-        return float(self.formulation.pulses(self.times)(self.dae.p_nominal[None])[0])
+        if self._longest_step is None:
+            self._longest_step = float(self.formulation.pulses(self.times)(self.dae.p_nominal[None])[0])
+        return self._longest_step
 
     @cached_property
     def _in_bodies(self) -> "DAESimulator":
@@ -208,22 +209,28 @@ class DAESimulator:
     def _use(self, solver: Solver) -> None:
         require_able(solver, self.dae, self.times, self._contradiction)
         self.solver = solver
-        self._integrations: dict[tuple[int, bool], Integration] = {}
+        self._integrations: dict[int, Integration] = {}
         self._engines: dict[int, AnyEngine] = {}
         self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
-        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies", "longest_step"):
+        self._longest_step: float | None = None
+        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
         pilots[solver] = copy = self.cautious().solved_by(solver)
         copy.prepare()
-        counts = (
-            (lambda: copy.engine().counts.steps)
-            if copy.compiled
-            else lambda: copy.integration().statistics().get("steps", 0)
-        )
-        return pilot_of(copy.run, counts, self.dae.p_nominal, float(self.times[0]), neighbours=copy.compiled)
+        p, begin = self.dae.p_nominal, time.perf_counter()
+        ensemble = copy.run(p[None])
+        message = ensemble.messages[0] if ensemble.messages else ""
+        seconds = time.perf_counter() - begin
+        steps = copy.engine().counts.steps if copy.compiled else copy.integration().statistics().get("steps", 0)
+        if copy.compiled and not message:  # the nominal run may pass a singular position by chance
+            shares = np.random.default_rng(0).uniform(-_NEIGHBOUR_DISTANCE, _NEIGHBOUR_DISTANCE, (_NEIGHBOURS, len(p)))
+            ensemble = copy.run(p * (1 + shares))
+            late = ensemble.t_failed[~ensemble.ok] > self.times[0]  # no solver can start the others
+            message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
+        return Pilot(message, steps, seconds, steps > MANY)
 
     @property
     def way(self) -> str:
@@ -239,17 +246,25 @@ class DAESimulator:
         other = self._with(_joints=joints, times=times, reason="")
         other._use(solver := another(self.solver, finest))
         if isinstance(solver, CVODES):
-            other._integrations[0, False] = solver.independent_integration(other.formulation.dae, times, finest)
+            other._integrations[0] = solver.independent_integration(other.formulation.dae, times, finest)
         return other
 
-    def two_ways(self, p: Array, values: Array | None = None) -> TwoWays:
-        """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way."""
-        other, key = self._other if values is None else self.another_way(self.times), p.tobytes()
+    def two_ways(self, p: Array, values: Array | None = None, finest: bool = False) -> TwoWays:
+        """The run with parameters p (n_p,), with outputs (n_t, n_y) or as studies make it, and one in another way.
+
+        That is the more accurate one if it is to be the finest, or if the ways disagree.
+        """
+        other, key = self._other if values is None else self.another_way(self.times), p.tobytes() + bytes([finest])
         if values is not None or key not in self._ways:
             Y = self.run(p[None]).Y[0] if values is None else values
-            ways = TwoWays.of(self, other, p, Y)
-            if ways.lost.any():  # the errors of the other way may be the larger ones
+            ways = TwoWays.of(self, self.another_way(other.times, finest=True) if finest else other, p, Y)
+            if not finest and ways.lost.any():
                 ways = TwoWays.of(self, self.another_way(other.times, finest=True), p, Y)
+            if ways.message:  # the same family of solvers tells less, but more than nothing
+                tighter = self._with(times=other.times, reason="")
+                tighter._use(self.solver.tighter(times=self.times))
+                by_itself = TwoWays.of(self, tighter, p, Y)
+                ways = ways if by_itself.message else replace(by_itself, unchecked=ways.unchecked)
             self._ways[key] = ways
         return self._ways[key]
 
@@ -288,14 +303,13 @@ class DAESimulator:
             self._single.append((self.solver.integration(dae, fine, work=work), fine, outputs))
         return self._single[0]
 
-    def integration(self, order: int = 0, work: bool = False) -> Integration:
+    def integration(self, order: int = 0) -> Integration:
         """The compiled integration of the Taylor coefficients up to `order`, built at its first use."""
-        solver, key = self.solver, (order, work)
-        if key not in self._integrations:
+        if order not in self._integrations:
             begin = time.perf_counter()
-            self._integrations[key] = solver.integration(self.formulation.dae, self.times, order=order, work=work)
+            self._integrations[order] = self.solver.integration(self.formulation.dae, self.times, order=order)
             self.setup_seconds += time.perf_counter() - begin
-        return self._integrations[key]
+        return self._integrations[order]
 
     def engine(self, order: int = 0) -> AnyEngine:
         """The outputs, or their Taylor coefficients up to `order`, in compiled lanes, built at the first use."""
@@ -342,22 +356,38 @@ class DAESimulator:
             p0 = require_numbers("jets", "p0", p0, len(self.parameters))
             directions = np.atleast_2d(require_numbers("jets", "directions", directions, len(p0), leading=True))
             order = whole("jets", "order", order, 0, HIGHEST_ORDER)
-            runs = self._lanes(order) or self.integration(order)
-            Y, failure = jets(self.formulation, runs, self.times, p0, directions, order, self.threads)
-            if failure:
+            m, form = len(directions), self.formulation
+            x0, P = np.hstack(form.start.jets(p0, directions, order)), np.hstack([np.tile(p0, (m, 1)), directions])
+            fault: tuple[float, str] | None = None
+            if (lanes := self._lanes(order)) is not None:
+                Y, failed = lanes.values(x0, P, self.threads)
+                if np.isfinite(failed.t_failed).any():
+                    k = int(np.nanargmin(failed.t_failed))
+                    fault = failed.t_failed[k], failed.reasons[k]
+            else:
+                runs, y = self.integration(order).run(x0, P, self.threads), jet_outputs(form.y, order)
+                fault = next(((run.t_failed, run.message) for run in runs if run.message), None)
+                Y = outputs_along(y, runs, P, self.times, self.threads)
+            if fault:
                 kink = self.kink(p0)
                 near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""
-                raise SimulationError(f"{self!r}: derivatives break down at {failure}{near}.")
-            return Y
+                text = f"t = {fault[0]:g} s: {fault[1]}{near}"
+                raise SimulationError(f"{self!r}: derivatives break down at {text}.")
+            return Y.reshape(m, len(self.times), order + 1, -1).transpose(2, 0, 1, 3)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
         with LOCK:
-            kinks = self.formulation.kinks(self.times)
+            form, p = self.formulation, np.asarray(p0, float)
+            kinks = form.kinks(self.times)
             if kinks is None or not kinks.spoil_derivatives:
                 return None
-            first = first_kink(kinks, self.formulation, self.integration(), np.asarray(p0, float), self.times)
-            return None if np.isnan(first) else (first, str(kinks))
+            x0, _ = form.start.states(p[None])
+            X = self.integration().run(x0, p[None], 1)[0].X
+            first = kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p, self.times[ok])
+            if form.dae.impacts is None:  # passes that cancel between two output times
+                first = np.fmin(first, SwitchPasses(form.dae, self.times).first(x0, p[None]))
+            return None if np.isnan(first) else (float(first), str(kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """All samples in parallel with a fixed step: (i, Y_i (N, n_y)) for every output time.

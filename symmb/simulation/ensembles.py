@@ -4,19 +4,20 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import RLock
 from typing import cast
 
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
+from symmb.black_boxes import BLOCK, Ensemble
 from symmb.codegen import BLAMED, REASONS, FailedSamples
-from symmb.integrate import AnyEngine, Integration, Run
-from symmb.simulation.formulation import Formulation
-from symmb.simulation.lock import LOCK
-from symmb.simulation.outputs import jet_outputs, outputs_along
-from symmb.simulation.simulator import BLOCK, Ensemble
+from symmb.formulations import Formulation
+from symmb.integrate import AnyEngine, Run
 from symmb.symbolic import batch
 
+LOCK = RLock()
+"""CasADi's reference counts are not atomic: one Python thread at a time calls CasADi. CasADi's own threads compute."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
 """Failed samples of a block whose messages name joints: as many as are printed."""
@@ -75,9 +76,7 @@ def failure_texts(
         values = ", ".join(f"{n} = {v:.6g}" for n, v in zip(form.dae.p_names, P[k], strict=True))
         near = None
         if len(texts) < NAMED_SAMPLES:
-            X, times = states(k)
-            finite = np.isfinite(X).all(axis=1)
-            near = form.singularity(X[finite], P[k], times[finite])
+            near = form.singularity(*states(k), P[k])
         texts.append(f"t = {t_failed[k]:g} s, {values}: {reasons[k]}{f'; {near}' if near else ''}")
     return tuple(texts)
 
@@ -153,29 +152,3 @@ class CompiledEnsemble:
             reasons[k] = fault or reasons[k]
         X = failed.x_failed[:, : self.form.y.numel_in(0)]
         return failure_texts(self.form, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))
-
-
-def jets(
-    form: Formulation,
-    runs: AnyEngine | Integration,
-    times: Array,
-    p0: Array,
-    directions: Array,
-    order: int,
-    threads: int,
-) -> tuple[Array, str]:
-    """Taylor coefficients (order + 1, m, n_t, n_y) of outputs along m directions (m, d), and why there are none."""
-    m = len(directions)
-    x0, P = np.hstack(form.start.jets(p0, directions, order)), np.hstack([np.tile(p0, (m, 1)), directions])
-    if isinstance(runs, Integration):
-        states = runs.run(x0, P, threads)
-        failures = [f"t = {run.t_failed:g} s: {run.message}" for run in states if run.message]
-        Y = np.empty(0) if failures else outputs_along(jet_outputs(form.y, order), states, P, times, threads)
-    else:
-        Y, failed = runs.values(x0, P, threads)
-        some = np.flatnonzero(np.isfinite(failed.t_failed))
-        first = some[failed.t_failed[some].argsort()]
-        failures = [f"t = {failed.t_failed[k]:g} s: {failed.reasons[k]}" for k in first]
-    if failures:
-        return Y, failures[0]
-    return Y.reshape(m, len(times), order + 1, -1).transpose(2, 0, 1, 3), ""

@@ -1,5 +1,6 @@
-"""One run of a scene."""
+"""One run of a scene, by a solver that pilot runs choose if none is given."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -7,21 +8,39 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, SymmbError, warn_of
-from symmb._interrupts import kept_interrupts
+from symmb._interrupts import carry, kept_interrupts, runs_of
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Expr
+from symmb.codegen import MOST_PASSES
 from symmb.events import Kinks
-from symmb.integrate import Solver, SwitchPasses
+from symmb.integrate import Run, Solver, SwitchPasses, stiffness
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
-from symmb.simulation.pilot_runs import PilotRuns
-from symmb.simulation.run_quality import unreached
-from symmb.simulation.solver_choice import choose, for_one_run
-from symmb.simulation.subject import prepare, require_own, require_solver, scene_of
+from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
+from symmb.simulation.subject import prepare, prepare_equations, require_own, require_solver, scene_of, with_options
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
+from symmb.verification import Examination, work_of
+
+_POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
+"""Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
+singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
+_STIFFNESS_SAMPLES = 5
+"""Times at which stiffness is estimated."""
+_CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
+"""Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
+states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
+scene."""
+_SAME = 1e-12
+"""Share of the horizon by which two switches at one time may differ by rounding."""
+_CROWDED = 0.1
+"""Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
+_BELOW = 1e-6
+"""Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
+_SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
+_STICKS = f"where it sticks to one, {_SMOOTH}"
 
 
 def simulate(
@@ -71,10 +90,7 @@ def simulate(
     require_truth("simulate", "check", check)
     if isinstance(scene, DAESimulator):
         require_own(scene, solver, times, outputs)
-    if times is not None:
-        own = own.with_times(times)
-    if outputs is not None:
-        own = own.with_outputs(outputs)
+    own = with_options(own, times, outputs)
     values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts():
         if isinstance(scene, DAESimulator):
@@ -82,12 +98,12 @@ def simulate(
         else:
             has_solver = solver is not None or bool(own.system.collected.impacts)
             prepared = prepare(own, solver) if has_solver else None
-        solver, trajectory = _simulated(PilotRuns(own, values, prepared), check)
+        solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
 
 
-def _simulated(runs: PilotRuns, check: bool) -> tuple[Solver, Trajectory]:
+def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     """The solver that was chosen, and its run with all that is told about it."""
     if runs.start_fault:
         begin = f"t = {runs.simulator.times[0]:g} s"
@@ -113,14 +129,18 @@ def _simulated(runs: PilotRuns, check: bool) -> tuple[Solver, Trajectory]:
     if runs.solver is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)
-    _require_sound(runs, solver, trajectory)
+    _require_sound(runs, trajectory)
     doubts = (*_switch_doubts(runs, solver), *_gap_doubts(runs, solver))
     doubts = (*doubts, *_pass_doubts(runs, solver, switches)) if switches else doubts
     trajectory = replace(trajectory, run_doubts=doubts)
-    return solver, _checked(runs, solver, trajectory) if check else trajectory
+    if check:
+        ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
+        doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
+        trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
+    return solver, trajectory
 
 
-def _start_fault(runs: PilotRuns) -> str:
+def _start_fault(runs: "_PilotRuns") -> str:
     """What the assembly says if the parameters of the run are the nominal ones, such as a joint that stays open."""
     scene = runs.scene
     try:
@@ -130,7 +150,9 @@ def _start_fault(runs: PilotRuns) -> str:
     return ""
 
 
-def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:
+def _confirmed(
+    runs: "_PilotRuns", solver: Solver, trajectory: Trajectory, reason: str
+) -> tuple[Solver, Trajectory, str]:
     """The solver, run and reason after runs at tighter tolerances, while two of them do not agree.
 
     A switch of the state that is met at a small angle magnifies errors: a wall that is touched shortly before a motion
@@ -151,11 +173,10 @@ def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: 
     return solver, trajectory, reason
 
 
-def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> None:
+def _require_sound(runs: "_PilotRuns", trajectory: Trajectory) -> None:
     """SimulationError if the run has left its constraints, or has outputs that are not finite."""
     about = f"{runs.scene.name}{runs.where} by {trajectory.solver}"
-    states = trajectory.examination
-    fault = unreached(states.t, states.violation, getattr(solver, "rtol", None))
+    fault = trajectory.examination.fault
     irregular = ~np.isfinite(trajectory.values)
     if irregular.any():
         k, i = np.argwhere(irregular)[0]
@@ -164,7 +185,7 @@ def _require_sound(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> N
         raise SimulationError(f"{about}: {fault}.")
 
 
-def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
+def _switch_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
     """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
     simulator = runs.simulator
     step = solver.step_taken(simulator.times)
@@ -192,7 +213,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     )
 
 
-def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
+def _gap_doubts(runs: "_PilotRuns", solver: Solver) -> tuple[str, ...]:
     """Whether the states of a run are below the gap of an impact."""
     dae, states = runs.simulator.dae, runs.done[solver][1].examination
     if dae.impacts is None:
@@ -207,27 +228,26 @@ def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
 
 
-def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
+def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[str, ...]:
     """Whether the states of a run change the side of a switch near which it noted no pass."""
     (run, trajectory), dae = runs.done[solver], runs.simulator.dae
     states = trajectory.examination
     if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
         return ()
-    known = states.t < run.stops.until
-    missed = switches.passed_over(states.x[known], runs.p, states.t[known], run.stops.passes)
+    stops, later = run.stops, states.t >= run.stops.until
+    is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
+    if is_full and switches.met(states.x[later], runs.p, states.t[later]):
+        return (
+            f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
+            f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
+        )
+    missed = switches.passed_over(states.x[~later], runs.p, states.t[~later], stops.passes)
     if np.isnan(missed):
         return ()
     return (
         f"The equations have {switches}. The motion changes the side of one behind t = {missed:.6g} s, where no step "
         "of the run ended: others may be passed over as well.",
     )
-
-
-def _checked(runs: PilotRuns, solver: Solver, trajectory: Trajectory) -> Trajectory:
-    """The trajectory with errors from a second run."""
-    ways = runs.simulator.solved_by(solver).two_ways(runs.p, trajectory.values)
-    doubts = (*trajectory.run_doubts, *ways.doubts, *filter(None, [ways.unchecked]))
-    return replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
 
 
 def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
@@ -243,7 +263,7 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     return {name: float(changes.get(name, value)) for name, value in nominal.items()}
 
 
-def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str) -> str:
+def _breakdown_text(runs: "_PilotRuns", solver: Solver, reason: str, switches: str) -> str:
     """The reason why a run failed, its place, and possible causes."""
     run, trajectory = runs.done[solver]
     near = trajectory.singularity
@@ -256,15 +276,115 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     return ". ".join(filter(None, parts)) + "."
 
 
-_CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
-"""Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
-states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
-scene."""
-_SAME = 1e-12
-"""Share of the horizon by which two switches at one time may differ by rounding."""
-_CROWDED = 0.1
-"""Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
-_BELOW = 1e-6
-"""Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
-_SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
-_STICKS = f"where it sticks to one, {_SMOOTH}"
+class _PilotRuns:
+    """Runs of a scene with one set of parameters by several solvers, and what is wrong with them.
+
+    Attributes
+    ----------
+    simulator : DAESimulator
+    solver, reason              those that were prepared; None if a solver is to be chosen here, for one run
+    p, x0 : (n_p,), (1, n_x)    parameters, and the state at the start
+    start_fault : str           why the scene cannot start; empty if it can
+    where : str                 the parameters for a message; empty if there are none
+    done : dict                 solver -> its run and trajectory
+    """
+
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], prepared: DAESimulator | None) -> None:
+        begin = time.perf_counter()
+        self.scene, self.parameters = scene, dict(parameters)
+        self.p = np.array(list(parameters.values()))
+        self.simulator = self._at(prepared or prepare_equations(scene))
+        self.solver, self.reason = (prepared.solver, prepared.reason) if prepared else (None, "")
+        self.x0, (self.start_fault,) = self.simulator.start.states(self.p[None])
+        text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
+        self.where = f" ({text})" if text else ""
+        self.done: dict[Solver, tuple[Run, Trajectory]] = {}
+        self._setup = time.perf_counter() - begin
+
+    def _at(self, simulator: DAESimulator) -> DAESimulator:
+        """For runs that are judged, with the parameters of the run."""
+        return simulator.cautious().around(self.p)
+
+    def run(self, solver: Solver) -> Pilot:
+        """Run by a solver, and keep the trajectory."""
+        begin = time.perf_counter()
+        is_own = solver == self.simulator.solver
+        simulator = self.simulator if is_own else self._at(prepare(self.scene, solver))
+        form, times = simulator.formulation, simulator.times
+        x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
+        integration, fine, outputs = simulator.single()
+        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # cut, but for the start
+        built = time.perf_counter()
+        try:
+            run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)
+        except KeyboardInterrupt as interrupt:
+            for run in runs_of(interrupt):
+                at_outputs = form.run_of_bodies(run, self.p).at(outputs)
+                known = int(np.argmin(np.append(np.isfinite(at_outputs.X).all(axis=1), False)))
+                some = self._trajectory(simulator, at_outputs, {}, built - begin, time.perf_counter() - built, known)
+                carry(interrupt, some if known > 1 else None)
+            raise
+        seconds, counts = time.perf_counter() - built, integration.statistics()
+        examination = Examination.of(simulator, self.p, fine, run.X, work_of(run), is_close)
+        run = run.at(outputs)
+        trajectory = self._trajectory(simulator, run, counts, built - begin, seconds, len(times))
+        self.done[solver] = run, replace(trajectory, run_examination=examination)
+        return Pilot(run.message, counts.get("steps", 0), seconds, False)
+
+    def _trajectory(
+        self, simulator: DAESimulator, run: Run, counts: dict[str, int], setup: float, seconds: float, known: int
+    ) -> Trajectory:
+        """The trajectory of a run, at its first `known` times."""
+        start = simulator.start
+        names = {
+            "held": start.listed,
+            "solved": start.solved + start.solved_velocities,
+            "free": start.free + start.free_velocities,
+            "redundant": start.redundant,
+        }
+        times = simulator.times[:known]
+        return Trajectory(
+            scene=self.scene if known == len(simulator.times) else self.scene.with_times(times),
+            simulator=simulator,
+            parameters=self.parameters,
+            solver=repr(simulator.solver),
+            reason="",
+            t=times,
+            x=run.X[:known],
+            work=work_of(run)[:known],
+            statistics={"start": {key: list(some) for key, some in names.items()}, "integrator": counts},
+            setup_seconds=self._setup + setup,
+            run_seconds=seconds,
+            events=run.events,
+        )
+
+    def judge(self, solver: Solver) -> Pilot:
+        """Run by a solver, and return what is wrong with the result."""
+        pilot = self.run(solver)
+        run, trajectory = self.done[solver]
+        if pilot.message:
+            return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
+        drift = float(trajectory.examination.violation.max(initial=0.0))
+        if not drift < _POSITION_DRIFT:
+            doubt = f"drifts off its constraints by {drift:.0e} of its size"
+            return replace(pilot, doubt=doubt, drift=float(np.nan_to_num(drift, nan=np.inf)) / _POSITION_DRIFT)
+        singularity = trajectory.singularity
+        limit = _SINGULAR_ENERGY_DRIFT if singularity else _ENERGY_DRIFT
+        if trajectory.energy_drift > limit:
+            # Branches of the motion meet in singular positions: the solver may have taken another one.
+            where = f"{singularity}, " if singularity else ""
+            doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
+            return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
+        states = trajectory.examination
+        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(states.x, states.t))
+
+    @property
+    def starts_stiff(self) -> bool:
+        """Whether the motion linearised about the start is stiff over the horizon."""
+        return self._is_stiff(self.x0, self.simulator.times[:1])
+
+    def _is_stiff(self, X: Array, t: Array) -> bool:
+        """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
+        some = np.unique(np.linspace(0, len(t) - 1, _STIFFNESS_SAMPLES).astype(int))
+        horizon = float(np.ptp(self.simulator.times))
+        return stiffness(self.simulator.dae, X[some], self.p, t[some]).is_stiff(horizon)

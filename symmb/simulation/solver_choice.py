@@ -1,11 +1,8 @@
 """Choice of the solver by pilot runs, with its reason, if none is given."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
-
-import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array
@@ -15,19 +12,15 @@ from symmb.integrate import (
     IDAS,
     AugmentedLagrangian,
     DormandPrince,
-    EventDriven,
     Rosenbrock,
     Solver,
     StabilizedIndex2,
     impacts_text,
 )
-from symmb.model import DAE, Impacts
-from symmb.simulation.simulator import Samples
+from symmb.model import DAE
 
 _FINE, _FINEST = 1e-9, 1e-12
 """Largest and smallest relative tolerance of a run that checks another one: its own error should not matter."""
-NEIGHBOURS, NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
@@ -63,11 +56,6 @@ def for_studies() -> Candidates:
     if not has_compiler():  # Rosenbrock needs it to control its step
         return Candidates(DormandPrince(), *for_one_run(False, False)[1:])
     return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
-
-
-def for_impacts(impacts: Impacts) -> tuple[Solver, str]:
-    """The solver for scenes with impacts, and the reason."""
-    return EventDriven(), f"{impacts_text(impacts)}: events have to be located"
 
 
 def for_one_run(stiff: bool, switches: bool) -> Candidates:
@@ -119,22 +107,6 @@ def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[So
         verdicts.append(_fault(solver, run))
         finished |= {} if run.message else {solver: run.drift}
     return min(finished, key=lambda solver: finished[solver], default=first), "; ".join(verdicts)
-
-
-def pilot_of(
-    run: Callable[[Array], Samples], steps: Callable[[], int], p: Array, begin: float, neighbours: bool
-) -> Pilot:
-    """Runs at parameters p (n_p,) and close to them: a single one may pass a singular position by chance."""
-    start = time.perf_counter()
-    ensemble = run(p[None])
-    message = ensemble.messages[0] if ensemble.messages else ""
-    seconds, count = time.perf_counter() - start, steps()
-    if neighbours and not message:
-        shares = np.random.default_rng(0).uniform(-NEIGHBOUR_DISTANCE, NEIGHBOUR_DISTANCE, (NEIGHBOURS, len(p)))
-        ensemble = run(p * (1 + shares))
-        late = ensemble.t_failed[~ensemble.ok] > begin  # no solver can start the others
-        message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
-    return Pilot(message, count, seconds, count > MANY)
 
 
 def _fault(solver: Solver, run: Pilot) -> str:

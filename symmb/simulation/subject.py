@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb._types import Array, Expr
+from symmb.black_boxes import Simulator
 from symmb.integrate import CVODES, Solver
 from symmb.model import Box, Scene
 from symmb.simulation.dae_simulator import DAESimulator
-from symmb.simulation.simulator import Simulator
 
 _SCENE = "Scene(system, times=...) makes one of a System."
 
@@ -36,17 +36,19 @@ def simulator_of(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
         )
     if isinstance(subject, Scene):
-        if times is not None:
-            subject = subject.with_times(times)
-        if outputs is not None:
-            subject = subject.with_outputs(outputs)
-        simulator: Simulator = prepare(subject, solver)
+        simulator: Simulator = prepare(with_options(subject, times, outputs), solver)
     elif not hasattr(subject, "outputs"):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
     else:
         require_own(subject, solver, times, outputs)
         simulator = subject
     return simulator, box
+
+
+def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: Mapping[str, Expr] | None) -> Scene:
+    """The scene with other times and outputs, if they are given."""
+    scene = scene if times is None else scene.with_times(times)
+    return scene if outputs is None else scene.with_outputs(outputs)
 
 
 def require_own(subject: object, solver: object, times: object, outputs: object) -> None:

@@ -1,8 +1,9 @@
 """The trajectory of one run."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -21,21 +22,22 @@ from symmb._options import require_instance
 from symmb._table import aligned
 from symmb._types import Array, Expr
 from symmb.events import Event, event_doubts
+from symmb.formulations import output_function
 from symmb.model import Scene
 from symmb.simulation.dae_simulator import DAESimulator
-from symmb.simulation.examination import Examination, drift, energy
-from symmb.simulation.linear_theory import linear_theory_doubts
-from symmb.simulation.outputs import output_function
-from symmb.simulation.run_quality import drift_doubts, pulse_doubts, unexplained
 from symmb.simulation.subject import prepare_equations
-from symmb.simulation.trajectory_file import PLAIN, Drift, Energy, labelled, of_record, of_table
-from symmb.simulation.trajectory_text import doubt_lines, event_lines, extremes, pulse_lines, start_lines
+from symmb.simulation.trajectory_file import PLAIN, labelled, of_record, of_table
 from symmb.start import Singularity
 from symmb.symbolic import batch
+from symmb.verification import Drift, Energy, Examination, drift, energy, linear_theory_doubts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+_ROUNDING = 1e-12, 1e-30
+"""Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
+_START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -193,21 +195,17 @@ class Trajectory(Result, files.Saved):
     @cached_property
     def drift(self) -> Drift:
         """Violation of the constraints at the output times."""
-        return drift(self._model[1], self.x, self._p, self.t)
+        return drift(self._model[1].bodies, self.x, self._p, self.t)
 
     @cached_property
     def energy(self) -> Energy:
         """Kinetic and potential energy and the work done at the output times."""
-        return energy(self._model[1], self.x, self._p, self.t, self.work)
+        return energy(self._model[1].bodies, self.x, self._p, self.t, self.work)
 
     @property
     def singularity(self) -> Singularity | None:
         """The time closest to a singular position, if one is close."""
         return self.examination.singularity
-
-    @property
-    def _rtol(self) -> float | None:
-        return getattr(self._model[1].solver, "rtol", None)
 
     @cached_property
     def position_drift(self) -> float:
@@ -227,25 +225,23 @@ class Trajectory(Result, files.Saved):
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What cannot be trusted, in sentences; empty if nothing is known to be wrong."""
-        simulator = self._model[1]
-        position = float(self.examination.violation.max(initial=0.0))
-        energy = self.energy_drift
-        is_singular = self.singularity is not None
-        if not is_singular and unexplained(energy, self._rtol):
-            energy *= not self.examination.falls_with_tolerance()
-        doubts = [
+        scene, simulator = self._model
+        doubts = (
             *simulator.start.doubts,
             *event_doubts(self.events),
             *self.run_doubts,
-            *drift_doubts(position, energy, is_singular, self._rtol, simulator.dae.Phi_t is not None),
-            *linear_theory_doubts(self._model[0], simulator.dae, self.x, self._p, self.t),
-            *pulse_doubts(simulator.longest_step, simulator.solver.step_taken(self.t)),
-        ]
-        return tuple(doubts)
+            *self.examination.doubts,
+            *linear_theory_doubts(scene, simulator.dae, self.x, self._p, self.t),
+        )
+        longest, step = simulator.longest_step, simulator.solver.step_taken(self.t)
+        if step <= longest:  # 0 where steps are controlled
+            return doubts
+        pulse = f"Steps of {step:.2g} s may pass over a pulse in a law of time: take less than {longest:.2g} s."
+        return (*doubts, pulse)
 
     def __str__(self) -> str:
         return (
-            "\n".join([self._text, "", *aligned(extremes(self.t, self.values, self.names))])
+            "\n".join([self._text, "", *aligned(_extremes(self.t, self.values, self.names))])
             if self.names
             else self._text
         )
@@ -254,7 +250,7 @@ class Trajectory(Result, files.Saved):
         if not self.names:
             return html.page(html.text(self._text))
         picture = html.picture(figures.png(self.plot(outputs=self.names[: figures.MOST_PANELS])))
-        rows = extremes(self.t, self.values, figures.labels(self.names, self.units))
+        rows = _extremes(self.t, self.values, figures.labels(self.names, self.units))
         return html.page(html.text(self._text), html.table(rows), picture)
 
     @cached_property
@@ -266,12 +262,12 @@ class Trajectory(Result, files.Saved):
                 f"{self.name}: {len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s by {self.solver}",
                 *([f"  solver      chosen: {self.reason}"] if self.reason else []),
                 f"  parameters  {', '.join(f'{n} = {v:g}' for n, v in self.parameters.items()) or 'none'}",
-                *start_lines(self.statistics["start"]),
-                *pulse_lines(self._model[1].longest_step, self._rtol),
-                *event_lines(self.events),
+                *_start_lines(self.statistics["start"]),
+                *_pulse_lines(self._model[1]),
+                *_event_lines(self.events),
                 *([f"  drift       {drifts}"] if self.x.shape[1] else []),
                 *([f"  singular    {self.singularity}"] if self.singularity else []),
-                *doubt_lines(self.doubts),
+                *(f"  doubtful    {doubt}" for doubt in self.doubts),
                 f"  seconds     setup {self.setup_seconds:.3g}, run {self.run_seconds:.3g}",
             ]
         )
@@ -289,19 +285,18 @@ class Trajectory(Result, files.Saved):
         DeclarationError       if the file is damaged, has other contents, or is of another scene
         """
         known, derived = files.load(path, "what Trajectory.save writes", of_record, of_table)
-        run = cls(scene=None, simulator=None, **known)
+        simulator = None
+        if scene is not None:
+            require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
+            scene = scene.with_times(known["t"])
+            simulator = prepare_equations(scene)
+            dae = simulator.start.dae
+            names = (dae.q_names, dae.v_names, dae.s_names), list(dae.p_names)
+            if (derived["state_names"], list(known["parameters"])) != names:
+                raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
+        run = cls(scene=scene, simulator=simulator, **known)
         vars(run).update(derived)  # in place of the values that cached properties would compute
-        if scene is None:
-            return run
-        require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
-        scene = scene.with_times(run.t)
-        simulator = prepare_equations(scene)
-        dae = simulator.start.dae
-        if run.state_names != (dae.q_names, dae.v_names, dae.s_names) or list(run.parameters) != list(dae.p_names):
-            raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
-        whole = replace(run, scene=scene, simulator=simulator)
-        vars(whole).update(derived)
-        return whole
+        return run
 
     def _record(self) -> dict[str, Any]:
         q_names, v_names, s_names = self.state_names
@@ -338,3 +333,46 @@ class Trajectory(Result, files.Saved):
         chosen = figures.columns_of("Trajectory.plot", outputs, self.names)
         values = self.t, self.values, self.names, path
         return figures.plot_trajectory(*values, units=self.units, chosen=chosen, title=self.name, ax=ax)
+
+
+def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
+    """What the start held, solved for and left free, and rows that are redundant."""
+    parts = "; ".join(f"{what} {_listed(start[key])}" for key, what in _START.items())
+    redundant = [f"  redundant   {_listed(start['redundant'])}: least reactions"] if start["redundant"] else []
+    return [f"  start       {parts}", *redundant]
+
+
+def _pulse_lines(simulator: DAESimulator) -> list[str]:
+    """The longest step that passes over no pulse in a law of time."""
+    longest = simulator.longest_step
+    if not math.isfinite(longest):
+        return []
+    passes = "at most {:.2g} s, so that none passes over one"
+    if getattr(simulator.solver, "rtol", None) is None:  # the user chose the fixed step
+        passes = "more than {:.2g} s may pass over one"
+    return [f"  pulses      in laws of time: steps of {passes.format(longest)}"]
+
+
+def _event_lines(events: Sequence[Event]) -> list[str]:
+    """Impacts by their names, other events with their times, and the work of all."""
+    if not events:
+        return []
+    counts = Counter(event.name for event in events if event.what == "impact")
+    parts = [f"{n} of {name!r}" for name, n in counts.items()]
+    parts += [f"{e.name!r} {e.what} at {e.time:.6g} s" for e in events if e.what != "impact"]
+    work = sum(event.work for event in events)
+    return [f"  impacts     {', '.join(parts[:6] + ['...'] * (len(parts) > 6))}; work {work:.4g} J"]
+
+
+def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
+    """First, last, least and largest value of every output (n_t, n_y) as rows of text. Rounding is shown as 0."""
+    size = np.abs(values)
+    rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
+    values = np.where(size < rounding, 0.0, values)
+    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "least", "largest"]
+    columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
+    return [head, *([name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(names))]
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) or "nothing"

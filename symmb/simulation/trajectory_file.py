@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,29 +11,7 @@ from symmb._labelled import Labelled, Named, over_outputs, parameter_names, unit
 from symmb._types import Array
 from symmb.events import Event
 from symmb.files import Record
-
-
-class Drift(NamedTuple):
-    """Largest violation of any row at every time: position (n_t,), velocity (n_t,), in the units of the rows."""
-
-    position: Array
-    velocity: Array
-
-    def __repr__(self) -> str:
-        return f"Drift(position at most {self.position.max():.1e}, velocity at most {self.velocity.max():.1e})"
-
-
-class Energy(NamedTuple):
-    """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
-
-    kinetic: Array
-    potential: Array
-    work: Array
-
-    def __repr__(self) -> str:
-        ranges = (f"{name} {values.min():.4g} ... {values.max():.4g} J" for name, values in self._asdict().items())
-        return f"Energy({', '.join(ranges)})"
-
+from symmb.verification import Drift, Energy
 
 PLAIN = (
     "t",

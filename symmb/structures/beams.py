@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError
 from symmb._options import require_instance, require_whole
 from symmb._types import Array, Indices
 from symmb.structures.beam_element import GAUSS, XI, Line, elements, properties
-from symmb.structures.mass_samples import Samples, Sparse, joined
+from symmb.structures.mass_samples import MassSamples, Sparse, joined
 from symmb.structures.section import Material, Section
 from symmb.structures.validation import numbers
 
@@ -154,7 +154,7 @@ class Mesh:
 
     positions: Array
     stiffness: Sparse
-    samples: Samples
+    samples: MassSamples
     axial: AxialForces
 
 
@@ -186,7 +186,7 @@ def mesh(beams: Sequence[Beam]) -> Mesh:
     return Mesh(positions, (K + K.T) / 2, joined(samples), axial)
 
 
-def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int) -> Samples:
+def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int) -> MassSamples:
     """Samples at the Gauss points of the elements between `ends` (e, 2, 3)."""
     from scipy.sparse import csr_array
 
@@ -205,7 +205,7 @@ def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int) -> S
     axes = np.repeat(beam.axes(), beam.elements, axis=0)
     rotary = np.einsum("ega,eai,eaj->egij", principal, axes, axes)
     positions = ends[:, None, 0] * (1 - XI[:, None]) + ends[:, None, 1] * XI[:, None]
-    return Samples(
+    return MassSamples(
         (density * section[..., 0]).ravel(),
         positions.reshape(-1, 3),
         field(line.translation),

@@ -14,7 +14,7 @@ from symmb.structures.beams import AxialForces, Beam, mesh
 from symmb.structures.flexibility import Flexibility
 from symmb.structures.foreshortening import foreshortening
 from symmb.structures.inertia_invariants import cleaned, deformed_inertia, rigid_inertia
-from symmb.structures.mass_samples import Samples, Sparse, at_nodes, joined, rigid_motions
+from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, joined, rigid_motions
 from symmb.structures.matrices import checked, lumped, read
 from symmb.structures.mode_reduction import chosen, reduced
 from symmb.structures.modes import Modes, nearest
@@ -34,18 +34,18 @@ class FiniteElements:
     ----------
     positions : (k, 3)     nodes [m]
     K, M : (d, d)          stiffness and mass matrix, SciPy sparse, d = 3 k or 6 k
-    samples : Samples      the point masses by which the inertia of the deformed body is integrated
+    samples : MassSamples      the point masses by which the inertia of the deformed body is integrated
     axial : AxialForces    of beams, for geometric stiffening
     """
 
     positions: Array
     K: Sparse
     M: Sparse
-    samples: Samples
+    samples: MassSamples
     axial: AxialForces | None = None
 
     def __post_init__(self) -> None:
-        require_instance("FiniteElements: samples", self.samples, Samples, "those of beams(...) or matrices(...)")
+        require_instance("FiniteElements: samples", self.samples, MassSamples, "those of beams(...) or matrices(...)")
 
     @classmethod
     def beams(cls, *beams: Beam) -> "FiniteElements":

@@ -6,10 +6,10 @@ from symmb._types import Array, Indices
 from symmb.structures.beam_element import WEIGHTS, XI
 from symmb.structures.beams import AxialForces
 from symmb.structures.eigenmodes import factorized
-from symmb.structures.mass_samples import Samples, Sparse
+from symmb.structures.mass_samples import MassSamples, Sparse
 
 
-def foreshortening(K: Sparse, free: Indices, samples: Samples, axial: AxialForces, X: Array) -> tuple[Array, Array]:
+def foreshortening(K: Sparse, free: Indices, samples: MassSamples, axial: AxialForces, X: Array) -> tuple[Array, Array]:
     """Second-order displacements Σ η_i η_j D[:, i, j] of degrees of freedom (d, n, n) and of samples (s, 3, n, n).
 
     Bending by v and w shortens the distance of the ends of an element by ½ ∫ (v'² + w'²) dx. The structure, fixed where

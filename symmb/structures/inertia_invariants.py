@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._types import Array
-from symmb.structures.mass_samples import Samples
+from symmb.structures.mass_samples import MassSamples
 
 ROUNDING = 1e-12
 """Share of the largest entry below which an entry is rounding, and becomes 0."""
@@ -32,7 +32,7 @@ def rigid_inertia(M: Array) -> RigidInertia:
 
 
 def deformed_inertia(
-    samples: Samples, X: Array, origin: Array, D: Array | None = None
+    samples: MassSamples, X: Array, origin: Array, D: Array | None = None
 ) -> tuple[Array, Array, Array, Array]:
     """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n), S2 (3, n, n) of point masses moving with X (d, n), from the origin.
 

@@ -13,7 +13,7 @@ Sparse = Any
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class MassSamples:
     """Point masses with inertia that move with d degrees of freedom; together they integrate over the body.
 
     Parameters
@@ -49,11 +49,11 @@ def blocks(matrices: Array) -> Sparse:
     return bsr_array((matrices, np.arange(s), np.arange(s + 1)), shape=(3 * s, 3 * s))
 
 
-def joined(parts: Sequence[Samples]) -> Samples:
+def joined(parts: Sequence[MassSamples]) -> MassSamples:
     """All samples of several sets over the same degrees of freedom."""
     from scipy.sparse import vstack
 
-    return Samples(
+    return MassSamples(
         np.concatenate([part.mass for part in parts]),
         np.concatenate([part.positions for part in parts]),
         vstack([part.translation for part in parts], format="csr"),
@@ -62,7 +62,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
     )
 
 
-def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_node: int) -> Samples:
+def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_node: int) -> MassSamples:
     """Samples at nodes, which move with their degrees of freedom."""
     from scipy.sparse import csr_array
 
@@ -73,7 +73,7 @@ def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_n
         columns = (nodes[:, None] * per_node + first + np.arange(3)).ravel()
         return csr_array((np.ones(columns.size), (np.arange(columns.size), columns)), shape=shape)
 
-    return Samples(np.asarray(mass), positions[nodes], rows(0), np.asarray(rotary), rows(3))
+    return MassSamples(np.asarray(mass), positions[nodes], rows(0), np.asarray(rotary), rows(3))
 
 
 def rigid_motions(positions: Array, per_node: int) -> Array:

@@ -8,7 +8,7 @@ from symmb._errors import DeclarationError, FileError
 from symmb._types import Array
 from symmb.files import told
 from symmb.structures.eigenmodes import INDEFINITE, definite
-from symmb.structures.mass_samples import Samples, Sparse, at_nodes, rigid_motions
+from symmb.structures.mass_samples import MassSamples, Sparse, at_nodes, rigid_motions
 from symmb.structures.validation import numbers
 
 OWNER = "FiniteElements.matrices"
@@ -66,7 +66,7 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
         raise DeclarationError(f"{OWNER}: {INDEFINITE}")
 
 
-def lumped(positions: Array, M: Sparse) -> Samples:
+def lumped(positions: Array, M: Sparse) -> MassSamples:
     """Masses at the nodes: the row sums of M over rigid translations, the mean of the three directions."""
     k = len(positions)
     per_node = M.shape[0] // k

@@ -9,10 +9,11 @@ from symmb._interrupts import kept_interrupts
 from symmb._options import require_callable
 from symmb._progress import shown
 from symmb._types import Array, Executor, Expr
+from symmb.black_boxes import Simulator
 from symmb.bounds import Bounds, Method, require_method, units_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, Simulator, simulator_of
+from symmb.simulation import DAESimulator, simulator_of
 from symmb.study.comparison_result import Comparison
 from symmb.study.measurement import compare_simulator
 

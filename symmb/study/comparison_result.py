@@ -151,7 +151,7 @@ class Comparison(Result, files.Saved):
         """
         reference = self.reference
         curves = [
-            plot.Curve(
+            plot.PlottedBounds(
                 family=plot.family(row.name),
                 label=row.name,
                 kind=row.kind,

@@ -13,9 +13,9 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._interrupts import carry
 from symmb._progress import RunProgress
 from symmb._types import Array, Executor
+from symmb.black_boxes import Noisy, Simulator, StoredSimulator
 from symmb.bounds import METHODS, Bounds, Method, checked, doubted, parameter_samples
 from symmb.model import Box
-from symmb.simulation import Noisy, Simulator, StoredSimulator
 from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import Limits
 from symmb.study.metrics import Yardstick

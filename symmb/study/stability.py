@@ -202,10 +202,10 @@ def stability(
     require_positive("stability", "seconds", seconds)
     require_callable("stability: progress", progress, "label", "done", "all")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
-        return _studied(_Study(scene, progress), seconds)
+        return _studied(_StabilityStudy(scene, progress), seconds)
 
 
-def _studied(study: "_Study", seconds: float) -> Stability:
+def _studied(study: "_StabilityStudy", seconds: float) -> Stability:
     study.collect(study.jobs(references()), _REFERENCE_LIMIT * seconds, _TRIALS_END * seconds)
     known = list(study.done)
     fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
@@ -230,7 +230,7 @@ _STRESSED = list(under_stress(1.0))
 """The families under stress. All variants run by one family before the next, so that none waits for all others."""
 
 
-class _Study:
+class _StabilityStudy:
     """A scene, and its runs so far."""
 
     def __init__(self, scene: Scene, progress: Callable[[str, int, int], None] | None) -> None:

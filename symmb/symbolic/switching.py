@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -230,78 +230,106 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
     >>> branches(f, [(x, On.STATE), (t, On.TIME)]).switches
     SX(x)
     """
-    switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = {}
-    times: dict[tuple[int, float], ca.SX] = {}
-    fronts: dict[tuple[int, float], ca.SX] = {}
-    exponents: dict[int, ca.SX] = {}
-    powers: dict[int, _Power[int]] = {}  # by the hash of their value, of a value with a hash
-    steepest: dict[int, tuple[ca.SX, float]] = {}
-    knots: dict[tuple[int, str], tuple[ca.SX, Pieces]] = {}
     (t,) = (symbols for symbols, on in inputs if on is On.TIME)
-
-    def side(switch: ca.SX) -> ca.SX:
-        a, b = _difference(switch)
-        if (b, a) in switches:
-            return -switches[b, a][1]
-        if (a, b) not in switches:
-            switches[a, b] = switch, ca.SX.sym(f"side_{len(switches)}")
-        return switches[a, b][1]
-
-    def operation(code: Any, arguments: tuple[_Value, ...]) -> _Value:
-        on = max((a.on for a in arguments), default=On.PARAMETERS)
-        of = tuple(a.sx for a in arguments)
-        entry = code if isinstance(code, Entry) else None
-        is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
-        if is_switch and on is On.TIME:
-            switch = _KINKS[code][1](*of)
-            times.setdefault((switch.element_hash(), 0.0), switch)
-        if on is On.TIME and entry is not None:
-            knots[of[1].element_hash(), entry.pieces.name] = of[1], entry.pieces
-        if code in _FRONTS and on is On.TIME:
-            times.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
-            if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], t), t):
-                times[rate.element_hash(), 0.0] = rate
-        if code in _FRONTS and on is On.STATE:
-            fronts.update({(of[0].element_hash(), level): of[0] - level for level in _LEVELS})
-            if code == ca.OP_EXP:
-                exponents.setdefault(of[0].element_hash(), of[0])
-        if on is On.STATE and entry is not None:
-            group, at = of
-            if isinstance(entry.pieces, Sides):
-                return _Value(entry.pieces.on_side(side(entry.pieces.wave(at)), at), on)
-            if type(entry.pieces) is Pieces and group.is_constant():
-                sides, pieces = entry.pieces.sided
-                return _Value(pieces(sides.on_side(side(sides.wave(at)), at), at)[entry.column], on)
-        elif is_switch and on is On.STATE and code in _ON_A_SIDE:
-            return _Value(_ON_A_SIDE[code](side(_KINKS[code][1](*of)), *of), on)
-        if code in _POSITIVE and on is On.STATE:
-            of = (ca.fabs(of[0]), *of[1:]) if code != ca.OP_CONSTPOW or float(of[1]) % 1 else of
-        value = applied(code, *of)
-        if entry is None and code in _POWERS and on is On.STATE:
-            of_powers = [powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]
-            constant = float(of[-1]) if of[-1].is_constant() else None
-            if (power := _power(code, of_powers, constant)) is not None:
-                powers[value.element_hash()] = power
-                base = steepest[power.base][0] if power.base in steepest else of[0]
-                steepest[power.base] = base, power.exponent
-        return _Value(value, on)
-
+    found = _Found(t)
     values = [[_Value(e, on) for e in ca.vertsplit(ca.vec(symbols))] for symbols, on in inputs]
-    parts = interpret(f, values, operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
-    outputs = [ca.vertcat(ca.SX(0, 1), *(value.sx for value in part)) for part in parts]
-    for key, (base, exponent) in steepest.items():
-        if exponent >= _STEEP:
-            exponents[key] = base
-            levels = [math.exp(level / exponent) for level in _LEVELS if level < 0 and math.isfinite(exponent)]
-            fronts.update({(key, level): ca.fabs(base) - level for level in levels})
-    pairs = list(switches.values())
+    parts = interpret(f, values, found.operation, lambda number: _Value(ca.SX(number), On.PARAMETERS))
+    found.add_fronts_of_powers()
+    pairs = list(found.switches.values())
     return Branches(
-        outputs,
+        [ca.vertcat(ca.SX(0, 1), *(value.sx for value in part)) for part in parts],
         ca.vertcat(ca.SX(0, 1), *(symbol for _, symbol in pairs)),
         ca.vertcat(ca.SX(0, 1), *(switch for switch, _ in pairs)),
-        *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (times, fronts, exponents)),
-        knots=list(knots.values()),
+        *(ca.vertcat(ca.SX(0, 1), *group.values()) for group in (found.times, found.fronts, found.exponents)),
+        knots=list(found.knots.values()),
     )
+
+
+@dataclass(eq=False)
+class _Found:
+    """What the operations of a Function show, one after the other. Keys are hashes of expressions."""
+
+    t: ca.SX
+    switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = field(default_factory=dict)
+    times: dict[tuple[int, float], ca.SX] = field(default_factory=dict)
+    fronts: dict[tuple[int, float], ca.SX] = field(default_factory=dict)
+    exponents: dict[int, ca.SX] = field(default_factory=dict)
+    powers: dict[int, _Power[int]] = field(default_factory=dict)  # of what is a power, by its own hash
+    steepest: dict[int, tuple[ca.SX, float]] = field(default_factory=dict)  # base and exponent, by the base
+    knots: dict[tuple[int, str], tuple[ca.SX, Pieces]] = field(default_factory=dict)
+
+    def operation(self, code: Any, arguments: tuple[_Value, ...]) -> _Value:
+        """The value of an operation on one side of its switches."""
+        on = max((a.on for a in arguments), default=On.PARAMETERS)
+        of = tuple(a.sx for a in arguments)
+        is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
+        if on is On.TIME:
+            self._note_times(code, of, is_switch)
+        if on is not On.STATE:
+            return _Value(applied(code, *of), on)
+        if code in _FRONTS:
+            self.fronts.update(_levels(of[0]))
+            if code == ca.OP_EXP:
+                self.exponents.setdefault(of[0].element_hash(), of[0])
+        value = self._entry(code, *of) if isinstance(code, Entry) else None
+        if is_switch and code in _ON_A_SIDE:
+            value = _ON_A_SIDE[code](self._side(_KINKS[code][1](*of)), *of)
+        if value is None:
+            if code in _POSITIVE and (code != ca.OP_CONSTPOW or float(of[1]) % 1):
+                of = (ca.fabs(of[0]), *of[1:])
+            value = applied(code, *of)
+            if code in _POWERS:
+                self._note_power(code, of, value)
+        return _Value(value, on)
+
+    def add_fronts_of_powers(self) -> None:
+        """The fronts of steep powers, when all operations are known."""
+        for key, (base, exponent) in self.steepest.items():
+            if exponent >= _STEEP:
+                self.exponents[key] = base
+                levels = [math.exp(level / exponent) for level in _LEVELS if level < 0 and math.isfinite(exponent)]
+                self.fronts.update({(key, level): ca.fabs(base) - level for level in levels})
+
+    def _side(self, switch: ca.SX) -> ca.SX:
+        a, b = _difference(switch)
+        if (b, a) in self.switches:
+            return -self.switches[b, a][1]
+        if (a, b) not in self.switches:
+            self.switches[a, b] = switch, ca.SX.sym(f"side_{len(self.switches)}")
+        return self.switches[a, b][1]
+
+    def _note_times(self, code: Any, of: tuple[ca.SX, ...], is_switch: bool) -> None:
+        if is_switch:
+            switch = _KINKS[code][1](*of)
+            self.times.setdefault((switch.element_hash(), 0.0), switch)
+        if isinstance(code, Entry):
+            self.knots[of[1].element_hash(), code.pieces.name] = of[1], code.pieces
+        if code in _FRONTS:
+            self.times.update(_levels(of[0]))
+            if code == ca.OP_EXP and ca.depends_on(rate := ca.jacobian(of[0], self.t), self.t):
+                self.times[rate.element_hash(), 0.0] = rate
+
+    def _entry(self, entry: Entry, group: ca.SX, at: ca.SX) -> ca.SX | None:
+        """An entry of the coefficients of a table on the piece of its sides, if it has switches."""
+        pieces = entry.pieces
+        if isinstance(pieces, Sides):
+            return pieces.on_side(self._side(pieces.wave(at)), at)
+        if type(pieces) is not Pieces or not group.is_constant():
+            return None
+        sides, coefficients = pieces.sided
+        return coefficients(sides.on_side(self._side(sides.wave(at)), at), at)[entry.column]
+
+    def _note_power(self, code: Any, of: tuple[ca.SX, ...], value: ca.SX) -> None:
+        of_powers = [self.powers.get(a.element_hash(), _Power(a.element_hash(), 1.0)) for a in of]
+        power = _power(code, of_powers, float(of[-1]) if of[-1].is_constant() else None)
+        if power is not None:
+            self.powers[value.element_hash()] = power
+            base = self.steepest[power.base][0] if power.base in self.steepest else of[0]
+            self.steepest[power.base] = base, power.exponent
+
+
+def _levels(argument: ca.SX) -> dict[tuple[int, float], ca.SX]:
+    return {(argument.element_hash(), level): argument - level for level in _LEVELS}
 
 
 def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:

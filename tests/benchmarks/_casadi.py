@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from _timing import spent
 
-from symmb.integrate.problem import build_problem
+from symmb.integrate.initial_value_problem import build_problem
 from symmb.model.dae import DAE
 
 Run = Callable[[np.ndarray, np.ndarray], np.ndarray]

@@ -26,9 +26,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
 from models import double_pendulum
-from symmb.simulation import RunDatabase, executor_pool, opened
-from symmb.simulation.run_database import Study
-from symmb.simulation.simulator import Ensemble
+from symmb.black_boxes import RunDatabase, executors, open_run_database
+from symmb.black_boxes.run_database import StoredStudy
+from symmb.black_boxes.simulator import Ensemble
 
 sys.path.insert(0, str(Path(__file__).parent))
 from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
@@ -98,8 +98,8 @@ def store() -> None:
     Y = np.random.default_rng(0).standard_normal((1, 1001, 12))
     run = Ensemble(Y, np.array([True]), np.array([np.nan]), ())
     P = np.random.default_rng(1).uniform(size=(100_000, 4))
-    with tempfile.TemporaryDirectory() as folder, opened(Path(folder, "runs.db")) as database:
-        number = database.begin(Study("digest", "none", tuple("abcd"), tuple("abcdefghijkl"), np.arange(1001.0)))
+    with tempfile.TemporaryDirectory() as folder, open_run_database(Path(folder, "runs.db")) as database:
+        number = database.begin(StoredStudy("digest", "none", tuple("abcd"), tuple("abcdefghijkl"), np.arange(1001.0)))
         begin = time.perf_counter()
         for p in P[:10_000]:
             database.add(number, p, run, 0.0)
@@ -107,8 +107,8 @@ def store() -> None:
         _look_up(database, number, P[:10_000], 10_000)
         size = sum(path.stat().st_size for path in Path(folder).iterdir())
     small = Ensemble(Y[:, :1, :1], run.ok, run.t_failed, ())
-    with tempfile.TemporaryDirectory() as folder, opened(Path(folder, "runs.db")) as database:
-        number = database.begin(Study("digest", "none", tuple("abcd"), ("x",), np.arange(1.0)))
+    with tempfile.TemporaryDirectory() as folder, open_run_database(Path(folder, "runs.db")) as database:
+        number = database.begin(StoredStudy("digest", "none", tuple("abcd"), ("x",), np.arange(1.0)))
         for p in P:
             database.add(number, p, small, 0.0)
         found = _look_up(database, number, P, 100_000)
@@ -218,7 +218,7 @@ def deadly_study(executor: Any) -> str:
 
 def faulty(seed: int, trials: int) -> int:
     """Print how studies by faulty executors end, and those by workers that die."""
-    executor_pool._PATIENCE = 0.3  # the futures of these either run at once or never
+    executors._PATIENCE = 0.3  # the futures of these either run at once or never
     found = Counter(faulty_study(seed + k) for k in range(trials))
     for _ in range(max(1, trials // 20)):
         found[deadly_study(lambda: ProcessPoolExecutor(WORKERS))] += 1

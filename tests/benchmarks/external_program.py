@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.simulation import opened
+from symmb.black_boxes import open_run_database
 
 TIMES = np.linspace(0.0, 2.0, 5)
 BOX = mb.Box(a=(0.9, 1.1), b=(1.8, 2.2), c=(0.4, 0.6), d=(2.9, 3.1))
@@ -151,7 +151,7 @@ def study(program: Path, method: mb.MonteCarlo | mb.Scanning | mb.PolynomialChao
             stored = mb.StoredSimulator(simulator, Path(folder, "runs.db"))
             bounds = method.bounds(stored, BOX, executor=pool)  # without check runs, so that runs can be counted
         seconds = time.perf_counter() - begin
-        with opened(Path(folder, "runs.db")) as database:
+        with open_run_database(Path(folder, "runs.db")) as database:
             P = database.samples(1, 4)
             runs = database.read(1, P, (len(TIMES), 2))
             states = database.studies()[0][-1]

@@ -154,7 +154,7 @@ def interrupted(name: str, number: signal.Signals, moment: float) -> tuple[float
         return seconds, faults
 
 
-def ended_programs(model: str, name: str, number: signal.Signals, moment: float, fmu: bytes) -> list[str]:
+def ended_programs(model: str, name: str, number: signal.Signals, moment: float, fmu: bytes = b"") -> list[str]:
     """What is left of a study of programs or of an FMU that gets a signal at a moment."""
     with tempfile.TemporaryDirectory() as folder:
         temporary = Path(folder, "tmp")

@@ -30,8 +30,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.simulation import RunDatabase, opened
-from symmb.simulation.run_database import sample_keys
+from symmb.black_boxes import RunDatabase, open_run_database
+from symmb.black_boxes.run_database import sample_keys
 
 RUNS = 400
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))
@@ -295,7 +295,7 @@ def damaged_store(seed: int) -> str:
 
 def symmb_runs(path: Path) -> None:
     """What the command `symmb runs` reads."""
-    with opened(path, create=False) as database:
+    with open_run_database(path, create=False) as database:
         for number, study, _, _ in database.studies():
             P = database.samples(number, len(study.parameters))
             database.read(number, P, (len(study.times), len(study.outputs)))

@@ -9,7 +9,7 @@ import pytest
 
 import symmb as mb
 from models.double_pendulum import scene
-from symmb.simulation.simulator import run_blocks
+from symmb.black_boxes.simulator import run_blocks
 from symmb.study.metrics import Yardstick
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())

@@ -5,7 +5,7 @@ import pytest
 
 import symmb as mb
 from models import bouncing_ball
-from symmb.simulation.simulator import run_blocks
+from symmb.black_boxes.simulator import run_blocks
 
 pytestmark = pytest.mark.slow
 

@@ -11,8 +11,8 @@ from oscillators import BOX, TIMES, Wave, wave_bounds
 import symmb as mb
 from models.double_pendulum import scene
 from symmb import Box, Optimization, propagate
+from symmb.black_boxes.simulator import Ensemble, stream
 from symmb.bounds.quadratic_models import _box_minima, quadratics
-from symmb.simulation.simulator import Ensemble, stream
 
 
 def _quadratic(rng, d, m):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.special import ellipj, ellipk
 
 import symmb as mb
 from models import double_pendulum
@@ -40,3 +41,35 @@ def test_right_studies_have_no_doubt():
     scene = double_pendulum.scene().with_times(TIMES)
     bounds = mb.propagate(scene, mb.PolynomialChaos())
     assert not bounds.doubts and not bounds.remarks
+
+
+def swinging(amplitude, periods, spread):
+    """A rod's scene, and the range of its angle (2, n_t) by Jacobi's elliptic functions."""
+    p = mb.Parameters(l=1.0)
+    rod = mb.Body("rod", 1.0, p.l**2 / 12, mb.Planar())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, p.l / 2))
+    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
+    k = np.sin(amplitude / 2) ** 2
+    times = np.linspace(0, periods * 4 * ellipk(k) / np.sqrt(1.5 * 9.81), 307)[:-3]
+    box = mb.Box(l=(1 - spread, 1 + spread))
+    outputs = {"angle": rod.theta}
+    scene = mb.Scene(system, start={"rod.theta": amplitude}, times=times, outputs=outputs, box=box)
+    lengths = np.linspace(1 - spread, 1 + spread, 201)[:, None]
+    angles = 2 * np.arcsin(np.sqrt(k) * ellipj(ellipk(k) - np.sqrt(1.5 * 9.81 / lengths) * times, k)[0])
+    return scene, np.array([angles.min(axis=0), angles.max(axis=0)])
+
+
+def miss(bounds, truth):
+    """The largest error over the largest width."""
+    return np.abs(np.array(bounds["angle"]) - truth).max() / np.ptp(truth, axis=0).max()
+
+
+@pytest.mark.parametrize("method", [mb.Vertex(), mb.PolynomialChaos()], ids=repr)
+@pytest.mark.parametrize(("amplitude", "periods", "spread"), [(2.5, 90, 1e-6), (2.0, 150, 1e-7), (2.8, 60, 1e-6)])
+def test_errors_of_runs_that_are_large_beside_the_width_are_a_doubt(method, amplitude, periods, spread):
+    scene, truth = swinging(amplitude, periods, spread)
+    with pytest.warns(mb.SymmbWarning, match=r"errors of angle exceed 1% of the width of their bounds: at t = "):
+        bounds = mb.propagate(scene, method)
+    assert miss(bounds, truth) > 0.02
+    bounds = mb.propagate(scene, method, solver=mb.DormandPrince(rtol=1e-12))
+    assert miss(bounds, truth) < 0.02 and not bounds.doubts

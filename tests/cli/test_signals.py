@@ -39,7 +39,7 @@ def test_a_signal_ends_a_command_in_two_seconds_and_leaves_nothing(name, number)
 @pytest.mark.parametrize("number", interrupts.ENDS, ids=lambda number: number.name)
 @pytest.mark.parametrize("name", ["command", "Python, threads"])
 def test_no_program_and_no_folder_outlives_a_study(name, number):
-    assert not interrupts.ended_programs(name, number, 0.1)
+    assert not interrupts.ended_programs("programs", name, number, 0.1)
 
 
 class Interrupted(mb.FunctionSimulator):

@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import cubic, double_pendulum
+from symmb.black_boxes.simulator import Reduction
 from symmb.codegen import Engine, Tolerances, model_function
-from symmb.simulation.simulator import Reduction
 
 pytestmark = pytest.mark.slow
 

@@ -17,10 +17,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from models import cubic, double_pendulum, flexible_pendulum
+from symmb.black_boxes.simulator import Reduction
 from symmb.cli.main import main
 from symmb.codegen import Engine, Tolerances, build, model_function
 from symmb.codegen.fallback import ArrayEngine
-from symmb.simulation.simulator import Reduction
 
 pytestmark = pytest.mark.slow
 

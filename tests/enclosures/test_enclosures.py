@@ -13,7 +13,7 @@ import symmb as mb
 from models import double_pendulum, heavy_top
 from symmb.enclosures import chebyshev, defects, enclose, points, problem_of
 from symmb.enclosures import step as steps
-from symmb.enclosures.curves import Step, parameter_points
+from symmb.enclosures.curves import TimeStep, parameter_points
 from symmb.enclosures.degrees import degrees_of_equations
 from symmb.enclosures.ellipses import Choice, Control
 from symmb.enclosures.errors import ProofError
@@ -188,7 +188,7 @@ def _step_of(f, order=2):
     problem = ode(f, lambda p: [0.0, 0.0], [(0.5, 1.5), (2.0, 2.0)], [0.0, 1.0])
     rng = np.random.default_rng(0)
     x = integrated(rng.uniform(-1, 1, (2, order + 1)), rng.uniform(-1, 1, (2, order, order + 1)), 1.0)
-    return Step(problem, 0.0, 1.0, x, x, np.zeros((2, 2, 1, 1)))
+    return TimeStep(problem, 0.0, 1.0, x, x, np.zeros((2, 2, 1, 1)))
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
     c = np.array([[[1.5], *[[1e-16]] * 20]])
     curve = Curve(c, np.zeros(1), np.zeros((1, 20, 1)))
     times = np.array([0.2, 0.9, 0.99, 1.0])
-    values, errors = Step(_step_of(lambda x, p, t: [x[0], x[1]]).problem, 0.0, 1.0, curve, curve, c[None]).at(times)
+    values, errors = TimeStep(_step_of(lambda x, p, t: [x[0], x[1]]).problem, 0.0, 1.0, curve, curve, c[None]).at(times)
     for t, value, error in zip(times, values[0, :, 0], errors[0], strict=True):
         with mpmath.workdps(40):
             exact = sum(mpmath.mpf(a) * mpmath.chebyt(k, 2 * mpmath.mpf(t) - 1) for k, a in enumerate(c[0, :, 0]))
@@ -360,7 +360,7 @@ def _stiff_step():
     """x' = 3 x over 1 s with a frame that stands still: w grows from 1 to e^3."""
     problem = ode(lambda x, p, t: [3.0 * x[0]], lambda p: [0.0], [(1.0, 1.0)], [0.0, 1.0])
     zero, one = integrated(np.zeros(1), np.zeros((1, 2)), 1.0), integrated(np.ones(1), np.zeros((1, 2)), 1.0)
-    return Step(problem, 0.0, 1.0, zero, one, np.array([[[1.0, 0.0]]]))
+    return TimeStep(problem, 0.0, 1.0, zero, one, np.array([[[1.0, 0.0]]]))
 
 
 def test_a_box_that_w_leaves_is_not_proved():

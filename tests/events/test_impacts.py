@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 from models import bouncing_ball
-from symmb.simulation.simulator import run_blocks
+from symmb.black_boxes.simulator import run_blocks
 
 G = 9.81
 KNOWN = json.loads((Path(__file__).parents[1] / "data" / "bouncing_ball.json").read_text(encoding="utf-8"))

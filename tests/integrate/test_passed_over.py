@@ -3,7 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 
@@ -160,3 +162,23 @@ def test_windows_that_are_much_shorter_than_times_of_passes_may_be_off(rate, gro
     angles = 1 + 2 * np.pi * np.arange(-60, 60)
     passed = angles[(angles > min(0.0, last)) & (angles < max(0.0, last))]
     assert run["v"][-1] == pytest.approx((width / np.sqrt(rate**2 + 2 * growth * passed)).sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("solver", [mb.CVODES(), mb.IDAS(), mb.Rosenbrock(), mb.DormandPrince()], ids=repr)
+@pytest.mark.parametrize("bump", [(0.31, 3e-4, -3000.0), (-0.52, 4e-4, -2500.0), (0.2, 2e-3, 900.0)])
+def test_more_passes_of_a_table_than_are_noted_are_a_doubt(solver, bump):
+    (centre, width, height), at = bump, np.linspace(-2, 2, 50_001)
+    forces = height * np.exp(-np.minimum(((at - centre) / width) ** 2, 100.0))
+    body = mb.Body("body", 1.1, 0.1, mb.Planar())
+    rail = mb.Prismatic("rail", mb.Ground().point(0, 0), body.point(0, 0), axis=(1, 0))
+    x, v = rail.displacement, rail.displacement_rate
+    push, lost = mb.Actuator("push", rail, mb.Table(at, forces)(x) - 40 * x - 0.3 * v), mb.State("lost", 0.3 * v**2)
+    outputs = {"x": x, "v": v, "lost": lost.value}
+    system, times = mb.System(body, rail, push, lost), np.linspace(0, 4, 81)
+    run = mb.simulate(mb.Scene(system, {"rail.displacement_rate": 4.0}, times, outputs), solver)
+    work = PchipInterpolator(at, forces).antiderivative()(run["x"])  # of the area of the bump, whatever the steps
+    energy = 0.55 * run["v"] ** 2 + 20 * run["x"] ** 2 - (work - work[0]) + run["lost"]
+    if solver == mb.DormandPrince() or not run.doubts:
+        assert_allclose(energy, energy[0], rtol=1e-5)
+    else:
+        assert any("passes more than 1000 kinks or jumps (table)" in doubt for doubt in run.doubts)

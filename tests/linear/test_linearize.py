@@ -242,3 +242,24 @@ def test_free_motions_have_exact_zeros():
     assert np.count_nonzero(lin.eigenvalues == 0) == 12
     np.testing.assert_allclose(2 * np.pi * lin.frequencies, [1e-3, 1.0, 1e4], rtol=1e-9)
     assert lin.stability == "not asymptotically stable: 3 undamped oscillations and 12 zero eigenvalues"
+
+
+@pytest.mark.parametrize("pose", [mb.Particle(), mb.Planar(), mb.Spatial()], ids=repr)
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+def test_bodies_that_nothing_touches_move_uniformly(pose, speed):
+    inertia = {} if isinstance(pose, mb.Particle) else {"inertia": 0.1 if isinstance(pose, mb.Planar) else (1, 2, 3)}
+    body = mb.Body("body", 1.3, pose=pose, **inertia)
+    scene = mb.Scene(mb.System(body), start={"body.vx": speed}, outputs={"x": body.x, "energy": 0.65 * body.vx**2})
+    lin = mb.linearize(scene)
+    x, vx = lin.states.index("body.x"), lin.states.index("body.vx")
+    np.testing.assert_allclose(lin.A[x], np.eye(len(lin.A))[vx])
+    np.testing.assert_allclose(lin.A[vx], 0)
+    np.testing.assert_allclose(lin.C[:, [x, vx]], [[1, 0], [0, 1.3 * speed]])
+    assert not lin.eigenvalues.any()
+
+
+def test_scenes_in_which_nothing_moves_are_refused():
+    body = mb.Body("body", 1.3, 0.1, mb.Planar())
+    weld = mb.Weld("weld", mb.Ground().point(0, 0), body.point(0, 0))
+    with pytest.raises(mb.DeclarationError, match="nothing in it moves"):
+        mb.linearize(mb.Scene(mb.System(body, weld), outputs={"x": body.x}))

@@ -12,7 +12,7 @@ T = np.linspace(0.0, 1.0, 5)
 
 
 def curve(label, n_y=1, excess=0.1, error=0.1, runs=9, seconds=0.1):
-    return plot.Curve(
+    return plot.PlottedBounds(
         family=plot.family(label),
         label=label,
         kind="estimate",

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import symmb as mb
-from symmb.simulation import formulation
+from symmb.formulations import formulation
 
 
 def rod(length=1.0):

@@ -7,6 +7,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, ROUNDING_WIDTH, OutgrownError, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import SparseGrids
@@ -16,7 +17,6 @@ from symmb.bounds.failures import failed_region
 from symmb.bounds.result import Bounds
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
-from symmb.simulation import Progress, Simulator
 
 FAR = 4.0
 """Estimated error over the tolerance from which it is doubtful that a study was ended early."""

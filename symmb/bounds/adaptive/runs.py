@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.black_boxes import Noisy, Progress, Simulator, note_attained, run_blocks
 from symmb.bounds.adaptive.check_runs import FEW_SHAPES, count_shapes, quasi_random_points
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
@@ -16,7 +17,6 @@ from symmb.bounds.time_windows import average_over_window, rests_for_a_time
 from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, TotalDegree, basis_values
-from symmb.simulation import Noisy, Progress, Simulator, note_attained, run_blocks
 
 TRUST = 0.6
 """Least share of its estimated error that an interpolant keeps when check runs show less: runs against safety."""

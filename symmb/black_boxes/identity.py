@@ -1,0 +1,245 @@
+"""What a simulator computes, as a digest: equal ones give equal runs, as far as symmb can see."""
+
+import builtins
+import copyreg
+import dis
+import functools
+import hashlib
+import sys
+import types
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+
+_ATOMS = (type(None), type(...), type(NotImplemented), bool, int, float, complex, str, bytes)
+_INSTALLED = {"site-packages", "dist-packages"}
+_OURS = __name__.partition(".")[0]
+
+
+class UndigestedError(DeclarationError):
+    """Some of the things have no value that can be compared. `key` is the digest of the others."""
+
+    def __init__(self, text: str, key: str) -> None:
+        super().__init__(text)
+        self.key = key
+
+
+def digest(*things: Any) -> str:
+    """A digest of numbers, texts, arrays, expressions, functions, and of what is made of them.
+
+    A Python function counts by its code, by its defaults, and by the values of all names that the code has from
+    outside. Functions and classes count in the same way, unless they are of Python or of an installed package: these
+    count by their name. Other objects count by what pickle would write of them.
+
+    Raises
+    ------
+    UndigestedError         if there is something that pickle would not write either
+    """
+    values = _Digests()
+    try:
+        key = values.of(things).hex()
+    except RecursionError:
+        raise DeclarationError("StoredSimulator: the function depends on objects that are nested too deep.") from None
+    if values.lacking:
+        raise UndigestedError(
+            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}, in which changes "
+            "cannot be seen. Give version=, and another one when what it computes changes.",
+            key,
+        )
+    return key
+
+
+def file_digest(path: Path) -> str:
+    """A digest of a file, or of all files in a folder with their names."""
+    state = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            state.update(f"{file.relative_to(path)}\0".encode())
+            with file.open("rb") as content:
+                state.update(hashlib.file_digest(content, "sha256").digest())
+    return state.hexdigest()
+
+
+class _Digests:
+    """Digests of things by their values."""
+
+    def __init__(self) -> None:
+        self.lacking: list[str] = []
+        """Types of the things that have no digest."""
+        self._known: dict[int, tuple[Any, bytes]] = {}
+        """Things, which keep their ids so, and their digests."""
+        self._depth = 0
+
+    def of(self, thing: Any) -> bytes:
+        """The digest of a thing."""
+        if id(thing) in self._known:
+            return self._known[id(thing)][1]
+        self._known[id(thing)] = thing, f"the one at depth {self._depth}".encode()  # for those that hold themselves
+        self._depth += 1
+        state = hashlib.sha256(f"<{type(thing).__qualname__}>".encode())
+        for part in self._parts(thing):
+            content = part if isinstance(part, bytes) else self.of(part[0])
+            state.update(len(content).to_bytes(8, "big") + content)
+        self._depth -= 1
+        self._known[id(thing)] = thing, state.digest()
+        return state.digest()
+
+    def _parts(self, thing: Any) -> Iterator[bytes | tuple[Any]]:
+        """Parts of a thing: bytes, or things as tuples of one."""
+        kind = type(thing)
+        if kind in _ATOMS or isinstance(thing, np.generic):
+            yield repr(thing).encode(errors="surrogatepass")
+        elif kind in _PARTS:
+            yield from _PARTS[kind](thing)
+        elif kind in (set, frozenset):
+            yield from sorted(self.of(part) for part in thing)
+        elif kind is np.ndarray and not thing.dtype.hasobject:
+            yield f"{thing.dtype} {thing.shape}".encode()
+            yield np.ascontiguousarray(thing).tobytes()
+        elif isinstance(thing, types.ModuleType):
+            yield thing.__name__.encode()
+            if not _is_installed(thing.__name__) and (file := getattr(thing, "__file__", None)):
+                yield file_digest(Path(file)).encode()
+        elif isinstance(thing, (type, types.FunctionType)) and _has_name(thing):
+            yield f"{thing.__module__}.{thing.__qualname__}".encode()
+        elif isinstance(thing, types.FunctionType):
+            yield from _function_parts(thing)
+        elif isinstance(thing, type):
+            yield thing.__qualname__.encode()
+            yield (thing.__bases__,)
+            yield from _pairs({name: member for name, member in vars(thing).items() if _is_member(name, member)})
+        elif is_dataclass(thing) and kind.__module__.partition(".")[0] == _OURS:
+            yield from _pairs({field.name: getattr(thing, field.name) for field in fields(thing)})
+        else:
+            yield from self._pickled_parts(thing)
+
+    def _pickled_parts(self, thing: Any) -> Iterator[bytes | tuple[Any]]:
+        """What pickle would write of an object."""
+        try:
+            reduce = copyreg.dispatch_table.get(type(thing))
+            reduced = thing.__reduce_ex__(4) if reduce is None else reduce(thing)
+        except RecursionError:
+            raise
+        except Exception:  # the code is the user's
+            self.lacking.append(type(thing).__qualname__)
+            return
+        if isinstance(reduced, str):  # a name in a module
+            yield f"{getattr(thing, '__module__', '')}.{reduced}".encode()
+            yield (getattr(thing, "__wrapped__", None),)
+            return
+        items: list[Any]
+        make, arguments, state, *items = (*reduced, None, None, None, None)[:5]
+        if isinstance(state, dict):  # without what is computed from the rest when it is asked for
+            state = {name: x for name, x in state.items() if not _is_computed(type(thing), name)}
+        yield ((make, arguments, state, *(None if some is None else [*some] for some in items)),)
+
+
+_CODE = (
+    *("co_name", "co_consts", "co_names", "co_varnames", "co_freevars", "co_cellvars", "co_flags"),
+    *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
+)
+"""What counts of code, beside its instructions. Its lines and its file do not."""
+
+
+def _pairs(mapping: Mapping[Any, Any]) -> Iterator[tuple[Any]]:
+    for key, value in mapping.items():
+        yield from ((key,), (value,))
+
+
+_PARTS: dict[type, Callable[[Any], Iterable[bytes | tuple[Any]]]] = {
+    **dict.fromkeys((list, tuple), lambda things: ((part,) for part in things)),
+    **dict.fromkeys((dict, types.MappingProxyType), _pairs),
+    **dict.fromkeys((staticmethod, classmethod), lambda method: [(method.__func__,)]),
+    functools.cached_property: lambda member: [(member.func,)],  # that of Python 3.11 holds a lock
+    property: lambda member: [((member.fget, member.fset, member.fdel),)],
+    types.CodeType: lambda code: [code.co_code, (tuple(getattr(code, name) for name in _CODE),)],
+    ca.Function: lambda function: [function.serialize().encode()],
+}
+"""Parts of things by their types."""
+
+
+def _function_parts(f: types.FunctionType) -> Iterator[tuple[Any]]:
+    yield (f.__code__,)
+    yield (f.__defaults__,)
+    yield (f.__kwdefaults__,)
+    yield (vars(f),)
+    for cell in f.__closure__ or ():
+        try:
+            yield (cell.cell_contents,)
+        except ValueError:  # a name that has no value yet
+            yield (None,)
+    for name in sorted(_global_names(f.__code__)):
+        yield (name,)
+        yield (f.__globals__.get(name, getattr(builtins, name, None)),)
+
+
+def _global_names(code: types.CodeType) -> set[str]:
+    """Names that the code takes from its module."""
+    names = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    return names.union(*(_global_names(part) for part in code.co_consts if isinstance(part, types.CodeType)))
+
+
+def _has_name(thing: Any) -> bool:
+    """Whether a function or a class is known by its name: a function that another one has made is not."""
+    if isinstance(thing, type):
+        return _is_installed(thing.__module__)
+    module = thing.__globals__.get("__name__")
+    return _is_installed(module) and getattr(sys.modules.get(module), thing.__name__, None) is thing
+
+
+def _is_installed(module: str | None) -> bool:
+    """Whether a module is of Python, of symmb, or of an installed package."""
+    top = (module or "").partition(".")[0]
+    if top in sys.stdlib_module_names or top == _OURS:
+        return True
+    file = getattr(sys.modules.get(module or ""), "__file__", None)
+    return file is not None and not _INSTALLED.isdisjoint(Path(file).parts)
+
+
+def _is_member(name: str, member: Any) -> bool:
+    """Whether a member of a class was written there, and not by Python."""
+    if isinstance(member, types.MemberDescriptorType | types.GetSetDescriptorType) or name == "_abc_impl":
+        return False
+    return not (name[:2] == name[-2:] == "__") or isinstance(member, types.FunctionType | staticmethod | classmethod)
+
+
+def _is_computed(kind: type, name: str) -> bool:
+    return isinstance(getattr(kind, name, None), functools.cached_property)
+
+
+class ChangedFileError(SimulationError):
+    """A file has changed: the study ends, as its runs would not belong together."""
+
+
+class DeclaredFiles:
+    """Files and folders as they are now, by their contents."""
+
+    def __init__(self, paths: Iterable[Path]) -> None:
+        self._declared = {path: (_stamp(path), file_digest(path)) for path in paths}
+
+    def digests(self) -> list[tuple[str, str]]:
+        """Names and digests of the contents."""
+        return [(path.name, content) for path, (_, content) in self._declared.items()]
+
+    def require_same(self) -> None:
+        """ChangedFileError if a file has other contents. Files of the same size and date are not read."""
+        for path, (stamp, content) in self._declared.items():
+            try:
+                is_same = _stamp(path) == stamp or file_digest(path) == content
+            except OSError:
+                is_same = False
+            if not is_same:
+                raise ChangedFileError(f"{path} has changed since the simulator was declared; declare it anew.")
+
+
+def _stamp(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """Names, sizes and dates of a file, or of those in a folder."""
+    files = [path, *path.rglob("*")] if path.is_dir() else [path]
+    states = [(file, file.stat()) for file in files if file.is_file()]  # links may lead nowhere
+    return tuple(sorted((str(file), state.st_size, state.st_mtime_ns) for file, state in states))

@@ -1,0 +1,181 @@
+"""The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
+from symmb._types import Array
+from symmb.events import Kinks, Pulses, kinks
+from symmb.formulations.output_functions import joint_output_function, output_function
+from symmb.integrate import Run
+from symmb.model import DAE, Lazy, Scene, System, compile_dae
+from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
+from symmb.symbolic import batch, common
+
+T = TypeVar("T")
+
+_STAGE = 8
+"""Operations of a stage of an explicit step for each state: sums of slopes."""
+_CHEAPER = 0.8
+"""Operations over those in coordinates of bodies up to which coordinates of joints are chosen: they take up to a fifth
+more steps for the same error (double pendulum, heavy top, four-bar)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Formulation:
+    """Equations, start and outputs in the same coordinates.
+
+    Attributes
+    ----------
+    dae : DAE
+    start : Start
+    y : (x, p, t) -> outputs (n_y,)
+    bodies : InBodies          where the coordinates are those of joints
+    why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
+    memory : dict              what was derived from the equations, whatever the nominal parameters
+    """
+
+    dae: DAE
+    start: Start
+    y: ca.Function
+    bodies: "InBodies | None" = None
+    why: str = ""
+    memory: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def around(self, p: Array) -> "Formulation":
+        """The same for runs with parameters p (n_p,)."""
+        return replace(self, dae=replace(self.dae, p_nominal=p))
+
+    def kinks(self, times: Array) -> Kinks | None:
+        """Kinks and jumps over the output times (n_t,), if there are any."""
+        return self.remembered(kinks, times)
+
+    def pulses(self, times: Array) -> Pulses:
+        """Pulses of laws of time over the output times (n_t,)."""
+        return self.remembered(Pulses, times)
+
+    def remembered(self, derive: Callable[[DAE, Array], T], times: Array, *more: float) -> T:
+        """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
+        key = derive, times.tobytes(), more
+        if key not in self.memory:
+            self.memory[key] = derive(self.dae, times)
+        return self.memory[key]
+
+    def singularity(self, X: Array, times: Array, p: Array) -> Singularity | None:
+        """The position of the bodies closest to a singular one among the finite states X (m, n_x), if one is close."""
+        finite = np.isfinite(X).all(axis=1)
+        dae, X = self.in_bodies(X[finite], p)
+        return singularity(dae, X, p, times[finite])
+
+    def in_bodies(self, X: Array, p: Array) -> tuple[DAE, Array]:
+        """The equations of the bodies, and their states (m, n_x) for states X of this formulation."""
+        return (self.dae, X) if self.bodies is None else (self.bodies.dae, batch(self.bodies.states(), X, p)[0])
+
+    def run_of_bodies(self, run: Run, p: Array) -> Run:
+        """A run with parameters p (n_p,) with the states of the bodies."""
+        return replace(run, X=self.in_bodies(run.X, p)[1])
+
+    @property
+    def operations(self) -> int:
+        """Operations of a stage of an explicit step."""
+        return self.dae.rhs.n_instructions() + _STAGE * self.y.numel_in(0)
+
+    @property
+    def least_operations(self) -> int:
+        """Operations of a stage that the right side of the rows alone takes. The others need not be derived."""
+        rows = 0 if self.dae.gamma is None else self.dae.gamma.n_instructions() - self.dae.gamma.nnz_out(0)
+        return rows + _STAGE * self.y.numel_in(0)
+
+
+@dataclass(frozen=True, eq=False)
+class InBodies:
+    """The equations of the bodies, and their states as a Function (x, p) of the states x of the joints."""
+
+    dae: DAE
+    states: Lazy[ca.Function]
+
+
+class Formulations(NamedTuple):
+    """A scene in several coordinates.
+
+    Attributes
+    ----------
+    bodies : Formulation           in those of its bodies
+    joints : Formulation or None   in those of its joints, if it runs in these
+    spare : Formulation or None    in those of its joints, if it does not, which cost more operations
+    """
+
+    bodies: Formulation
+    joints: Formulation | None
+    spare: Formulation | None
+
+
+def formulations(scene: Scene) -> Formulations:
+    """A scene in coordinates of its bodies and, as far as it has them, in others. The scene remembers them.
+
+    Raises
+    ------
+    AssemblyError              if the scene cannot be started
+    DeclarationError           if the scene asks for coordinates of joints that it cannot have
+    """
+    if formulations not in scene.memory:
+        with kept_interrupts():
+            scene.memory[formulations] = _formulations(scene)
+    return scene.memory[formulations]
+
+
+def _formulations(scene: Scene) -> Formulations:
+    bodies = _in_bodies(scene)
+    if scene.coordinates == "body":
+        return Formulations(bodies, None, None)
+    system = scene.system.joint_space()
+    if turns := system.joints.whole_turns(bodies.start.q_nominal):
+        system = scene.system.joint_space(turns)
+    joints = _in_joints(scene, bodies, system) if system.joints.names else None
+    if joints is None and scene.coordinates == "joint":
+        why = "it starts close to a singular position" if system.joints.names else "no joint carries a rigid body"
+        raise DeclarationError(f'Scene {scene.name!r}: coordinates="joint" are not possible: {why}.')
+    if joints is None or scene.coordinates:
+        return Formulations(bodies, joints, None)
+    least = bodies.least_operations
+    counted = joints.operations > _CHEAPER * least
+    if counted and joints.operations > _CHEAPER * bodies.operations:
+        return Formulations(bodies, None, joints)
+    of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
+    why = f"coordinates of joints: {joints.operations} operations a stage, {of_bodies} in those of bodies"
+    return Formulations(bodies, replace(joints, why=why), None)
+
+
+def _in_bodies(scene: Scene) -> Formulation:
+    dae = compile_dae(scene.system)
+    start = prepare_start(scene, dae)
+    if start.rows is not None:
+        dae = compile_dae(scene.system, start.rows, start.nullities)
+    dae = replace(_scaled(dae, start, scene), sampling=start.dae.sampling)
+    return Formulation(dae, start, output_function(dae, scene, scene.y))
+
+
+def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation | None:
+    start = start_in_joints(bodies.start, scene, system)
+    if start is None:
+        return None
+    x = ca.vertcat(system.q, system.v, system.s)
+    at = start.nominal()
+    place = ca.Function("place", [x, system.p], [system.joints.of_bodies[0]])
+    state = place(ca.vertcat(at["q"], at["v"], at["s"]), at["p"]).full().ravel()
+    joints = system.joints.with_signs(state, bodies.start.nominal()["q"])
+    y = joint_output_function(bodies.dae, start.dae, scene, system, joints, scene.y)
+
+    def states() -> ca.Function:
+        return common("of_bodies", [x, system.p], [ca.densify(ca.vertcat(*joints.of_bodies))])
+
+    return Formulation(_scaled(start.dae, start, scene), start, y, InBodies(bodies.dae, Lazy(states)))
+
+
+def _scaled(dae: DAE, start: Start, scene: Scene) -> DAE:
+    return dae.scaled(lambda: start.scales(dae, float(np.ptp(scene.times))))

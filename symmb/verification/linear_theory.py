@@ -1,0 +1,121 @@
+"""Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from symmb._types import Array
+from symmb.formulations import output_function
+from symmb.mechanics import FlexibleBody
+from symmb.model import DAE, Scene
+from symmb.symbolic import batch
+from symmb.verification.missing_modes import REMEDY, AttachedLoads, along, attached_loads, left_out
+from symmb.verification.two_ways import Way
+
+TURN = 0.3
+"""Rotation of a cross section against the frame of its body [rad] up to which linear theory is taken to hold: a
+cantilever's deflection under a load at its end is then 4 % too large, and its shortening is 2 % of its length."""
+SPIN = 0.2
+"""Angular velocity over the first frequency of a body without geometric stiffening, from which centrifugal forces
+change this frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2."""
+SLENDER = 0.3
+"""Width over length of a body of nodes without rotations up to which it bends, so that tension makes it stiffer."""
+MISSING = 0.08
+"""Share of what deformations add to an output that modes may leave out."""
+STRETCH = 1e-3
+"""Displacement, over the size of a body, along directions in which no mode moves, from which these count."""
+
+
+def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
+    """What is doubtful about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
+    known = np.isfinite(X).all(axis=1)
+    X, t = X[known], t[known]
+    some = attached_loads(scene) if len(t) else ()
+    doubts = [*deformation_doubts(scene, dae, X, p, t)] if some else []
+    for loads in some:
+        f = output_function(dae, scene, loads.wrenches)
+        doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
+    for lack in left_out(scene, dae, some, X, p, t) if some else ():
+        if lack.share > MISSING:
+            doubts.append(
+                f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, told by {lack.output}, so that it is "
+                f"too stiff. {REMEDY}"
+            )
+    return tuple(doubts)
+
+
+def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
+    """Which flexible bodies bend or spin too much for linear theory in such states."""
+    for body in scene.system.bodies:
+        if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
+            f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega))
+            eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
+            yield from (*_turned(body, eta, t), *_spun(body, omega, t))
+
+
+@dataclass(frozen=True, eq=False)
+class LinearTheory:
+    """The linear theory of the flexible bodies of a scene, which is None without such bodies.
+
+    Runs are made in a way that compiles nothing, at its times.
+    """
+
+    scene: Scene | None
+    way: Callable[[], Way]
+
+    @cached_property
+    def nominal_doubts(self) -> tuple[str, ...]:
+        """Those about the run at the nominal parameters."""
+        return self.doubts(self.way().formulation.dae.p_nominal) if self.scene else ()
+
+    def doubts(self, p: Array) -> tuple[str, ...]:
+        """Those of `linear_theory_doubts` about a run with parameters p (n_p,)."""
+        if self.scene is None:
+            return ()
+        way = self.way()
+        form = way.formulation
+        run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
+        return linear_theory_doubts(self.scene, *form.in_bodies(run.X, p), p, way.times)
+
+
+def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
+    turn = body.modes.turns(eta)
+    first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
+    if turn.max() > TURN:
+        yield (
+            f"FlexibleBody {body.name!r}: its cross sections turn against its frame by more than {TURN:g} rad from "
+            f"t = {first:.3g} s on, by {turn.max():.2g} rad at t = {worst:.3g} s. Its modes are linear: deflections "
+            "become too large, and its ends do not come closer as they should. Divide it into several bodies."
+        )
+
+
+def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
+    modes = body.modes
+    J = modes.J0 - modes.mass * (modes.center @ modes.center * np.eye(3) - np.outer(modes.center, modes.center))
+    # Spin about the axis of a slender body stretches it little.
+    rate = np.sqrt(np.einsum("ti,ij,tj->t", omega, J, omega) / np.linalg.eigvalsh(J)[-1])
+    lowest, worst = float(np.sqrt(modes.stiffness.min())), t[int(rate.argmax())]
+    extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(modes.positions.T)), 0.0))  # of the nodes, in rising order
+    bends = modes.rotations.any() or extents[1] < SLENDER * extents[2]
+    if rate.max() > SPIN * lowest and bends and not modes.is_stiffening:
+        yield (
+            f"FlexibleBody {body.name!r}: it turns at {rate.max():.3g} rad/s at t = {worst:.3g} s, which is "
+            f"{rate.max() / lowest:.2g} of its first frequency of {lowest:.3g} rad/s. Centrifugal forces then change "
+            "its stiffness, and its modes do not. Use FiniteElements.modes(clamped=..., stiffening=True)."
+        )
+
+
+def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
+    if loads.responses is None:
+        return
+    size = float(np.ptp(loads.body.modes.positions, axis=0).max())
+    moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
+    if moved > STRETCH * size:
+        yield (
+            f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
+            f"none of its modes moves. {REMEDY}"
+        )

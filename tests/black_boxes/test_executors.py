@@ -1,0 +1,429 @@
+"""Executors: the same bits by all of them, workers that die, and executors that break."""
+
+import asyncio
+import multiprocessing
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.black_boxes import executors, open_run_database, run_blocks
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
+
+TIMES = np.linspace(0.0, 1.0, 11)
+SAMPLES = np.linspace(0.5, 1.5, 40)[:, None]
+
+
+def decay(k):
+    """A run of 5 ms."""
+    time.sleep(0.005)
+    return np.exp(-k * TIMES)
+
+
+def quick(k):
+    return np.exp(-k * TIMES)
+
+
+def deadly(k):
+    """A run that kills its process for some parameters."""
+    if 0.9 < k < 0.95:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return decay(k)
+
+
+def simulator(f):
+    return mb.FunctionSimulator(f, {"k": 1.0}, TIMES, ["x"])
+
+
+class Later:
+    """A future that does not call back."""
+
+    def __init__(self, f, item):
+        self._result, self._at = f(item), time.monotonic() + 0.01
+
+    def done(self):
+        return time.monotonic() > self._at
+
+    def result(self):
+        return self._result
+
+
+class Polled:
+    """An executor whose futures have to be asked."""
+
+    def submit(self, f, item):
+        return Later(f, item)
+
+
+class Mapping:
+    """An executor that has an ordered map alone."""
+
+    def map(self, f, items):
+        return [f(item) for item in list(items)]
+
+
+EXECUTORS = {
+    "threads": partial(ThreadPoolExecutor, 3),
+    "forked": partial(ProcessPoolExecutor, 2, mp_context=multiprocessing.get_context("fork")),
+    "spawned": partial(ProcessPoolExecutor, 2, mp_context=multiprocessing.get_context("spawn")),
+    "polled": Polled,
+    "map": Mapping,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("f", [decay, quick])
+@pytest.mark.parametrize("name", EXECUTORS)
+@pytest.mark.parametrize("handed_in", [True, False])
+def test_results_do_not_depend_on_the_executor(f, name, handed_in):
+    alone = run_blocks(simulator(f), SAMPLES)
+    make = EXECUTORS[name]
+    given = make() if handed_in else make
+    shared = run_blocks(simulator(f), SAMPLES, given)
+    if handed_in and hasattr(given, "shutdown"):
+        given.shutdown()
+    assert shared.Y.tobytes() == alone.Y.tobytes() and shared.ok.all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.MonteCarlo(60), mb.Scanning(9)], ids=repr)
+def test_bounds_do_not_depend_on_the_executor(method):
+    box = mb.Box(k=(0.5, 1.5))
+    alone = mb.propagate(simulator(decay), method, box)
+    shared = mb.propagate(simulator(decay), method, box, executor=lambda: ProcessPoolExecutor(2))
+    assert shared.lower.tobytes() == alone.lower.tobytes() and shared.upper.tobytes() == alone.upper.tobytes()
+
+
+@pytest.mark.slow
+def test_the_run_that_kills_its_worker_is_found():
+    ensemble = run_blocks(simulator(deadly), SAMPLES, lambda: ProcessPoolExecutor(2))
+    killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.95)
+    assert (ensemble.ok == ~killed).all() and killed.sum() == len(ensemble.messages) == 2
+    for message, k in zip(ensemble.messages, SAMPLES[killed, 0], strict=True):
+        assert "its worker process died each of 3 times" in message and f"(k={k:.6g})" in message
+    good = run_blocks(simulator(decay), SAMPLES)
+    assert ensemble.Y[~killed].tobytes() == good.Y[~killed].tobytes()
+
+
+@pytest.mark.slow
+def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
+    with ProcessPoolExecutor(2) as pool, pytest.raises(mb.SimulationError, match="Give a function that makes") as error:
+        run_blocks(simulator(deadly), SAMPLES, pool)
+    assert "\n" not in str(error.value)
+
+
+class Ending(ThreadPoolExecutor):
+    """An executor that somebody shuts down when some tasks have been sent."""
+
+    def __init__(self, tasks, cancel):
+        super().__init__(2)
+        self.tasks, self.cancel = tasks, cancel
+
+    def submit(self, f, item):
+        self.tasks -= 1
+        if self.tasks == 0:
+            self.shutdown(wait=False, cancel_futures=self.cancel)
+        return super().submit(f, item)
+
+
+@pytest.mark.parametrize("cancel", [True, False])
+@pytest.mark.parametrize("tasks", [1, 12])
+def test_an_executor_that_is_shut_down_ends_the_study_in_a_sentence(tasks, cancel, tmp_path):
+    stored = mb.StoredSimulator(simulator(decay), tmp_path / "runs.db")
+    with pytest.raises(mb.SimulationError, match="The study ends here") as error:
+        run_blocks(stored, SAMPLES, Ending(tasks, cancel))
+    assert "\n" not in str(error.value)
+    assert run_blocks(stored, SAMPLES, lambda: Ending(30, cancel)).ok.all()
+
+
+def shut_pool():
+    pool = ThreadPoolExecutor(2)
+    pool.shutdown()
+    return pool
+
+
+def fail():
+    raise RuntimeError("no licence")
+
+
+BROKEN = {
+    "shut": shut_pool,
+    "initializer": lambda: ThreadPoolExecutor(2, initializer=fail),
+    "one task each": lambda: Ending(2, True),
+    "none": lambda: Ending(1, True),
+}
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("make", BROKEN.values(), ids=BROKEN)
+def test_a_function_that_makes_broken_executors_ends_the_study(make, tmp_path):
+    stored = mb.StoredSimulator(simulator(decay), tmp_path / "runs.db")
+    with pytest.raises(mb.SimulationError, match="makes executors that do not run tasks") as error:
+        run_blocks(stored, SAMPLES, make)
+    assert "\n" not in str(error.value)
+    with open_run_database(stored.path) as database:
+        assert not any(sum(counts[1:]) for *_, counts in database.studies())
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("fault", [*FAULTS, "never"])
+@pytest.mark.parametrize("kind", [FaultyMap, FaultySubmit])
+def test_an_executor_that_does_not_return_what_it_ran_gives_no_other_results(kind, fault, seed, monkeypatch):
+    """In a larger number: tests/benchmarks/executors.py faulty."""
+    if fault == "never" and kind is FaultyMap:
+        pytest.skip("a map that does not return cannot be told from a long run")
+    monkeypatch.setattr(executors, "_PATIENCE", 0.1)
+    alone = run_blocks(simulator(quick), SAMPLES)
+    try:
+        shared = run_blocks(simulator(quick), SAMPLES, kind(fault, random.Random(seed)))
+    except mb.SimulationError as error:
+        assert str(error).startswith("executor: ") and "\n" not in str(error)
+    else:
+        assert fault == "exchange" or kind is FaultySubmit  # whose fault may come after the last task
+        assert shared.Y.tobytes() == alone.Y.tobytes()
+
+
+def test_the_last_result_that_a_map_drops_is_missed():
+    class Dropping:
+        def map(self, f, items):
+            results = [f(item) for item in items]
+            return results if f is abs else results[:-1]
+
+    for method in (mb.Vertex(), mb.MonteCarlo(40), mb.PolynomialChaos()):
+        with pytest.raises(mb.SimulationError, match="without the results of all its tasks"):
+            mb.propagate(simulator(quick), method, mb.Box(k=(0.5, 1.5)), executor=Dropping())
+
+
+def test_results_of_another_call_are_not_taken():
+    class Remembering:
+        results = []
+
+        def map(self, f, items):
+            results = [f(item) for item in items]
+            if f is abs:
+                return results
+            self.results.append(results)
+            return self.results[0]
+
+    executor = Remembering()
+    run_blocks(simulator(quick), SAMPLES, executor)
+    with pytest.raises(mb.SimulationError, match="something else than the results of its tasks"):
+        run_blocks(simulator(quick), SAMPLES + 0.1, executor)
+
+
+def test_what_cannot_be_sent_is_told():
+    with ProcessPoolExecutor(1) as pool, pytest.raises(mb.DeclarationError, match="not lambdas or functions inside"):
+        run_blocks(simulator(lambda k: np.exp(-k * TIMES)), SAMPLES, pool)
+
+
+@pytest.mark.parametrize("executor", [3, "threads", object(), int])
+def test_what_is_no_executor_is_refused(executor):
+    with pytest.raises(mb.DeclarationError, match="is not supported"):
+        run_blocks(simulator(quick), SAMPLES, executor)
+
+
+def test_an_exception_in_a_worker_is_told():
+    def broken(item):
+        raise ZeroDivisionError("here")
+
+    class Failing(ThreadPoolExecutor):
+        def submit(self, f, item):
+            return super().submit(broken, item)
+
+    with Failing(1) as pool, pytest.raises(mb.SimulationError, match="ZeroDivisionError: here") as error:
+        run_blocks(simulator(quick), SAMPLES, pool)
+    assert isinstance(error.value.__cause__, ZeroDivisionError)
+
+
+def test_runs_go_out_one_by_one_where_they_are_slow():
+    class Counting(ThreadPoolExecutor):
+        sizes: list[int] = []
+
+        def submit(self, f, item) -> Future:
+            self.sizes.append(len(item[1]))
+            return super().submit(f, item)
+
+    with Counting(1) as pool:
+        run_blocks(simulator(lambda k: time.sleep(0.03) or quick(k)), SAMPLES[:10], pool)
+        assert pool.sizes == [1] * 10
+        pool.sizes.clear()
+        run_blocks(simulator(quick), np.linspace(0.5, 1.5, 1000)[:, None], pool)
+        assert len(pool.sizes) < 200
+
+
+def deadly_in_dask(k):
+    """A run that kills its workers."""
+    if 0.9 < k < 0.92:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return quick(k)
+
+
+@pytest.mark.slow
+def test_dask_ends_where_runs_kill_their_workers():
+    distributed = pytest.importorskip("distributed")
+    alone = run_blocks(simulator(quick), SAMPLES)
+    killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
+    assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == alone.Y[~killed].tobytes()
+    assert "KilledWorker" in "".join(shared.messages)
+    with pytest.raises(mb.SimulationError, match="executor: "):
+        run_blocks(simulator(quick), SAMPLES, client)
+
+
+@pytest.mark.slow
+def test_dask_and_loky():
+    distributed = pytest.importorskip("distributed")
+    alone = run_blocks(simulator(decay), SAMPLES)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        for given in client, client.get_executor():
+            assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
+    loky = pytest.importorskip("loky")
+    with loky.ProcessPoolExecutor(2) as pool:
+        assert run_blocks(simulator(decay), SAMPLES, pool).Y.tobytes() == alone.Y.tobytes()
+
+
+def test_what_cannot_be_pickled_ends_a_study_whose_executor_is_made_for_it():
+    box, t = mb.Box(k=(0.9, 1.1)), np.linspace(0, 1, 3)
+    simulator = mb.FunctionSimulator(lambda k: k * t, {"k": 1.0}, t, ["x"])
+    with pytest.raises(mb.DeclarationError, match="cannot be sent to other processes"):
+        mb.propagate(simulator, mb.MonteCarlo(40), box, executor=lambda: ProcessPoolExecutor(2))
+
+
+class Odd:
+    """What raises whatever one does with it."""
+
+    def __iter__(self):
+        raise OSError("no iteration")
+
+    def __eq__(self, other):
+        raise OSError("no comparison")
+
+    __hash__ = object.__hash__
+
+
+class OddError(Exception):
+    def __str__(self):
+        raise OSError("no text")
+
+
+class Failing:
+    """An executor and its futures, one call of which raises an error or returns something else."""
+
+    def __init__(self, where, answer):
+        self.where, self.answer = where, answer
+
+    def _called(self, where, usual):
+        if where != self.where:
+            return usual
+        if isinstance(self.answer, BaseException):
+            raise self.answer
+        return self.answer
+
+    def submit(self, f, item):
+        future = type(self)(self.where, self.answer)
+        future.reply = f(item)
+        return self._called("submit", future)
+
+    def done(self):
+        return self._called("done", True)
+
+    def running(self):
+        return self._called("running", False)
+
+    def result(self):
+        return self._called("result", self.reply)
+
+    def shutdown(self, wait=True):
+        self._called("shutdown", None)
+
+
+class Calling(Failing):
+    def add_done_callback(self, callback):
+        self._called("add_done_callback", None)
+        callback(self)
+
+
+class Mapping(Failing):
+    submit = None
+
+    def map(self, f, items):
+        return map(f, items) if f is abs else self._called("map", None)
+
+
+RAISED = [
+    OSError("odd"),
+    RecursionError(),
+    OddError(),
+    StopIteration(3),
+    TimeoutError(),
+    InvalidStateError(),
+    asyncio.CancelledError(),
+    SystemExit(3),
+    GeneratorExit(),
+]
+RETURNED = [Odd(), None, Failing, (Odd(), 1, b""), (1, 2), 3]
+CALLS = {
+    "done": (Failing, RAISED),
+    "add_done_callback": (Calling, RAISED),
+    "submit": (Failing, RAISED + RETURNED),
+    "result": (Failing, RAISED + RETURNED),
+    "map": (Mapping, RAISED + RETURNED),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "where", "answer"),
+    [(kind, where, answer) for where, (kind, answers) in CALLS.items() for answer in answers],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_whatever_an_executor_raises_or_returns_is_told_in_a_sentence(kind, where, answer):
+    with pytest.raises(mb.SimulationError, match="executor: ") as error:
+        run_blocks(simulator(quick), SAMPLES, kind(where, answer))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("answer", RAISED, ids=lambda a: type(a).__name__)
+def test_results_are_kept_where_the_shutdown_fails(answer):
+    alone = run_blocks(simulator(quick), SAMPLES)
+    with pytest.warns(mb.SymmbWarning, match="executor: its shutdown has raised"):
+        shared = run_blocks(simulator(quick), SAMPLES, lambda: Failing("shutdown", answer))
+    assert shared.Y.tobytes() == alone.Y.tobytes()
+
+
+INTERRUPTED = """
+import symmb as mb
+from concurrent.futures import ProcessPoolExecutor
+
+line = mb.CommandSimulator(["/bin/sh", "-c", "echo > $0.{k}; exec sleep 60", "MARK"], {"k": 1.0}, [0.0], ["x"])
+mb.propagate(line, mb.MonteCarlo(20), mb.Box(k=(0.5, 2.0)), executor=lambda: ProcessPoolExecutor(2))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_an_interrupt_ends_the_processes_of_a_pool_that_symmb_made(tmp_path):
+    code = INTERRUPTED.replace("MARK", str(tmp_path / "begun"))
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=20)
+    assert "KeyboardInterrupt" in error and process.returncode != 0

@@ -1,0 +1,275 @@
+"""FMUSimulator: FMUs of C for FMI 2 and 3, and of PythonFMU, against scenes, and all that may go wrong with them."""
+
+import multiprocessing
+import os
+import pickle
+import re
+import shutil
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import casadi as ca
+import fmus
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import symmb as mb
+
+pytest.importorskip("fmpy")
+if shutil.which("cc") is None and shutil.which("gcc") is None:
+    pytest.skip("needs a C compiler", allow_module_level=True)
+
+TIMES = np.concatenate([np.linspace(0.0, 0.7, 15), [0.9, 1.37, 2.0]])
+NOMINAL = {"stiffness": 40.0, "force[1]": 5.0}
+BOX = mb.Box(**{"stiffness": (36.0, 44.0), "force[1]": (0.0, 5.0)})
+INTERFACES = [(version, kind) for version in (2, 3) for kind in ("CoSimulation", "ModelExchange")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fmus")
+
+
+@pytest.fixture(scope="module")
+def libraries(folder):
+    return {version: fmus.library(version, folder) for version in (2, 3)}
+
+
+@pytest.fixture(scope="module")
+def springs(folder, libraries):
+    return {version: fmus.spring(folder / f"spring{version}.fmu", libraries, version) for version in (2, 3)}
+
+
+def simulator(path, **options):
+    options = {"parameters": NOMINAL, "times": TIMES, "outputs": ["x", "v"]} | options
+    return mb.FMUSimulator(path, **options)
+
+
+def samples(count=8):
+    return np.column_stack([np.linspace(36, 44, count), np.linspace(0, 5, count)])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    p = mb.Parameters(stiffness=40.0, force=5.0)
+    mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
+    pull = ca.if_else(mb.t > 0.5, p.force, 0) - p.stiffness * mass.x - 0.5 * mass.vx
+    system = mb.System(mass, mb.Force("pull", mass.point(0, 0, 0), (pull, 0, 0)), parameters=p)
+    outputs = {"x": mass.x, "v": mass.vx}
+    return mb.Scene(system, start={"mass.x": 1.0}, times=TIMES, outputs=outputs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("version", "kind"), INTERFACES)
+def test_runs_are_those_of_the_same_scene(version, kind, springs, scene):
+    ensemble = simulator(springs[version], fmi_type=kind, outputs=["x", "v", "passes", "der(v)"]).run(samples())
+    expected = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-11)).run(samples()).Y
+    assert ensemble.ok.all()
+    assert_allclose(ensemble.Y[:, :, :2], expected, atol=1e-6)
+    pull = np.where(TIMES > 0.5 - 1e-9, samples()[:, 1:], 0.0)
+    rates = pull - samples()[:, :1] * expected[:, :, 0] - 0.5 * expected[:, :, 1]
+    assert_allclose(ensemble.Y[:, :, 3], rates, atol=1e-4)
+    fine = mb.simulate(scene, times=np.linspace(0, 2, 20001), parameters={"stiffness": 36.0, "force": 0.0})
+    passes = np.cumsum(np.diff(fine["x"] > 0.3, prepend=True))
+    assert (ensemble.Y[0, :, 2] == passes[np.round(TIMES * 10000).astype(int)]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("version", "kind"), [(2, "CoSimulation"), (3, "ModelExchange")])
+def test_compare_runs_all_methods(version, kind, springs, scene):
+    methods = [mb.PolynomialChaos(), mb.MonteCarlo(20), mb.Scanning(3)]
+    times = [0.0, 0.1, 0.25, 0.6]
+    own = simulator(springs[version], fmi_type=kind, times=times, step=0.05)
+    comparison = mb.compare(own, methods, BOX, mb.Scanning(4))
+    box = mb.Box(stiffness=(36.0, 44.0), force=(0.0, 5.0))
+    expected = mb.compare(scene, methods, box, mb.Scanning(4), mb.DormandPrince(rtol=1e-11), times=times)
+    assert comparison.units == ("m", "m/s") and not comparison.doubts
+    for own, other in zip(comparison.rows[1:], expected.rows[1:], strict=True):
+        assert_allclose(own.lower, other.lower, atol=1e-6)
+        assert_allclose(own.upper, other.upper, atol=1e-6)
+
+
+def test_units_reach_bounds(springs, folder):
+    own = simulator(springs[2], outputs=["x", "damper.c", "passes"])
+    stored = mb.StoredSimulator(own, folder / "units.db")
+    assert mb.Vertex().bounds(own, BOX).units == ("m", "N.s/m", "")
+    assert mb.Vertex().bounds(stored, BOX).units == ("m", "N.s/m", "")
+
+
+def test_parameters_are_set_whatever_their_kind(springs):
+    P = np.array([[0.5, 1.0, 2.0], [0.0, 0.5, 3.0]])
+    own = simulator(springs[2], parameters={"damper.c": 0.5, "x": 1.0, "mode": 2.0}, outputs=["damper.c", "x", "mode"])
+    assert own.run(P).Y[:, 0].tolist() == P.tolist()
+    (message,) = own.run(P[:1] + [0, 0, 0.5]).messages
+    assert message.startswith("'mode' cannot be 2.5: it is of the type Integer (")
+
+
+def test_runs_begin_at_the_first_time_and_stop_at_each(springs):
+    whole = simulator(springs[2], parameters={"stiffness": 40.0}, times=[0.0, 0.4, 1.0]).run([[40.0]]).Y[0]
+    later = simulator(springs[2], parameters={"stiffness": 40.0}, times=[3.0, 3.4, 4.0]).run([[40.0]]).Y[0]
+    assert_allclose(later, whole, atol=1e-9)
+    assert simulator(springs[2], times=[2.0]).run([[40.0, 5.0]]).Y.tolist() == [[[1.0, 0.0]]]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    ("stiffness", "text"),
+    [
+        (70.0, r"fmi\d(DoStep|Get\w+) failed at t = 0\.\d+ s: the spring is torn by 70 N/m \(stiffness=70\)"),
+        (85.0, r"the FMU ended the run at t = 0.2\d* s \("),
+        (92.0, r"timed out: the FMU had not returned after 1 s \("),
+        (97.0, r"the FMU ended its process by SIGABRT \("),
+    ],
+)
+def test_failed_runs_tell_why_and_others_go_on(version, stiffness, text, springs, capfd):
+    kinds = ["CoSimulation"] if stiffness > 90 else ["CoSimulation", "ModelExchange"]
+    for kind in kinds:
+        own = simulator(springs[version], parameters={"stiffness": 40.0}, fmi_type=kind, timeout=1)
+        ensemble = own.run([[40.0], [stiffness], [40.0]])
+        assert ensemble.ok.tolist() == [True, False, True]
+        assert (ensemble.Y[0] == ensemble.Y[2]).all()
+        assert np.isnan(ensemble.Y[1]).all()
+        assert re.match(text, ensemble.messages[0]), ensemble.messages
+    assert capfd.readouterr() == ("", "")
+
+
+KEEPS = """static double first; double k = m->value[STIFFNESS]; first = first ? first : k;
+set_start(m); m->value[DAMPING] += k - first;"""
+
+
+@pytest.mark.parametrize("reset", ["", KEEPS, "abort();", "return 3;"], ids=["none", "keeps", "aborts", "fails"])
+def test_an_fmu_that_cannot_be_reset_gets_new_instances(reset, folder, springs):
+    path = fmus.spring(folder / "kept.fmu", {2: fmus.library(2, folder, reset)})
+    expected = simulator(springs[2]).run(samples()).Y
+    assert (simulator(path).run(samples()).Y == expected).all()
+
+
+def test_pythonfmu_with_state_beside_its_instances_gets_new_processes(folder):
+    pythonfmu = pytest.importorskip("pythonfmu")
+    counting = SLAVE.replace("class Decay", "STEPS = []\n\nclass Counting").replace(
+        "self.x /= 1 + step * self.k", "STEPS.append(t)\n        self.x = self.k * len(STEPS)"
+    )
+    (folder / "counting_of_tests.py").write_text(counting)
+    path = pythonfmu.FmuBuilder.build_FMU(folder / "counting_of_tests.py", dest=folder)
+    own = mb.FMUSimulator(path, {"k": 1.0}, [0.0, 0.1], ["x"])
+    alone = own.run([[2.0]]).Y
+    P = [[1.0], [2.0], [4.0], [2.0], [2.0]]
+    assert (own.run(P).Y[[1, 3, 4]] == alone).all()
+    with ThreadPoolExecutor(2) as pool:
+        assert (pool.submit(own.run, P).result().Y[[1, 3, 4]] == alone).all()
+
+
+def test_an_instance_is_used_again(folder):
+    text = 'FILE *f = fopen("%s", "a"); fputc(\'r\', f); fclose(f); set_start(m);' % (folder / "resets.txt")
+    path = fmus.spring(folder / "reset.fmu", {2: fmus.library(2, folder, text.replace("%", "%%"))})
+    assert simulator(path).run(samples(8)).ok.all()
+    assert len((folder / "resets.txt").read_text()) == 9  # 7, and two by which it is tried whether resets work
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["threads", "fork", "spawn"])
+def test_pools_change_nothing(kind, springs):
+    own = simulator(springs[3], outputs=["x", "passes"])
+    box = mb.Box(**{"stiffness": (36.0, 75.0), "force[1]": (0.0, 5.0)})
+    with pytest.warns(mb.SymmbWarning):
+        alone = mb.propagate(own, mb.MonteCarlo(40), box)
+    assert 5 < len(alone.failed) < 35
+    context = None if kind == "threads" else multiprocessing.get_context(kind)
+    with ThreadPoolExecutor(2) if context is None else ProcessPoolExecutor(2, mp_context=context) as pool:
+        with pytest.warns(mb.SymmbWarning):
+            pooled = mb.propagate(own, mb.MonteCarlo(40), box, executor=pool)
+    assert (pooled.lower == alone.lower).all() and (pooled.upper == alone.upper).all()
+    assert [f.parameters for f in pooled.failed] == [f.parameters for f in alone.failed]
+
+
+def test_stored_runs_belong_to_the_file_and_the_interface(springs, folder, libraries):
+    def count(**options):
+        own = options.pop("path", springs[2])
+        stored = mb.StoredSimulator(simulator(own, **options), folder / "runs.db")
+        stored.run(samples(3))
+        return stored.identity
+
+    copy = folder / "copy.fmu"
+    shutil.copy(springs[2], copy)
+    other = fmus.spring(folder / "other.fmu", libraries, experiment="<!-- changed -->")
+    same = {count(), count(path=copy), count(timeout=5)}
+    assert len(same) == 1
+    assert len({*same, count(fmi_type="ModelExchange"), count(step=0.01), count(path=other)}) == 4
+
+
+def test_a_file_that_changes_is_not_run(springs, folder, libraries, monkeypatch):
+    path = folder / "changing.fmu"
+    shutil.copy(springs[2], path)
+    own = simulator(path)
+    fmus.spring(path, libraries, experiment="<!-- changed -->")
+    assert own.run(samples(1)).ok.all()  # it was extracted when it was declared
+    monkeypatch.setattr("symmb.black_boxes.fmu_description._EXTRACTED", {})  # as in another process
+    (message,) = pickle.loads(pickle.dumps(own)).run(samples(1)).messages
+    assert message.startswith("changing.fmu has changed since it was declared (")
+
+
+def test_communication_steps(springs, folder, libraries):
+    fixed = 'canHandleVariableCommunicationStepSize="true" fixedInternalStepSize="0.01"'
+    own = fmus.spring(folder / "fixed.fmu", libraries, 3, co_simulation=fixed)
+    uniform = fmus.spring(folder / "uniform.fmu", libraries, co_simulation='canInterpolateInputs="false"')
+    told = fmus.spring(folder / "told.fmu", libraries, experiment='<DefaultExperiment stepSize="0.02"/>')
+    assert simulator(springs[2]).step == 2.0 / 500
+    assert simulator(told).step == 0.02
+    assert simulator(told, step=0.5).step == 0.5
+    assert simulator(own, times=[0.0, 0.1, 0.3]).step == pytest.approx(0.2)
+    assert simulator(uniform, times=[0.0, 0.2, 0.6]).step == 0.2 / 167
+    assert_allclose(
+        simulator(uniform, times=[0.0, 0.2, 0.6]).run(samples()).Y,
+        simulator(springs[2], times=[0.0, 0.2, 0.6]).run(samples()).Y,
+        atol=1e-9,
+    )
+    for path, times, reason in (
+        (own, [0.0, 0.105], "its solver has steps of 0.01 s"),
+        (uniform, [0, 0.2, 0.5001], "its steps are of 0"),
+    ):
+        with pytest.raises(mb.DeclarationError, match=reason):
+            simulator(path, times=times)
+
+
+SLAVE = """
+from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+class Decay(Fmi2Slave):
+    default_experiment = DefaultExperiment(step_size=1e-3)
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.k, self.x = 1.0, 1.0
+        self.register_variable(Real("k", causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+        self.register_variable(Real("x", causality=Fmi2Causality.output))
+        print("a slave is made")
+
+    def do_step(self, t, step):
+        if self.k > 3:
+            raise ValueError("k is too large")
+        self.x /= 1 + step * self.k
+        return True
+"""
+
+
+def test_pythonfmu(folder, capfd):
+    pythonfmu = pytest.importorskip("pythonfmu")
+    (folder / "decay_of_tests.py").write_text(SLAVE)
+    path = pythonfmu.FmuBuilder.build_FMU(folder / "decay_of_tests.py", dest=folder)
+    capfd.readouterr()
+    own = mb.FMUSimulator(path, {"k": 1.0}, np.linspace(0, 1, 6), ["x"])
+    ensemble = own.run([[1.0], [2.0], [4.0], [2.0]])
+    expected = [(1 + 1e-3 * k) ** (-1000 * own.times) for k in (1.0, 2.0)]
+    assert_allclose(ensemble.Y[:2, :, 0], expected, rtol=1e-12)
+    assert (ensemble.Y[3] == ensemble.Y[1]).all()
+    assert "k is too large" in ensemble.messages[0]
+    bounds = mb.propagate(own, mb.PolynomialChaos(), mb.Box(k=(1.0, 2.0)))
+    assert_allclose(bounds["x"][1][-1], expected[0][-1], rtol=1e-6)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_repr_and_processes(springs):
+    own = simulator(springs[2])
+    assert repr(own) == repr(pickle.loads(pickle.dumps(own))) == "FMUSimulator(spring2.fmu)"
+    assert own.path == springs[2].resolve() and own.fmi_type == "CoSimulation"
+    assert os.getcwd() and own.run(samples(1)).ok.all()

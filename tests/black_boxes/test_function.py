@@ -1,0 +1,284 @@
+"""FunctionSimulator: shapes, failures and what is told of them."""
+
+import gc
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from symmb import DeclarationError, FunctionSimulator, simulate
+from symmb.black_boxes import run_blocks
+
+TIMES = np.array([0.0, 1.0, 2.0])
+
+
+def _simulator(f, outputs=("x",)):
+    return FunctionSimulator(f, {"a": 1.0}, TIMES, outputs)
+
+
+def test_one_output_may_come_without_its_axis():
+    assert _simulator(lambda a: a * TIMES).run(np.array([[2.0]])).Y.tolist() == [[[0.0], [2.0], [4.0]]]
+
+
+def test_wrong_shape_names_both():
+    ensemble = _simulator(lambda a: np.zeros(2)).run(np.array([[1.0]]))
+    assert not ensemble.ok.any()
+    assert "returned the shape (2,), expected numbers of the shape (3, 1)" in ensemble.messages[0]
+
+
+@pytest.mark.parametrize(
+    "result", ["text", None, [[1.0], [1.0, 2.0], [3.0]], {"x": 1.0}, [1j, 0, 0], ["1", "2", "3"], object()]
+)
+def test_what_is_no_array_of_numbers_is_a_failed_sample(result):
+    ensemble = _simulator(lambda a: TIMES if a > 0 else result).run(np.array([[1.0], [-1.0]]))
+    assert ensemble.ok.tolist() == [True, False]
+    assert (
+        "the function returned" in ensemble.messages[0]
+        and "expected numbers of the shape (3, 1)" in ensemble.messages[0]
+    )
+
+
+def test_exception_is_a_failed_sample():
+    def f(a):
+        if a > 1:
+            raise RuntimeError("stuck")
+        return a * TIMES
+
+    ensemble = _simulator(f).run(np.array([[1.0], [3.0]]))
+    assert ensemble.ok.tolist() == [True, False]
+    assert ensemble.t_failed[1] == 0.0 and np.isnan(ensemble.t_failed[0])
+    assert ensemble.messages == ("RuntimeError: stuck (a=3)",)
+    assert np.isnan(ensemble.Y[1]).all()
+
+
+def test_value_that_is_not_finite_fails_from_its_time_on():
+    ensemble = _simulator(lambda a: np.stack([TIMES, [0, np.inf, 1]], axis=1), ["x", "y"]).run(np.array([[1.0]]))
+    assert not ensemble.ok[0] and ensemble.t_failed[0] == 1.0
+    assert ensemble.Y[0, 0].tolist() == [0, 0] and np.isnan(ensemble.Y[0, 1:]).all()
+    assert ensemble.messages == ("y is not finite at t = 1 (a=1)",)
+
+
+@pytest.mark.parametrize(
+    "masked",
+    [
+        np.ma.array([0, 1, 2], mask=[False, True, False]),
+        np.ma.array([[0.0], [1.0], [2.0]], mask=[[False], [True], [False]]),
+        [0.0, np.ma.masked, 2.0],
+        (np.ma.array([0.0]), np.ma.array([1.0], mask=[True]), [2.0]),
+    ],
+)
+def test_a_masked_value_fails_from_its_time_on(masked):
+    ensemble = _simulator(lambda a: masked).run(np.array([[1.0]]))
+    assert ensemble.messages == ("x is not finite at t = 1 (a=1)",)
+    assert ensemble.Y[0, 0, 0] == 0 and np.isnan(ensemble.Y[0, 1:]).all()
+
+
+def test_an_exception_without_a_text_is_a_failed_sample():
+    class Odd(Exception):
+        def __str__(self):
+            raise ValueError
+
+    def f(a):
+        raise Odd
+
+    assert _simulator(f).run(np.array([[1.0]])).messages == ("Odd (a=1)",)
+
+
+@pytest.mark.parametrize("times", [[0.0, 0.0], [1.0, 0.0], [0.0, np.nan], [], [[0.0]]])
+def test_times_must_increase(times):
+    with pytest.raises(DeclarationError, match="times must be finite and increase"):
+        FunctionSimulator(lambda a: 0, {"a": 1.0}, times, ["x"])
+
+
+@pytest.mark.parametrize("outputs", [[], ["x", "x"]])
+def test_outputs_must_differ(outputs):
+    with pytest.raises(DeclarationError, match="one or more different names"):
+        _simulator(lambda a: TIMES, outputs)
+
+
+# -- Timeouts ----------------------------------------------------------------------------------------------
+
+
+def _hangs(a):
+    """A function that hangs, ends its process or raises for some of its arguments."""
+    if 1.5 < a < 2.5:
+        time.sleep(1000)
+    if 2.5 < a < 3.5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if 3.5 < a < 4.5:
+        sys.exit(3)
+    if 4.5 < a < 5.5:
+        raise RuntimeError("stuck")
+    if 5.5 < a < 6.5:
+        return lambda: None
+    return a * TIMES
+
+
+LIMITED = FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=0.3)
+FAULTS = (
+    "timed out: the function had not returned after 0.3 s (a=2)",
+    "the function ended its process by SIGKILL (a=3)",
+    "SystemExit: 3 (a=4)",
+    "RuntimeError: stuck (a=5)",
+)
+
+
+@pytest.mark.parametrize("copies", [1, 3])
+def test_calls_that_take_too_long_are_failed_samples(copies):
+    P = np.tile(np.arange(1.0, 8.0), copies)[:, None]
+    begin = time.monotonic()
+    ensemble = LIMITED.run(P)
+    assert time.monotonic() - begin < 10 * copies
+    assert ensemble.ok.tolist() == [True, False, False, False, False, False, True] * copies
+    assert ensemble.messages[:4] == FAULTS and "cannot be sent" in ensemble.messages[4]
+    assert (ensemble.Y[ensemble.ok][:, :, 0] == P[ensemble.ok] * TIMES).all()
+
+
+def test_a_signal_without_a_name_is_told_by_its_number():
+    number = signal.SIGRTMIN + 3  # one of real time
+    ends = FunctionSimulator(lambda a: os.kill(os.getpid(), number), {"a": 1.0}, TIMES, ["x"], timeout=10)
+    assert ends.run(np.ones((1, 1))).messages == (f"the function ended its process by signal {int(number)} (a=1)",)
+
+
+def test_timeouts_hold_in_threads_and_in_processes():
+    P = np.arange(1.0, 8.0)[:, None]
+    alone = run_blocks(LIMITED, P)
+    for pool in ThreadPoolExecutor(3), ProcessPoolExecutor(2):
+        with pool:
+            assert run_blocks(LIMITED, P, pool).ok.tolist() == alone.ok.tolist()
+
+
+def test_an_interrupt_ends_a_call():
+    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    slow = FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=100)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        slow.run(np.array([[2.0]]))
+    assert slow.run(np.array([[1.0]])).Y[0, :, 0].tolist() == TIMES.tolist()
+
+
+@pytest.mark.parametrize("timeout", [0, -1.0, np.nan, "10", True])
+def test_malformed_timeouts_are_refused(timeout):
+    with pytest.raises(DeclarationError, match="timeout must be a number of seconds above 0"):
+        FunctionSimulator(_hangs, {"a": 1.0}, TIMES, ["x"], timeout=timeout)
+
+
+def _process(a):
+    """The number of the process that makes a call."""
+    return np.full(len(TIMES), float(os.getpid()))
+
+
+def _number(simulator):
+    return int(simulator.run(np.array([[1.0]])).Y[0, 0, 0])
+
+
+def _is_gone(number):
+    """Whether a process ends within some seconds."""
+    for _ in range(100):
+        try:
+            os.kill(number, 0)
+            if Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_copies_in_a_process_share_that_of_their_calls():
+    simulator = FunctionSimulator(_process, {"a": 1.0}, TIMES, ["x"], timeout=10)
+    copies = [pickle.loads(pickle.dumps(simulator)) for _ in range(3)]  # a pool sends one with each task
+    assert {_number(simulator)} == {_number(copy) for copy in copies} != {os.getpid()}
+
+
+def test_processes_of_gone_simulators_and_threads_end():
+    simulator = FunctionSimulator(_process, {"a": 1.0}, TIMES, ["x"], timeout=10)
+    with ThreadPoolExecutor(1) as pool:
+        numbers = [pool.submit(_number, simulator).result(), _number(simulator)]
+    del simulator
+    gc.collect()
+    _number(FunctionSimulator(_process, {"a": 1.0}, TIMES, ["x"], timeout=10))
+    assert all(_is_gone(number) for number in numbers)
+
+
+def test_a_study_that_is_killed_leaves_no_process():
+    code = """
+import os, sys, time, numpy as np, symmb as mb
+def hang(a):
+    print(os.getpid(), flush=True)
+    time.sleep(1000)
+mb.FunctionSimulator(hang, {"a": 1.0}, [0.0], ["x"], timeout=900).run(np.ones((1, 1)))
+"""
+    study = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    number = int(study.stdout.readline())
+    study.kill()
+    study.wait()
+    study.stdout.close()
+    assert _is_gone(number)
+
+
+def _ends_its_process(a):
+    if a > 1.5:
+        os._exit(7)
+    return a * TIMES
+
+
+def _ends_beside_a_fork(a):
+    """A function that ends while a process that it has forked keeps all files open."""
+    if os.fork() == 0:
+        time.sleep(100)
+    os._exit(7)
+
+
+@pytest.mark.parametrize("timeout", [2, 60])
+def test_the_end_of_a_process_shows_whoever_keeps_its_pipe_open(timeout):
+    begin = time.monotonic()
+    simulator = FunctionSimulator(_ends_beside_a_fork, {"a": 1.0}, TIMES, ["x"], timeout=timeout)
+    assert simulator.run(np.ones((1, 1))).messages == ("the function ended its process with exit status 7 (a=1)",)
+    assert time.monotonic() - begin < 5
+
+
+def test_processes_that_end_in_threads_harm_no_others():
+    """Threads fork and end processes at the same time, also those that the threads of former pools have left."""
+    P = np.tile([1.0, 2.0, 1.0, 1.0], 20)[:, None]
+    for _ in range(5):
+        simulator = FunctionSimulator(_ends_its_process, {"a": 1.0}, TIMES, ["x"], timeout=60)
+        with ThreadPoolExecutor(8) as pool:
+            ensemble = run_blocks(simulator, P, pool)
+        assert (ensemble.ok == (P[:, 0] == 1.0)).all()
+        assert set(ensemble.messages) == {"the function ended its process with exit status 7 (a=2)"}
+
+
+def _exits(a):
+    """A function that ends the program for some arguments."""
+    if a > 1.5:
+        sys.exit(3)
+    return a * TIMES
+
+
+@pytest.mark.parametrize("pool", [None, ThreadPoolExecutor, ProcessPoolExecutor])
+def test_a_call_that_ends_the_program_is_a_failed_sample(pool):
+    ensemble = run_blocks(_simulator(_exits), np.array([[1.0], [2.0], [1.0]]), pool and pool(2))
+    assert ensemble.ok.tolist() == [True, False, True]
+    assert ensemble.messages == ("SystemExit: 3 (a=2)",)
+
+
+def test_a_call_that_is_interrupted_ends_the_study():
+    def interrupted(a):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _simulator(interrupted).run(np.ones((2, 1)))
+
+
+def test_simulate_takes_no_simulator():
+    with pytest.raises(DeclarationError, match="is a simulator"):
+        simulate(_simulator(_hangs))

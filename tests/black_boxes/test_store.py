@@ -1,0 +1,442 @@
+"""StoredSimulator: what is kept, what is made again, and what may happen to the file."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import double_pendulum
+from symmb.black_boxes import run_blocks
+from symmb.cli.main import main
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import kill_studies
+
+TIMES = np.linspace(0.0, 1.0, 11)
+BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))
+
+
+def response(a, b):
+    if a > 1.45 and b > 1.15:
+        raise RuntimeError("stuck")
+    return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
+
+
+class Counted:
+    """A function that counts its calls."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, a, b):
+        self.calls += 1
+        return response(a, b)
+
+
+def simulator(f, **options):
+    return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"], **options)
+
+
+def counting():
+    """A simulator, and the list of its calls."""
+    calls = []
+
+    def f(a, b):
+        calls.append((a, b))
+        return response(a, b)
+
+    return simulator(f), calls
+
+
+def bits(bounds):
+    return bounds.lower.tobytes(), bounds.upper.tobytes(), bounds.evaluations, len(bounds.failed)
+
+
+METHODS = [mb.PolynomialChaos(budget=60), mb.MonteCarlo(40), mb.Scanning(5), mb.Vertex()]
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("method", METHODS, ids=repr)
+def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, tmp_path):
+    plain = method.bounds(simulator(response), BOX)
+    for expected in plain.evaluations, 0:
+        counted = Counted()
+        f = mb.FunctionSimulator(counted, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
+        object.__setattr__(f, "identity", lambda: "response")
+        assert bits(method.bounds(mb.StoredSimulator(f, tmp_path / "runs.db"), BOX)) == bits(plain)
+        assert counted.calls <= expected and (counted.calls > 0) == (expected > 0)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_finer_study_and_another_method_use_what_is_there(tmp_path):
+    made, calls = counting()
+    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    mb.Vertex().bounds(stored, BOX)
+    assert len(calls) == 4
+    mb.Scanning(3).bounds(stored, BOX)
+    assert len(calls) == 9
+    mb.Scanning(5).bounds(stored, BOX)
+    assert len(calls) == 25
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_other_functions_times_outputs_and_versions_are_other_studies(tmp_path):
+    path = tmp_path / "runs.db"
+    many = [
+        simulator(response),
+        simulator(lambda a, b: 2 * response(a, b)),
+        mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES + 1, ["x", "y"]),
+        mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "z"]),
+    ]
+    for factor in (2, 3):
+        many.append(simulator(lambda a, b, factor=factor: factor * response(a, b)))
+    for k, one in enumerate(many):
+        mb.Vertex().bounds(mb.StoredSimulator(one, path), BOX)
+        assert studies(path) == k + 1
+    mb.Vertex().bounds(mb.StoredSimulator(many[0], path, version="2"), BOX)
+    assert studies(path) == len(many) + 1
+    mb.Vertex().bounds(mb.StoredSimulator(many[0], path), BOX)
+    assert studies(path) == len(many) + 1
+
+
+def studies(path):
+    with sqlite3.connect(path) as connection:
+        count = connection.execute("SELECT count(*) FROM studies").fetchone()[0]
+    connection.close()
+    return count
+
+
+def test_programs_are_known_by_their_templates_and_files(tmp_path):
+    (tmp_path / "data.txt").write_text("1")
+
+    def command(code, **options):
+        return mb.CommandSimulator([sys.executable, "in.py"], {"k": 1.0}, [0.0], ["x"], {"in.py": code}, **options)
+
+    first = command("{k}", files=[tmp_path / "data.txt"]).identity()
+    assert first == command("{k}", files=[tmp_path / "data.txt"], timeout=3).identity()
+    assert first != command("{k} ", files=[tmp_path / "data.txt"]).identity()
+    assert first != command("{k}", files=[tmp_path / "data.txt"], environment={"A": "1"}).identity()
+    (tmp_path / "data.txt").write_text("2")
+    assert first != command("{k}", files=[tmp_path / "data.txt"]).identity()
+
+
+SCENE_KEY = """
+import symmb as mb
+from models import double_pendulum
+scene = double_pendulum.scene().with_times([0.0, 0.5])
+for solver in mb.DormandPrince(rtol=1e-10), mb.DormandPrince(rtol=1e-9):
+    print(mb.DAESimulator(scene, solver).identity())
+"""
+
+
+@pytest.mark.slow
+def test_scenes_are_known_in_other_processes(tmp_path):
+    scene = double_pendulum.scene().with_times([0.0, 0.5])
+    told = subprocess.run([sys.executable, "-c", SCENE_KEY], capture_output=True, text=True, check=True).stdout.split()
+    made = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-10))
+    assert told[0] == made.identity() != told[1]
+    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    first = mb.Scanning(3).bounds(stored, scene.box)
+    assert bits(mb.Scanning(3).bounds(stored, scene.box)) == bits(first)
+    plain = mb.Scanning(3).bounds(made, scene.box)
+    assert np.abs(plain.upper - first.upper).max() < 1e-8
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_executors_store_the_same(pool, tmp_path):
+    plain = mb.MonteCarlo(60).bounds(simulator(response), BOX)
+    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    assert bits(mb.MonteCarlo(60).bounds(stored, BOX, executor=pool(2))) == bits(plain)
+
+
+STUDY = """
+import sys, time, warnings
+import numpy as np
+import symmb as mb
+
+warnings.simplefilter("ignore")
+TIMES = np.linspace(0.0, 1.0, 11)
+
+def response(a, b):
+    with open(sys.argv[2], "a") as calls:
+        calls.write(f"{a!r} {b!r}\\n")
+    time.sleep(0.002)
+    return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
+
+f = mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
+bounds = mb.MonteCarlo(400).bounds(mb.StoredSimulator(f, sys.argv[1]), mb.Box(a=(0.5, 1.5), b=(0.8, 1.2)))
+bounds.save(sys.argv[3])
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
+    (tmp_path / "study.py").write_text(STUDY)
+
+    def study(name):
+        return [
+            sys.executable,
+            *(str(tmp_path / part) for part in ("study.py", f"{name}.db", f"{name}.txt", f"{name}.npz")),
+        ]
+
+    subprocess.run(study("whole"), check=True)
+    calls = tmp_path / "killed.txt"
+    for share in (0.3, 0.6, 0.9):
+        process = subprocess.Popen(study("killed"))
+        while not calls.exists() or len(calls.read_text().splitlines()) < share * 400:
+            time.sleep(0.005)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        with sqlite3.connect(tmp_path / "killed.db") as connection:
+            assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        connection.close()
+    subprocess.run(study("killed"), check=True)
+    made = calls.read_text().splitlines()
+    assert len(set(made)) == 400 and len(made) <= 403  # the run in flight of each kill
+    assert bits(mb.Bounds.load(tmp_path / "killed.npz")) == bits(mb.Bounds.load(tmp_path / "whole.npz"))
+
+
+def damaged(path):
+    path.write_bytes(b"SQLite format 3\x00" + bytes(range(256)) * 8)
+
+
+def foreign(path):
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE other (x)")
+    connection.close()
+
+
+def truncated(path):
+    mb.propagate(
+        mb.StoredSimulator(simulator(response), path), mb.MonteCarlo(30, seed=1), mb.Box(a=(0.5, 0.6), b=(0.8, 0.9))
+    )
+    path.write_bytes(path.read_bytes()[:6000])
+
+
+def folder(path):
+    path.mkdir()
+
+
+def text(path):
+    path.write_text("x")
+
+
+@pytest.mark.parametrize("make", [damaged, foreign, truncated, folder, text])
+def test_what_is_no_store_is_told_in_a_sentence(make, tmp_path):
+    path = tmp_path / "runs.db"
+    make(path)
+    with pytest.raises(mb.DeclarationError) as error:
+        mb.MonteCarlo(30).bounds(mb.StoredSimulator(simulator(response), path), BOX)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+    assert make is not text or path.read_text() == "x"
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_store_is_told_or_gives_the_same_bounds(seed):
+    """In a larger number: tests/benchmarks/kill_studies.py damaged."""
+    assert ":" not in kill_studies.damaged_store(7000 + seed)
+
+
+DAMAGES = {
+    "other value": f"UPDATE runs SET response = x'{np.full(3, 0.5).tobytes().hex()}' WHERE rowid = 3",
+    "not finite": f"UPDATE runs SET response = x'{np.full(3, np.nan).tobytes().hex()}' WHERE rowid = 3",
+    "exchanged": "UPDATE runs SET response = (SELECT response FROM runs WHERE rowid = 4) WHERE rowid = 3",
+    "not failed": "UPDATE runs SET state = 0 WHERE state = 1",
+    "no text": "UPDATE studies SET simulator = CAST(x'ff00fe' AS TEXT)",
+    "view": kill_studies.TABLES[3],
+    "view without end": kill_studies.TABLES[4],
+}
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("statement", DAMAGES.values(), ids=DAMAGES)
+def test_what_was_not_written_by_symmb_is_damage(statement, tmp_path, capsys):
+    path = tmp_path / "runs.db"
+    kill_studies.stored_study(path)
+    connection = sqlite3.connect(path)
+    connection.executescript(statement)
+    connection.close()
+    if "simulator" not in statement:
+        with pytest.raises(mb.DeclarationError, match="is damaged") as error:
+            kill_studies.stored_study(path)
+        assert "\n" not in str(error.value)
+    if "runs SET" not in statement:
+        assert main(["runs", str(path)]) == 2
+        assert "is damaged" in capsys.readouterr().err
+
+
+VERSION_2 = """
+CREATE TABLE former (id, digest, simulator, parameters, outputs, times, begun);
+INSERT INTO former SELECT id, digest, simulator, parameters, outputs, times, begun FROM studies;
+CREATE TABLE former_runs (study, sample, state, t_failed, reason, response, events, seconds);
+INSERT INTO former_runs SELECT study, sample, state, t_failed, reason, response, events, seconds FROM runs;
+DROP TABLE runs;
+DROP TABLE studies;
+CREATE TABLE studies (
+    id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
+    outputs TEXT NOT NULL, times BLOB NOT NULL, begun TEXT NOT NULL);
+CREATE TABLE runs (
+    study INTEGER NOT NULL REFERENCES studies(id), sample BLOB NOT NULL, state INTEGER NOT NULL, t_failed REAL,
+    reason TEXT NOT NULL, response BLOB NOT NULL, events BLOB, seconds REAL NOT NULL, UNIQUE (study, sample));
+INSERT INTO studies SELECT * FROM former;
+INSERT INTO runs SELECT * FROM former_runs;
+DROP TABLE former;
+DROP TABLE former_runs;
+PRAGMA user_version = 2;
+"""
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_files_of_version_2_are_taken_over(tmp_path):
+    made, calls = counting()
+    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    first = mb.Scanning(3).bounds(stored, BOX)
+    connection = sqlite3.connect(tmp_path / "runs.db")
+    connection.executescript(VERSION_2)
+    connection.close()
+    assert bits(mb.Scanning(3).bounds(stored, BOX)) == bits(first) and len(calls) == 9
+
+
+def test_two_studies_at_once_lose_nothing(tmp_path):
+    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    P = np.random.default_rng(0).uniform(0.5, 1.2, (120, 2))
+    with ThreadPoolExecutor(2) as pool:
+        both = list(pool.map(lambda part: run_blocks(stored, part), (P[:80], P[40:])))
+    assert both[0].Y[40:].tobytes() == both[1].Y[:40].tobytes()
+    assert run_blocks(stored, P).Y.tobytes() == run_blocks(simulator(response), P).Y.tobytes()
+
+
+def test_what_has_no_identity_is_refused(tmp_path):
+    class Plain:
+        parameters, times, outputs = {"a": 1.0}, TIMES, ("x",)
+
+    with pytest.raises(mb.DeclarationError, match="has no method identity"):
+        mb.StoredSimulator(Plain(), tmp_path / "runs.db")
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_symmb_runs(tmp_path, capsys):
+    path = tmp_path / "runs.db"
+    mb.Scanning(3).bounds(mb.StoredSimulator(simulator(response), path), BOX)
+    assert main(["runs", str(path)]) == 0
+    titles, row = capsys.readouterr().out.splitlines()
+    assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "lost", "parameters"]
+    assert row.split()[-6:] == ["8", "1", "0", "0", "a,", "b"]
+    xarray = pytest.importorskip("xarray")
+    assert main(["runs", str(path), "--export", str(tmp_path / "runs.nc")]) == 0
+    with xarray.open_dataset(tmp_path / "runs.nc") as data:
+        assert data.response.shape == (9, 11, 2) and int(data.ok.sum()) == 8
+        k = int(np.flatnonzero((data.a == 0.5) & (data.b == 0.8))[0])
+        np.testing.assert_array_equal(data.response[k].values, response(0.5, 0.8))
+    capsys.readouterr()
+    assert main(["runs", str(path), "--prune", "failed"]) == 0
+    assert "1 runs removed" in capsys.readouterr().out
+    made, calls = counting()
+    object.__setattr__(made, "identity", simulator(response).identity)
+    mb.Scanning(3).bounds(mb.StoredSimulator(made, path), BOX)
+    assert calls == [(1.5, 1.2)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["no_such_file.db"], "does not exist"),
+        (["runs.db", "--study", "7"], "no study 7"),
+        (["runs.db", "--export", "runs.xls"], ".nc"),
+        (["text.db"], "is no run store"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mb.Vertex().bounds(mb.StoredSimulator(simulator(response), "runs.db"), BOX)
+    (tmp_path / "text.db").write_text("time,x")
+    assert main(["runs", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert text in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("time", "output"),
+        ("response", "ok"),
+        ("a/b", "a_b"),
+        ("a_b", "a/b"),
+        ("=", "sample"),
+        ("1 k", "ä µ"),
+        ("_", "-"),
+        ("Κ", "ω"),
+        ("日本", "𝒳"),
+    ],
+    ids=repr,
+)
+def test_runs_are_exported_whatever_parameters_are_called(names, tmp_path, capsys):
+    xarray = pytest.importorskip("xarray")
+    f = mb.FunctionSimulator(lambda **values: sum(values.values()) * TIMES, dict.fromkeys(names, 1.0), TIMES, ["x"])
+    P = np.array([[1.0, 2.0], [3.0, 5.0], [4.0, 7.0]])
+    mb.StoredSimulator(f, tmp_path / "runs.db").run(P)
+    assert main(["runs", str(tmp_path / "runs.db"), "--export", str(tmp_path / "runs.nc")]) == 0
+    with xarray.open_dataset(tmp_path / "runs.nc") as data:
+        assert data.response.dims == ("sample", "time", "output") and data.attrs["parameters"].split("\n") == [*names]
+        np.testing.assert_array_equal(data.time.values, TIMES)
+        found = [data[name] for name in data.coords if data[name].dims == ("sample",)]
+        assert {f.long_name: tuple(f.values) for f in found} == dict(zip(names, map(tuple, P.T), strict=True))
+    capsys.readouterr()
+
+
+def test_a_store_of_a_store_is_refused(tmp_path):
+    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+    with pytest.raises(mb.DeclarationError, match="is a StoredSimulator already"):
+        mb.StoredSimulator(stored, tmp_path / "other.db")
+
+
+class Dies:
+    """A function that kills its process, or takes long, while a file says so."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __call__(self, a, b):
+        told = self.path.read_text()
+        if told == "die" and a > 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if told == "wait":
+            time.sleep(0.3)
+        return response(a, b)
+
+
+def test_lost_runs_are_made_again(tmp_path):
+    (tmp_path / "how").write_text("die")
+    stored = mb.StoredSimulator(simulator(Dies(tmp_path / "how")), tmp_path / "runs.db")
+    P = np.array([[0.5, 1.0], [1.2, 1.0]])
+    assert run_blocks(stored, P, lambda: ProcessPoolExecutor(1)).ok.tolist() == [True, False]
+    (tmp_path / "how").write_text("")
+    assert run_blocks(stored, P).ok.all()
+    assert main(["runs", str(tmp_path / "runs.db"), "--prune", "failed"]) == 0
+
+
+@pytest.mark.parametrize(("timeout", "calls"), [(0.1, 0), (0.05, 0), (2.0, 1), (10.0, 1), (None, 1)])
+def test_runs_that_timed_out_are_made_again_with_more_time(timeout, calls, tmp_path, capsys):
+    def stored(timeout):
+        made = simulator(Dies(tmp_path / "how"), timeout=timeout)
+        return mb.StoredSimulator(made, tmp_path / "runs.db")
+
+    (tmp_path / "how").write_text("wait")
+    P = np.array([[0.5, 1.0]])
+    assert not stored(0.1).run(P).ok.any()
+    (tmp_path / "how").write_text("")
+    assert stored(timeout).run(P).ok.sum() == calls
+    assert main(["runs", str(tmp_path / "runs.db"), "--prune", "timed-out"]) == 0
+    assert f"{1 - calls} runs removed" in capsys.readouterr().out
