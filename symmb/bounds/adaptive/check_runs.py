@@ -14,7 +14,7 @@ CANDIDATES = 150
 """Extremes among which check points are selected: the selection compares all pairs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
 """Shapes of time that hide as much as single numbers do, and their least share of the largest one."""
-_SHAPE_RUNS = 100
+SHAPE_RUNS = 100
 """Most runs and about as many times of which shapes are counted: a window is 2 % of all times."""
 PROBES = 6
 """Quasi-random check points. Nodes lie at middles, ends and halves, where symmetric responses may be alike. More find
@@ -107,7 +107,6 @@ def count_shapes(Y: Array, widths: Array) -> int:
     What few shapes hide, few numbers would: all times together may show no more than one. Shapes count from a share
     SHAPE_SHARE of the largest one on.
     """
-    Y = Y[:_SHAPE_RUNS, :: max(1, Y.shape[1] // _SHAPE_RUNS)]
     relative = ((Y - Y.mean(axis=0)) / widths).reshape(len(Y), -1)
     squares = np.linalg.eigvalsh(relative @ relative.T)
     return int((squares > SHAPE_SHARE**2 * squares[-1]).sum())

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Noisy, Progress, Simulator, note_attained, run_blocks
-from symmb.bounds.adaptive.check_runs import FEW_SHAPES, count_shapes, quasi_random_points
+from symmb.bounds.adaptive.check_runs import FEW_SHAPES, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bounds.method import parameter_samples
@@ -125,6 +125,12 @@ class Runs:
             self._blocks = [np.concatenate(self._blocks)]
         return self._blocks[0]
 
+    @property
+    def some_nodes(self) -> Array:
+        """(SHAPE_RUNS at most, n_s, n_y) responses at the first nodes and some times, by which shapes are counted."""
+        some = slice(None, None, max(1, self.shape[0] // SHAPE_RUNS))
+        return np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
+
     def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
         """Through the responses at nodes of these rows (N,), in named parameters."""
         coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in self._blocks), rows=rows)
@@ -220,7 +226,9 @@ class Runs:
 
     def may_hide(self) -> bool:
         """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
-        return count_shapes(self.nodes, self.rms_widths()) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
+        return count_shapes(self.some_nodes, self.rms_widths()) <= FEW_SHAPES or rests_for_a_time(
+            *self.extremes, self.noise
+        )
 
     def measure_noise(self) -> None:
         """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""

@@ -145,11 +145,11 @@ class TensorGrids:
 
     def _is_field(self) -> bool:
         """Whether each output that varies has many shapes of time: check runs then tell more of the error."""
-        Y, widths = self._runs.nodes, self._runs.rms_widths()
-        if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
+        Y, widths = self._runs.some_nodes, self._runs.rms_widths()
+        varying = np.flatnonzero(np.isfinite(widths))
+        if len(self._pieces) > 1 or self._pieces[0].jumps is not None or not varying.size:
             return False
-        shapes = (count_shapes(Y[..., [k]], widths[[k]]) for k in np.flatnonzero(np.isfinite(widths)))
-        return min(shapes, default=0) > FEW_SHAPES
+        return all(count_shapes(Y[..., k : k + 1], widths[[k]]) > FEW_SHAPES for k in varying)
 
     def _farthest(self, union: _Union) -> Piece:
         """The piece that holds the check run which goes farthest beyond the range."""
@@ -169,7 +169,7 @@ class TensorGrids:
         """
         runs, widths, estimate = self._runs, self._runs.rms_widths(), union.errors.max(axis=0)
         n_known, d = len(runs.points), len(runs.box)
-        n_probes = PROBES if count_shapes(runs.nodes, widths) <= FEW_SHAPES else 1
+        n_probes = PROBES if count_shapes(runs.some_nodes, widths) <= FEW_SHAPES else 1
         probes = np.concatenate([evenly_spread_points(runs.probes, d), quasi_random_points(n_probes, d)])
         selected = select_dispersed(union.places, union.checkable_error / widths, max(2 * d, 4))
         runs.check(np.concatenate([probes, selected])[: runs.left])
