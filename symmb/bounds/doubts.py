@@ -9,7 +9,7 @@ from symmb._types import Array, Executor
 from symmb.black_boxes import Noisy, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
-from symmb.bounds.result import Bounds
+from symmb.bounds.result import ROUNDING, Bounds
 from symmb.model import Box
 from symmb.nodes import grid
 from symmb.simulation import DAESimulator
@@ -113,13 +113,14 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """Outputs whose noise is told to be larger than the width that runs attain. That of scenes is a rough guess."""
+    """Outputs that vary by less than their noise, but by more than rounding. The noise of scenes is a rough guess."""
     if isinstance(simulator, DAESimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
-    below = (upper <= lower + simulator.noise).all(axis=0) & (lower < upper).any(axis=0)
+    varies = (upper - lower > ROUNDING * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)
+    below = (upper <= lower + simulator.noise).all(axis=0) & varies
     names = ", ".join(bounds.names[k] for k in np.flatnonzero(below))
-    return (f"The noise is told to be larger than the width of {names}.",) if names else ()
+    return (f"The noise of runs is larger than the width of {names}: this width is not known.",) if names else ()
 
 
 _PATIENCE = 1.0

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from symmb._errors import warn_of
+from symmb._errors import PropagationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._progress import shown_runs
 from symmb._types import Executor
@@ -13,7 +13,7 @@ from symmb.bounds.result import Bounds
 from symmb.bounds.study import study_of
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import simulator_of
+from symmb.simulation import DAESimulator, prepare_equations, simulator_of
 
 
 def propagate(
@@ -62,7 +62,13 @@ def propagate(
     require_method("propagate", method)
     with kept_interrupts(), shown_runs(progress, repr(method)) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
-        bounds = method.bounds(simulator, box, executor=executor, progress=progress)
+        try:
+            bounds = method.bounds(simulator, box, executor=executor, progress=progress)
+        except PropagationError as error:
+            if not isinstance(simulator, DAESimulator):
+                raise
+            doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
+            raise PropagationError("\n".join((str(error), *doubts))) from error
         bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, method, box))
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
