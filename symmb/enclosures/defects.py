@@ -90,7 +90,7 @@ def defect_of_motion(
     if math.prod(counts) > _LARGEST:
         counts = node_counts(rho, 0.3 * float((harmless / most).min()), top)
     if math.prod(counts) > _LARGEST:
-        raise ProofError("polynomials of this order follow the motion too badly")
+        raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(_TRIALS):
         wanted = np.maximum(_ALIAS * sampled, small)
@@ -101,7 +101,7 @@ def defect_of_motion(
         counts = finer
         sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     if (alias > _UNRESOLVED * np.maximum(wanted, harmless)).any():
-        raise ProofError("polynomials of this order follow the motion too badly")
+        raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     control.wanted = float(sampled.max())
     return above(sampled + alias)
 

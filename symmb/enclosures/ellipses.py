@@ -158,7 +158,7 @@ def adapted(step: TimeStep, control: Control) -> Tried:
             break
         best = _tried(step, best.choice.smaller(), control.wanted)
     else:
-        raise ProofError("the equations cannot be shown to be smooth over the box")
+        raise ProofError("the equations cannot be shown to be smooth in any step, as where a short pulse begins")
     for trial in range(_MOST_COMPARED):
         if trial >= _COMPARED and best.nodes <= _MANY:
             break

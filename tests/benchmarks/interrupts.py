@@ -244,6 +244,8 @@ def programs(count: int, seed: int) -> int:
 
 
 if __name__ == "__main__":
+    for ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # by shells, in the background
+        signal.signal(ignored, signal.default_int_handler if ignored == signal.SIGINT else signal.SIG_DFL)
     if sys.argv[1:2] == ["programs"]:
         sys.exit(programs(*(int(text) for text in (*sys.argv[2:], *("50", "0")[len(sys.argv) - 2 :]))))
     MOMENTS = int(sys.argv[1]) if len(sys.argv) > 1 else 50

@@ -171,3 +171,18 @@ def test_comparisons_tell_where_runs_fail(tmp_path):
     rows = mb.Comparison.load(tmp_path / "comparison.json").rows
     assert [row.failed_region for row in rows] == [row.failed_region for row in comparison.rows]
     assert rows[1].failed_region == "for a > 1 (2 of 2 runs there, 0 of 2 elsewhere)"
+
+
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.Vertex(), mb.MonteCarlo(10)], ids=repr)
+@pytest.mark.parametrize("second", [mb.Revolute, mb.Spherical])
+def test_constraints_that_contradict_each_other_over_the_box_are_named(second, method):
+    p = mb.Parameters(height=1.0)
+    door = mb.Body("door", 5.0, (0.4, 0.3, 0.2), mb.Spatial())
+    ground, axis = mb.Ground(), {"axis": (0, 0, 1)}
+    lower = mb.Revolute("lower", ground.point(0, 0, 0), door.point(-0.4, 0, -0.5), **axis)
+    above, at = ground.point(0, 0, p.height), door.point(-0.4, 0, 0.5)
+    upper = second("upper", above, at, **(axis if second is mb.Revolute else {}))
+    system = mb.System(door, lower, upper, mb.Gravity(0, -9.81, 0), parameters=p)
+    scene = mb.Scene(system, times=[0.0, 0.5], outputs={"x": door.x})
+    with pytest.raises(mb.PropagationError, match=r"'lower', 'upper' are redundant .* contradict each other"):
+        mb.propagate(scene, method, mb.Box(height=(0.95, 1.05)))
