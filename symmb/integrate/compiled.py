@@ -93,12 +93,9 @@ class CompiledIntegration(Integration):
         if (contacts := self._engine.contacts) is not None:
             events = events_of(failed_samples.events, contacts.names, len(p))
             runs = [replace(run, events=own) for run, own in zip(runs, events, strict=True)]
-        if (passes := failed_samples.passes) is not None:
-            return [replace(run, stops=stops_at(own)) for run, own in zip(runs, passes, strict=True)]
-        passes_of_another = getattr(self._engine.ends.stops, "stops", None)
-        if len(p) > 1 or passes_of_another is None:
+        if (passes := failed_samples.passes) is None:
             return runs
-        return [replace(run, stops=passes_of_another(x0, p).of(0)) for run in runs]  # one that is judged
+        return [replace(run, stops=stops_at(own)) for run, own in zip(runs, passes, strict=True)]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
         if self._fixed_steps is None:
