@@ -19,9 +19,8 @@ from symmb.symbolic import batch
 _CERTAIN, _EXACT = 1e-3, 1e-9
 """Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
 that hardly changes."""
-_OF_WIDTH = 0.01
-"""Error of a run over the width of bounds from which they are doubtful: half of what other errors of bounds may be,
-since few times are looked at."""
+_OF_WIDTH = 0.02
+"""Error of a run over the width of bounds from which they are doubtful, as other errors of bounds are."""
 _GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
 """Errors of a run over the relative tolerance of its steps, up to which these explain it, and the same of multistep
 methods: 2,000 steps have 40 and 400. A tolerance that is larger than the usual one excuses nothing."""
@@ -144,6 +143,8 @@ class TwoWays:
     def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
         """The same for errors that are large beside the widths (n_y,) of bounds; the other way is more accurate."""
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
+        if lost.any():
+            lost &= widths > self.floor(self.levels[0])  # where nothing is uncertain, widths are errors alone
         doubts = self._doubts(lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds")
         return tuple(f"{doubt} Give a solver of a smaller rtol." for doubt in doubts)
 
