@@ -1,5 +1,6 @@
 """Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,6 +26,8 @@ FARTHEST_SCALING = 10.0
 """Largest factor by which the error of a check run is scaled to the error expected elsewhere."""
 LEAST_COST = 15
 """Runs of a refinement before which it is worth a few to measure noise."""
+MANY_VALUES = 1000
+"""Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
 FIELD_TRUST = 0.15
 """TRUST of fields: their check runs show errors at many times. Less takes fewer runs, and misses more."""
 
@@ -144,7 +147,9 @@ class TensorGrids:
         return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
 
     def _is_field(self) -> bool:
-        """Whether each output that varies has many shapes of time: check runs then tell more of the error."""
+        """Whether each output of many values has many shapes of time: check runs then tell more of the error."""
+        if math.prod(self._runs.shape) < MANY_VALUES:
+            return False
         Y, widths = self._runs.some_nodes, self._runs.rms_widths()
         varying = np.flatnonzero(np.isfinite(widths))
         if len(self._pieces) > 1 or self._pieces[0].jumps is not None or not varying.size:
