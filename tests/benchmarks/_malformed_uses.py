@@ -9,7 +9,7 @@ import numpy as np
 import symmb as mb
 from symmb.bounds.method import Method
 from symmb.integrate import Solver
-from symmb.mechanics import AbstractBody, Element
+from symmb.mechanics import AbstractBody, Element, Point
 
 T = np.linspace(0.0, 0.2, 5)
 DECAY = mb.FunctionSimulator(lambda **p: np.exp(-p["l"] * T), {"l": 1.0}, T, ["x"])
@@ -97,6 +97,8 @@ def equations(result: Any) -> str:
     for kinds, element in LAWS:
         if isinstance(result, kinds):
             result = element(result)
+    if isinstance(result, Point):
+        result = mb.Force("push", result, (1.0, 0.0, 0.0))
     if isinstance(result, mb.Baumgarte | mb.AugmentedLagrangian | mb.Projection):
         return str(mb.simulate(SCENE, mb.RungeKutta(20, stabilization=result)).values.tolist())
     if isinstance(result, AbstractBody) and not isinstance(result, mb.Ground):
