@@ -286,9 +286,8 @@ def _machine() -> str:
 def _begin_of(process: int) -> str:
     """When a process began, as the system tells it; empty if it does not run."""
     try:
-        return (
-            Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[19]
-        )
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+        return "" if status[0] in "ZX" else status[19]  # ended, though nobody has waited for it
     except OSError:
         return "" if Path("/proc/self/stat").exists() else _runs(process)
 

@@ -200,11 +200,13 @@ def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:
 def _serve(f: Callable[..., Any], pipe: Connection) -> None:
     """Call f for what arrives, until the parent is gone."""
     lead_group()
-    threading.Thread(target=_end_with_parent, args=(pipe, os.getppid()), daemon=True).start()
+    end = threading.Thread(target=_end_with_parent, args=(pipe, os.getppid()), daemon=True)
+    end.start()
     while True:
         try:
             values = pipe.recv()
         except EOFError:
+            end.join()  # the parent may have left folders
             return
         try:
             reply = "", f(**values)

@@ -47,7 +47,7 @@ import sys
 import numpy as np
 import symmb as mb
 
-CODE = '''
+CODE = r'''
 import subprocess, sys, time
 other = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
 time.sleep({k})
@@ -63,7 +63,7 @@ FMU = """
 import symmb as mb
 
 def simulator():
-    run = mb.FMUSimulator("spring.fmu", {"stiffness": 40.0}, [0.0, 0.5, 1.0], ["position"])
+    run = mb.FMUSimulator("spring.fmu", {"stiffness": 40.0}, [0.0, 0.5, 1.0], ["x"])
     return run, mb.Box(stiffness=(20.0, 95.0))
 """
 STUDY = """
@@ -176,6 +176,8 @@ def ended_programs(model: str, name: str, number: signal.Signals, moment: float,
         while not any(temporary.glob(first)) and time.monotonic() < deadline:
             time.sleep(0.02)
         time.sleep(moment)
+        if process.poll() is not None:
+            return [f"a study that ended by itself with status {process.returncode}"]
         process.send_signal(number)
         deadline, left = time.monotonic() + MOST, [""]
         while left and time.monotonic() < deadline:
