@@ -28,6 +28,8 @@ _TICK = 0.02
 """Time between looks at futures that do not call back [s]."""
 _LOOK = 1.0
 """Time between looks at futures that should call back, and at results of Dask that do not arrive [s]."""
+_GRACE, _SOON = 1.0, 0.02
+"""Time for tasks of threads to end when a study is interrupted, and between looks whether they have [s]."""
 _BITS = 60
 """Of the number at which those of the tasks begin."""
 _KILLED = "KilledWorker"
@@ -155,7 +157,15 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
             if task.future is not None:
                 with suppress(Exception):
                     task.future.cancel()
-        end_calls_of([_THREADS[k] for k in [*running] if k in _THREADS])  # or else a pool of threads waits for programs
+        _end_calls(running)  # or else a pool of threads waits for programs
+
+
+def _end_calls(tasks: Iterable[int]) -> None:
+    """End the calls that threads make for some tasks, also those that are about to begin."""
+    deadline = time.monotonic() + _GRACE
+    while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
+        end_calls_of(threads)
+        time.sleep(_SOON)
 
 
 def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: "_Pool", done: "queue.SimpleQueue[int]") -> _Task:
