@@ -65,7 +65,7 @@ def propagate(
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
-            if not isinstance(simulator, DAESimulator):
+            if not isinstance(simulator, DAESimulator) or simulator.scene is None:  # as in a copy from a pickle
                 raise
             doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
