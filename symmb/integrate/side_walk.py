@@ -82,6 +82,7 @@ class SideWalk:
         self._one_sided, self._free = one_sided, free
         self._shift, self._least, self._next = _SHIFT * span, 1e-3 * span, 0
         self._sides: Array | None = None
+        self._is_lost = False
 
     def piece(self, begin: float, end: float, y: Array) -> Array:
         """y at the end of a piece between two stops."""
@@ -89,6 +90,8 @@ class SideWalk:
         if end > self._until:
             return self._free(begin, end, y, self._p)
         sides = self._equations.sides_at(y, self._p, begin) if self._sides is None else self._sides
+        if self._is_lost and self._is_near_switch(begin, y, sides):
+            return self._free(begin, end, y, self._p)
         due, arrived = self._next - first, None
         with suppress(*_BREAKDOWNS):
             new = self._one_sided(begin, end, y, np.concatenate([self._p, sides]))
@@ -106,7 +109,13 @@ class SideWalk:
             for _ in range(due):
                 y, sides = self._passed(t, y, sides)
             self._sides = sides if self._fits(t, y, sides) else None
-        return None if self._sides is None else y
+        self._is_lost = self._sides is None
+        return None if self._is_lost else y
+
+    def _is_near_switch(self, t: float, y: Array, sides: Array) -> bool:
+        """Whether the motion may be on the other side of a switch than the run that told the passes."""
+        values, rates = self._equations.on_sides(y, self._p, sides, t)
+        return bool((np.abs(values) <= self._shift * np.abs(rates)).any())
 
     def _passed(self, t: float, y: Array, sides: Array) -> tuple[Array, Array]:
         """y on the next switch that the motion passes, and the sides behind it. Its time stays that of the pass."""
@@ -131,12 +140,14 @@ class SideWalk:
     def _behind(self, t: float, y: Array, sides: Array, k: int) -> Array:
         """The sides behind switch number k, and behind others that jump with it."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
-        may_jump, jumps = values >= -self._margins(rates, t), np.arange(len(sides)) == k
-        while jumps.any():
-            sides, may_jump = np.where(jumps, -sides, sides), may_jump & ~jumps
+        sides, may_jump = sides.copy(), values >= -self._margins(rates, t)
+        while True:  # one by one: switches depend on the sides of those before them
+            sides[k], may_jump[k] = -sides[k], False
             values, rates = self._equations.on_sides(y, self._p, sides, t)
             jumps = may_jump & (values < -self._margins(rates, t))
-        return sides
+            if not jumps.any():
+                return sides
+            k = int(jumps.argmax())
 
     def _late(self, t: float, y: Array, sides: Array) -> tuple[float, int]:
         """The time after t, or before it, at which the motion passes its next switch, infinite without one."""

@@ -12,13 +12,14 @@ import symmb as mb
 pytestmark = pytest.mark.slow
 
 
-def wheel(act, rate, end, **more):
-    """A wheel that turns evenly, and a particle that is pushed by 1 N times act(angle)."""
-    body, rotor = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("rotor", 1.0, 0.1)
+def wheel(act, rate, end, growth=0.0, **more):
+    """A wheel that turns evenly or ever faster, and a particle that is pushed by 1 N times act(angle)."""
+    body, rotor = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("rotor", 1.0, 2.0)
     hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rotor.point(0, 0))
     p = mb.Parameters(force=1.0)
     push = mb.Force("push", body.point(0, 0, 0), (p.force * act(hinge.angle), 0, 0))
-    system = mb.System(body, rotor, hinge, push, parameters=p)
+    motor = [mb.Actuator("motor", hinge, 2.0 * growth)] if growth else []
+    system = mb.System(body, rotor, hinge, push, *motor, parameters=p)
     box = mb.Box.around(p, 0.1)
     return mb.Scene(system, {"hinge.angle_rate": rate}, np.linspace(0, end, 7), {"v": body.vx}, box=box, **more)
 
@@ -135,6 +136,24 @@ def test_switches_that_jump_together_at_the_end_of_a_period_all_change_their_sid
     scene, exact = wheel(act, rate, turns * 0.5348 / abs(rate)), turns * width / 2 * 0.5348 / abs(rate)
     run = mb.simulate(scene, solver)
     assert run["v"][-1] == pytest.approx(exact, rel=1e-6) and not run.doubts
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES(), mb.IDAS()], ids=repr)
+@pytest.mark.parametrize("rate", [17.433085077951812, 17.60741592873133, 9.1])
+def test_windows_of_a_size_of_a_remainder_end_on_time(rate, solver):
+    """Where the remainder jumps, its sign changes at once, but not the side of the window, which depends on that."""
+    growth, shift, width = 1.928769252190923, 0.26745279129822047, 0.0036916610662172606 * 2 * np.pi
+
+    def act(a):
+        return ca.if_else(ca.fabs(ca.remainder(a - shift, 2 * np.pi)) < width, 1.0, 0.0)
+
+    edges = shift + 2 * np.pi * np.arange(40)[:, None] + np.array([-width, width])
+    begins, ends = ((np.sqrt(rate**2 + 2 * growth * edges) - rate) / growth).T
+    scene = wheel(act, rate, 5.0, growth).with_times(np.linspace(0, 5.085779139075851, 11))
+    exact = np.clip(scene.times[:, None] - begins, 0.0, ends - begins).sum(axis=1)
+    run = mb.simulate(scene, solver)
+    assert_allclose(run["v"], exact, atol=1e-8)
+    assert not run.doubts
 
 
 def test_a_study_of_pulses_that_are_shorter_than_the_steps_of_its_check_is_not_doubted():
