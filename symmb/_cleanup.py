@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 import threading
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import parent_process
@@ -20,9 +21,9 @@ from symmb._interrupts import SIGNALS, deferred_interrupts
 PREFIX = "symmb-"
 """Beginning of the names of temporary folders. The number of their process follows."""
 
-_MARK = ".symmb"
-"""The file in a temporary folder that tells who has made it: other folders may have such names too. What the folder is
-for lies in a folder beside it."""
+_MARK, _FOLDER = ".symmb", "run"
+"""The file in a temporary folder that tells who has made it, since other folders may have such names too, and the
+folder beside it that is used."""
 _TITLE = "temporary folder of symmb"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
@@ -81,7 +82,7 @@ def _new_folder(base: Path | None) -> Path:
     outer = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=place))
     _FOLDERS.add(str(outer))
     outer.chmod(stat.S_IRWXU)  # whatever the umask is
-    mark, inner = outer / _MARK, outer / "run"
+    mark, inner = outer / _MARK, outer / _FOLDER
     mark.write_text("\n".join((_TITLE, outer.name, _machine(), str(os.getpid()), _begin_of(os.getpid()))))
     mark.chmod(stat.S_IRUSR | stat.S_IWUSR)
     inner.mkdir()
@@ -89,7 +90,15 @@ def _new_folder(base: Path | None) -> Path:
     return inner
 
 
-def _remove(folder: str | Path) -> None:
+def _remove(outer: str | Path) -> None:
+    """Remove a folder, its mark last: where another process still writes into it, somebody else has to remove it."""
+    inner = os.path.join(outer, _FOLDER)
+    _remove_tree(inner)
+    if not os.path.lexists(inner):
+        _remove_tree(outer)
+
+
+def _remove_tree(folder: str | Path) -> None:
     """Remove a folder, also where a program has closed folders in it."""
     shutil.rmtree(folder, ignore_errors=True)
     if os.path.lexists(folder):
@@ -216,8 +225,15 @@ def outlive(parent: int) -> None:
     deadline = time.monotonic() + _GRACE
     while os.getppid() == parent and time.monotonic() < deadline:
         time.sleep(_SOON)
+    group = os.getpgid(0)
+    with suppress(OSError):  # there may be too many processes
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forks beside threads
+        if os.fork() > 0:
+            return
+        os.setsid()  # a process by itself: other threads of this one may still write into the parent's folders
+    _kill(group)
     remove_left_folders()
-    os.killpg(0, signal.SIGKILL)
+    os._exit(0)
 
 
 def end_with_parent() -> None:

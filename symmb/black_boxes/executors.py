@@ -1,8 +1,10 @@
 """Work on other threads, processes and machines: tasks go out one by one, and come back as they end."""
 
+import os
 import pickle
 import queue
 import secrets
+import signal
 import threading
 import time
 import warnings
@@ -28,8 +30,8 @@ _TICK = 0.02
 """Time between looks at futures that do not call back [s]."""
 _LOOK = 1.0
 """Time between looks at futures that should call back, and at results of Dask that do not arrive [s]."""
-_GRACE, _SOON = 1.0, 0.02
-"""Time for tasks of threads to end when a study is interrupted, and between looks whether they have [s]."""
+_GRACE, _SOON = 0.5, 0.02
+"""Time for threads and processes to end when a study is interrupted, and between looks whether they have [s]."""
 _BITS = 60
 """Of the number at which those of the tasks begin."""
 _KILLED = "KilledWorker"
@@ -47,8 +49,6 @@ one, and may come to be without workers for ever, until it is told again how man
 _PATIENCE = 30.0
 """Time in which an executor must begin one of its first tasks, if its futures tell what runs [s]. Processes of MPI take
 some seconds to start. Dask may wait for hours for workers, and its futures do not tell."""
-_GRACE = 0.5
-"""Time for processes to end what they have started [s]."""
 _THREADS: dict[int, threading.Thread] = {}
 """Where tasks run, by their numbers, of this process."""
 _END = object()
@@ -243,8 +243,11 @@ class _Pool:
         return self
 
     def __exit__(self, fault: type[BaseException] | None, *_: object) -> None:
-        if fault is not None and self._make is not None and isinstance(self.executor, ProcessPoolExecutor):
-            _end_processes(self.executor)
+        if fault is not None and isinstance(self.executor, ProcessPoolExecutor):
+            if self._make is not None:
+                _end_processes(self.executor)
+            elif issubclass(fault, KeyboardInterrupt):
+                _interrupt_processes(self.executor)
         self._end()
 
     def _start(self, given: Any) -> None:
@@ -353,6 +356,13 @@ class _Pool:
                 raise
             except BaseException as error:  # the results are there
                 warnings.warn(f"executor: its shutdown has raised {text_of(error)}.", SymmbWarning, stacklevel=2)
+
+
+def _interrupt_processes(pool: ProcessPoolExecutor) -> None:
+    """Interrupt the processes of a pool, as a terminal does: it waits for their tasks when it is shut down."""
+    for process in list(pool._processes or ()):
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGINT)
 
 
 def _end_processes(pool: ProcessPoolExecutor) -> None:

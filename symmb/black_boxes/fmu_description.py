@@ -6,6 +6,7 @@ import threading
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._names import did_you_mean
 from symmb._options import optional_package, shown
 from symmb.black_boxes.identity import file_digest
+from symmb.black_boxes.limited_calls import LimitedCalls, fault_text
 from symmb.files import require_usual_size
 
 OWNER = "FMUSimulator"
@@ -273,11 +275,18 @@ def extracted(path: Path, code: str) -> Path:
             return folder
         if not path.is_file() or file_digest(path) != code:
             raise SimulationError(f"{path.name} has changed since it was declared")
+        calls = _extraction()
+        calls.begin()  # before there is a folder that a killed process would leave
         folder = lasting_folder()
         try:
-            fmpy().extract(str(path), str(folder))
-        except Exception as error:  # a damaged archive raises many kinds
+            calls({"filename": str(path), "unzipdir": str(folder)})
+        except SimulationError as error:
             shutil.rmtree(folder, ignore_errors=True)
-            raise SimulationError(f"{path.name} cannot be extracted: {text_of(error).rstrip('.')}") from None
+            raise SimulationError(f"{path.name} cannot be extracted: {fault_text(error).rstrip('.')}") from None
         _EXTRACTED[code] = folder
         return folder
+
+
+@cache
+def _extraction() -> LimitedCalls:
+    return LimitedCalls(fmpy().extract, None, "FMPy")
