@@ -25,9 +25,11 @@ def advice(
     corners: Mapping[float, tuple[int, int]],
     fastest: Stiffness,
     span: float,
+    doubts: Sequence[str],
 ) -> str:
-    """The best solver, the largest steps of the others, and the best solver under each stress, or why there is none.
+    """The best solver, the largest steps of the others, the best solver under each stress, or why there is none.
 
+    What is doubtful about the model, whatever the solver, stands at the end.
     Only settings are named whose error, with the uncertainty of what it is measured with, and whose drift of energy are
     small enough. Trials without time are left out.
     """
@@ -44,7 +46,7 @@ def advice(
     broken = [f"{failed} of {of} at {width:.0%}" for width, (failed, of) in corners.items() if failed]
     if broken:
         lines.append(f"Corners of wider boxes fail: {', '.join(broken)}; bounds there rest on the other runs.")
-    return "\n".join(lines)
+    return "\n".join([*lines, *doubts])
 
 
 def is_within(trial: Trial, standard: Standard, limit: float) -> bool:

@@ -26,6 +26,7 @@ from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, refere
 from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, run_jobs
+from symmb.verification import linear_theory_doubts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -223,7 +224,8 @@ def _studied(study: "_StabilityStudy", seconds: float) -> Stability:
         raise
     if all(trial.reason for trial in study.done if not trial.scene):
         raise SimulationError(f"{study.scene.name}: no solver finishes. {known[0].reason}")
-    return study.result(len(known), corners, partial(advice, corners=corners, fastest=fastest, span=horizon))
+    more = {"corners": corners, "fastest": fastest, "span": horizon, "doubts": study.doubts()}
+    return study.result(len(known), corners, partial(advice, **more))
 
 
 _STRESSED = list(under_stress(1.0))
@@ -262,10 +264,19 @@ class _StabilityStudy:
 
     def fastest(self) -> Stiffness:
         """The fastest rates along a run that finished, or at the start if there is none."""
-        dae, some = self._simulator.dae, slice(None, None, max(1, TIMES // 10))
-        states, _ = self._simulator.start.states(dae.p_nominal[None])
-        states = next((trial.states[some] for trial in reversed(self.done) if not trial.reason), states)
-        return stiffness(dae, states, dae.p_nominal, self.times[some][: len(states)])
+        dae, states = self._simulator.dae, self._states()
+        some = slice(None, None, max(1, len(states) // 10))
+        return stiffness(dae, states[some], dae.p_nominal, self.times[: len(states)][some])
+
+    def doubts(self) -> tuple[str, ...]:
+        """What no solver can cure: flexible bodies that leave the linear theory of their modes."""
+        dae, states = self._simulator.dae, self._states()
+        return linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
+
+    def _states(self) -> Array:
+        """States (m, n_x) of a run that finished, or the start if there is none."""
+        states, _ = self._simulator.start.states(self._simulator.dae.p_nominal[None])
+        return next((trial.states for trial in reversed(self.done) if not trial.reason), states)
 
     def result(
         self,

@@ -56,6 +56,15 @@ def test_deflections_that_are_too_large_are_told(load: float, stiffening: bool) 
     assert len(run.doubts) == told
 
 
+def test_a_study_of_solvers_tells_what_none_of_them_cures() -> None:
+    mesh, EI = beam(elements=4)
+    rod = mb.FlexibleBody("rod", mesh.modes(clamped=0, interfaces=[4], count=3, planar=True, damping=0.1), mb.Planar())
+    push = mb.Force("F", rod.point(1, 0), (0, -2.0 * EI))
+    system = mb.System(rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0)), push)
+    found = mb.stability(mb.Scene(system, times=[0, 0.01], equilibrium=True), seconds=1.0)
+    assert found.advice.splitlines()[-1].startswith("FlexibleBody 'rod': its cross sections turn")
+
+
 @pytest.mark.parametrize("share", [0.1, 0.18, 0.4, 1.5])
 @pytest.mark.parametrize("stiffening", [False, True])
 def test_spin_without_stiffening_is_told(share: float, stiffening: bool) -> None:

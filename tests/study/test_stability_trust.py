@@ -46,7 +46,7 @@ def trial(solver, y, setting=1e-6, family=None, energy=1e-9, reason="", scene=""
 
 def told(trials, stress=()):
     standards = {name: standard_of([t for t in (*trials, *stress) if t.scene == name], ("m",)) for name in ("", "hard")}
-    return advice(trials, stress, standards, {}, SLOW_MOTION, 2.0)
+    return advice(trials, stress, standards, {}, SLOW_MOTION, 2.0, ())
 
 
 def test_a_single_run_that_finishes_is_no_reference():
@@ -193,7 +193,7 @@ def test_what_is_advised_under_stress_follows_the_closed_form(k):
     w, fine = 10 * np.sqrt(k), [trial("DormandPrince", np.cos(T), r) for r in (1e-8, 1e-6)]
     exact = np.stack([np.cos(w * T), -w * np.sin(w * T)], axis=1)
     standards = {"": standard_of(fine, ("m",)), "hard": standard_of(trials, ("m", "m/s"))}
-    lines = advice(fine, trials, standards, {}, SLOW_MOTION, 2.0).splitlines()
+    lines = advice(fine, trials, standards, {}, SLOW_MOTION, 2.0, ()).splitlines()
     (text,) = (line for line in lines if line.startswith("  hard  "))
     assert standards["hard"].uncertainty < 1e-4
     finished = [t for t in trials if not t.reason]
