@@ -29,7 +29,7 @@ class MassBlocks:
 
     def __call__(self, f: ca.SX) -> ca.SX:
         """M^-1 f (n_v,)."""
-        parts = [inverse(f[at]) if callable(inverse) else inverse @ f[at] for at, inverse in self._blocks]
+        parts = [inverse(f[at, :]) if callable(inverse) else inverse @ f[at, :] for at, inverse in self._blocks]
         return ca.vertcat(*parts)
 
     def right(self, G: ca.SX) -> ca.SX:
