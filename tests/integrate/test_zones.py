@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_step_ends import CONTROLLED, ULP, pushed
+from test_step_ends import CONTROLLED, ULP, overdamped_stop, pushed
 
 import symmb as mb
 
@@ -87,12 +87,6 @@ def test_samples_pass_zones_of_their_own(solver):
 @pytest.mark.parametrize("damping", [25.0, 500.0])
 @pytest.mark.parametrize("solver", SIDED, ids=repr)
 def test_switches_that_jump_with_another(solver, damping):
-    """The force of a damper jumps when its contact begins; d'' + c d' + k d = 0 until it would pull."""
-    stiffness, mass = 100.0, mb.Body("mass", 1.0, pose=mb.Particle())
-    law = mb.KelvinVoigt(stiffness, damping)
-    stop = mb.Contact("stop", mass.point(0, 0), mb.Ground().point(1, 0), (-1, 0), law)
-    run = mb.simulate(mb.Scene(mb.System(mass, stop), start={"mass.vx": 1.0}, times=[0.0, 8.0]), solver)
-    fast, slow = np.roots([1, damping, stiffness])
-    contact = 2 * np.log(fast / slow) / (slow - fast)
-    rate = (slow * np.exp(slow * contact) - fast * np.exp(fast * contact)) / (slow - fast)
-    assert_allclose(run["mass.vx"][-1], rate, rtol=1e-5)
+    """The force of a damper jumps when its contact begins."""
+    scene, rate = overdamped_stop(damping)
+    assert_allclose(mb.simulate(scene, solver)["mass.vx"][-1], rate, rtol=1e-5)
