@@ -276,32 +276,27 @@ def deadly_in_dask(k):
 
 
 @pytest.mark.slow
-def test_dask_ends_where_runs_kill_their_workers():
+def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     distributed = pytest.importorskip("distributed")
-    alone = run_blocks(simulator(quick), SAMPLES)
+    alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
     killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
-    assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == alone.Y[~killed].tobytes()
-    assert "KilledWorker" in "".join(shared.messages)
-    with pytest.raises(mb.SimulationError, match="executor: "):
-        run_blocks(simulator(quick), SAMPLES, client)
-
-
-@pytest.mark.slow
-def test_dask_and_loky():
-    distributed = pytest.importorskip("distributed")
-    alone = run_blocks(simulator(decay), SAMPLES)
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
     ):
         for given in client, client.get_executor():
             assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
+        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
+    assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == quick_alone.Y[~killed].tobytes()
+    assert "KilledWorker" in "".join(shared.messages)
+    with pytest.raises(mb.SimulationError, match="executor: "):
+        run_blocks(simulator(quick), SAMPLES, client)
+
+
+@pytest.mark.slow
+def test_loky():
     loky = pytest.importorskip("loky")
+    alone = run_blocks(simulator(decay), SAMPLES)
     with loky.ProcessPoolExecutor(2) as pool:
         assert run_blocks(simulator(decay), SAMPLES, pool).Y.tobytes() == alone.Y.tobytes()
 
