@@ -7,7 +7,6 @@ from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 from symmb import (
     Box,
     ClenshawCurtis,
-    Exact,
     FunctionSimulator,
     Gauss,
     LegendreInclusion,
@@ -57,22 +56,6 @@ def test_equation_21_number_of_terms():
 def test_equation_25_coefficients(nodes):
     coefficients = _coefficients(Fit.of(nodes, TotalDegree(), 1, 3), lambda xi: CUBIC.run((xi + 1) / 2).Y[:, :, 0])
     np.testing.assert_allclose(coefficients[:, 0], [1 / 12, -1 / 20, -1 / 12, 1 / 20], atol=1e-14)
-
-
-@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
-@pytest.mark.parametrize(
-    ("method", "lower", "upper"),
-    [
-        (PolynomialChaos.paper(order=3), -1 / 10, 9 / 40),
-        (PolynomialChaos.paper(order=6), -1 / 10, 9 / 40),
-        (PolynomialChaos(order=3, range=Exact(1e-9)), 0.0, 4 / 27),
-    ],
-    ids=repr,
-)
-def test_equation_27_ranges(method, lower, upper):
-    result = propagate(CUBIC, method, Box(x=(0, 1)))
-    tolerance = 1e-12 if method.range == LegendreInclusion() else 2e-10
-    assert abs(result.lower[0, 0] - lower) < tolerance and abs(result.upper[0, 0] - upper) < tolerance
 
 
 def test_paper_preset_is_what_it_says():
