@@ -1,10 +1,9 @@
 """Forces in narrow zones of position do their work: against closed forms of the energy."""
 
-from itertools import product
-
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import in_turns
 from numpy.testing import assert_allclose
 from test_step_ends import CONTROLLED, ULP, overdamped_stop, pushed
 
@@ -27,11 +26,14 @@ LAWS = {
 """Forces of work 1 from 2 to 2 + width."""
 
 
-NARROW = [pytest.param("Table", WIDTHS[-1], marks=pytest.mark.long)]  # a minute for each solver of CasADi
+NARROW = [pytest.param(s, "Table", WIDTHS[-1], marks=pytest.mark.long) for s in SIDED]  # a minute each for CasADi's
 
 
-@pytest.mark.parametrize(("law", "width"), [*product(LAWS, WIDTHS), *product(["Table"], WIDTHS[:-1]), *NARROW])
-@pytest.mark.parametrize("solver", SIDED, ids=repr)
+@pytest.mark.parametrize(
+    ("solver", "law", "width"),
+    [*in_turns(SIDED, LAWS, WIDTHS), *in_turns(SIDED, ["Table"], WIDTHS[:-1]), *NARROW],
+    ids=str,
+)
 def test_zones_do_their_work(solver, law, width):
     table = mb.Table([-9, 2, 2 + width / 2, 2 + width, 19], [0, 0, 2 / width, 0, 0])
     run = mb.simulate(pushed(LAWS.get(law, lambda p, m: table(m.x)), width=width), solver)
