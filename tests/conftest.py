@@ -1,5 +1,6 @@
 """What several test files share: one tuple for each family, so that a new member is tested by one line."""
 
+import itertools
 import os
 
 # Workers of pytest-xdist share the processors: threads of linear algebra would take them from each other. NumPy reads
@@ -69,6 +70,13 @@ ALL_MODELS = (
     stewart_platform,
     excavator,
 )
+
+
+def in_turns(first, second, third):
+    """Every pair of the first two with one of the third: each of these meets each of the first, and of the second."""
+    pairs = itertools.product(enumerate(first), enumerate(second))
+    return [(a, b, third[(i + k) % len(third)]) for (i, a), (k, b) in pairs]
+
 
 SMOOTH_MODELS = tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
 """Those that any solver runs."""

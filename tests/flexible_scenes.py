@@ -1,10 +1,11 @@
-"""Random assemblies of flexible beams in the plane, and all their finite elements as a linear structure."""
+"""Flexible beams: the elastica, and random assemblies in the plane with all their finite elements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import solve_bvp
 from scipy.linalg import eigh, null_space
 
 import symmb as mb
@@ -204,3 +205,15 @@ def random_assembly(seed: int) -> Assembly:
         b.strut(beam, inner, np.array([rng.uniform(-0.3, 0.5) * L, -rng.uniform(0.3, 1) * L]))
     b.push(beam, at, down)
     return b.built(kind, beam, at, down, gravity)
+
+
+def elastica(load: float) -> np.ndarray:
+    """Tip (x, y) over the length of a cantilever under P L^2 / EI at its end."""
+    solved = solve_bvp(
+        lambda s, y: [y[1], load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])],
+        lambda a, b: [a[0], b[1], a[2], a[3]],
+        np.linspace(0, 1, 101),
+        np.zeros((4, 101)),
+        tol=1e-8,
+    )
+    return solved.y[2:, -1]

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -97,21 +98,25 @@ def is_module(name: str) -> bool:
     return path.is_dir() or path.with_suffix(".py").is_file()
 
 
+@cache
+def nodes_of(path: Path) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def imports(path: Path, *, with_types: bool = True) -> Iterator[tuple[int, str]]:
-    """Line and name of the imports of symmb's own modules in a file, those for type checking on demand."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    if not with_types:
-        tree = WithoutTypes().visit(tree)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
+    """Line and name of the imports of symmb's own modules in a file, those for type checking on demand.
+
+    What stands under `if TYPE_CHECKING` never runs, so it closes no circle.
+    """
+    for_types = {
+        inner
+        for node in nodes_of(path)
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in nodes_of(path):
+        if isinstance(node, ast.Import | ast.ImportFrom) and (with_types or node not in for_types):
             yield from ((node.lineno, name) for name in imported(node, path))
-
-
-class WithoutTypes(ast.NodeTransformer):
-    """Takes out what stands under `if TYPE_CHECKING`: it never runs, so it closes no circle."""
-
-    def visit_If(self, node: ast.If) -> ast.If | None:
-        return None if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING" else node
 
 
 def needs() -> dict[str, set[str]]:
@@ -137,11 +142,17 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
     return chain
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_name)
-def test_imports_go_down(path):
-    own = unit(module_name(path))
-    assert own in FLOORS, f"{own} has no floor yet: give it one here and in the table of the modules"
-    upward = [f"line {line}: {name}" for line, name in imports(path) if FLOORS[unit(name)] > FLOORS[own]]
+def test_every_unit_has_a_floor():
+    assert {unit(module_name(path)) for path in FILES} <= FLOORS.keys()
+
+
+def test_imports_go_down():
+    upward = [
+        f"{path}:{line}: {name}"
+        for path in FILES
+        for line, name in imports(path)
+        if FLOORS[unit(name)] > FLOORS[unit(module_name(path))]
+    ]
     assert not upward
 
 
@@ -153,11 +164,11 @@ def test_a_circle_would_be_found():
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}})[-2:] in (["b", "c"], ["c", "b"])
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_name)
-def test_own_modules_are_imported_at_the_top(path):
+def test_own_modules_are_imported_at_the_top():
     hidden = [
-        f"line {inner.lineno}: {name}"
-        for outer in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        f"{path}:{inner.lineno}: {name}"
+        for path in FILES
+        for outer in nodes_of(path)
         if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
         for inner in ast.walk(outer)
         if isinstance(inner, ast.Import | ast.ImportFrom)
@@ -166,9 +177,8 @@ def test_own_modules_are_imported_at_the_top(path):
     assert not hidden
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_name)
-def test_files_are_short(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
+def test_files_are_short():
+    assert not [path for path in FILES if len(path.read_text(encoding="utf-8").splitlines()) > LONGEST]
 
 
 @pytest.mark.parametrize("eager", ["", "1"])
@@ -185,28 +195,27 @@ def room(module: str) -> str:
     return module if (ROOT.parent / module.replace(".", "/")).is_dir() else module.rpartition(".")[0]
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_name)
-def test_rooms_are_entered_by_their_door(path):
+def test_rooms_are_entered_by_their_door():
     """Other rooms import from a room's `__init__`, not from its modules; a room inside another sees the outer one."""
-    own = room(module_name(path))
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     past_the_door = [
-        f"line {node.lineno}: {node.module}"
-        for node in ast.walk(tree)
+        f"{path}:{node.lineno}: {node.module}"
+        for path in FILES
+        for node in nodes_of(path)
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "symmb"
-        if (target := room(node.module)) not in ("symmb", own) and not f"{own}.".startswith(f"{target}.")
+        if (target := room(node.module)) not in ("symmb", own := room(module_name(path)))
+        if not f"{own}.".startswith(f"{target}.")
         if node.module != target
     ]
     assert not past_the_door
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_name)
-def test_private_names_stay_in_their_room(path):
-    own = room(module_name(path))
+def test_private_names_stay_in_their_room():
     private = [
-        f"line {node.lineno}: {node.module}.{alias.name}"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.ImportFrom) and node.module and room(node.module) not in ("symmb", own)
+        f"{path}:{node.lineno}: {node.module}.{alias.name}"
+        for path in FILES
+        for node in nodes_of(path)
+        if isinstance(node, ast.ImportFrom) and node.module
+        if room(node.module) not in ("symmb", room(module_name(path)))
         for alias in node.names
         if alias.name.startswith("_")
     ]

@@ -44,17 +44,6 @@ def test_a_good_number_that_gives_another_result_would_be_found(monkeypatch):
     assert any("gives" in malformed.api_fault(random.Random(seed)) for seed in range(60))
 
 
-DATES = np.array(["2020-01-01"], dtype="datetime64[D]")
-WRONG = [None, "1", {"a": 1}, {1.0}, 1j, DATES, [["x"]], np.timedelta64(1, "s"), 10**400]
-
-
-@pytest.mark.parametrize("name", ["function", "simulator", "stored", "modal"])
-@pytest.mark.parametrize("value", WRONG, ids=lambda value: str(value)[:20])
-def test_samples_that_are_no_numbers(name, value):
-    with pytest.raises(mb.SymmbError, match="samples must be numbers of the shape"):
-        malformed.RECEIVERS[name].run(value)
-
-
 @pytest.mark.parametrize("value", [0, "x", None, np.array(1.0), ca.MX.sym("x"), sympy.Symbol("x"), lambda: 0])
 def test_initial_of_no_expression(value):
     with pytest.raises(mb.DeclarationError, match="initial"):

@@ -1,9 +1,8 @@
-"""Malformed commands, templates, results of programs, and stores: each is told in one sentence, and nothing is lost."""
+"""Malformed stores, and commands about them: each is told in one sentence, and nothing is lost."""
 
 import os
 import resource
 import sqlite3
-import sys
 import tempfile
 from pathlib import Path
 
@@ -24,98 +23,6 @@ def decay(k):
 
 def is_sentence(text):
     return text.isprintable() and text[-1] in ".)'" and "Traceback" not in text
-
-
-PROGRAM = [sys.executable, "in.py"]
-DECLARATIONS = [
-    ({"command": 3}, "command must be a list"),
-    ({"command": [""]}, "is not found"),
-    ({"command": [os.sep]}, "is not found"),
-    ({"command": ["in.py\0"]}, "command must be a list"),
-    ({"command": [*PROGRAM, 3]}, "command must be a list"),
-    ({"timeout": float("nan")}, "timeout must be a number"),
-    ({"timeout": "5"}, "timeout must be a number"),
-    ({"retries": 1.5}, "retries must be an integer"),
-    ({"environment": "A=1"}, "environment must be texts"),
-    ({"environment": {"A": 1}}, "environment must be texts"),
-    ({"environment": {"A=B": "1"}}, "environment must be texts"),
-    ({"environment": {"A": "\0"}}, "environment must be texts"),
-    ({"files": "mesh.inp"}, "files must be a list of paths"),
-    ({"files": [3]}, "files must be a list of paths"),
-    ({"files": [__file__, __file__]}, "is the name of two files"),
-    ({"folder": 3}, "folder must be a path"),
-    ({"folder": __file__}, "is no folder"),
-    ({"read": "../out.csv"}, "in the folder of a run"),
-    ({"read": "/out.csv"}, "in the folder of a run"),
-    ({"read": ""}, "in the folder of a run"),
-    ({"templates": {".": "{k}"}}, "inside the folder"),
-    ({"templates": {"x" * 300: "{k}"}}, "inside the folder"),
-    ({"templates": {3: "{k}"}}, "inside the folder"),
-    ({"templates": {"stdout.txt": "{k}"}}, "is the name of two files"),
-    ({"templates": {"a": "{k}", "a/b": "{k}"}}, "its folder has the name of a file"),
-    ({"templates": {"in.py": Path(os.sep)}}, "cannot be read"),
-    ({"templates": {"in.py": "{k:>99999999999999999}"}}, "is no format of a number"),
-    ({"templates": {"in.py": "{k}\ud800"}}, "expected a text or a Path"),
-    ({"interpolate": "yes"}, "interpolate must be True or False"),
-    ({"keep": []}, "keep must be one of"),
-    ({"keep": np.array(["all", "none"])}, "keep must be one of"),
-    ({"environment": np.array(["A", "B"])}, "environment must be texts"),
-    ({"templates": np.array(["A", "B"])}, "templates must be texts"),
-    ({"retries": True}, "retries must be an integer"),
-]
-
-
-@pytest.mark.parametrize(("change", "text"), DECLARATIONS, ids=lambda part: part if isinstance(part, str) else "")
-def test_declarations(change, text):
-    options = {"command": PROGRAM, "templates": {"in.py": "{k}"}} | change
-    with pytest.raises(mb.DeclarationError) as error:
-        mb.CommandSimulator(options.pop("command"), {"k": 1.0}, [0, 1], ["x"], **options)
-    assert text in str(error.value) and is_sentence(str(error.value))
-
-
-def test_folders_with_links_that_lead_nowhere(tmp_path):
-    folder = tmp_path / "data"
-    folder.mkdir()
-    (folder / "lost").symlink_to(tmp_path / "none")
-    (folder / "here").write_text("1")
-    made = mb.CommandSimulator(PROGRAM, {"k": 1.0}, [0, 1], ["x"], {"in.py": "{k}"}, files=[folder])
-    assert made.files == (folder,)
-
-
-def wrote(text, name="out.csv"):
-    return f"open({name!r}, 'wb').write({text if isinstance(text, bytes) else text.encode()!r})"
-
-
-RESULTS = [
-    (wrote("time,x,x\n0,1,2\n1,3,4\n"), "two columns 'x'"),
-    (wrote("Time,X\n0,1\n1,3\n"), "no column 'x', only 'Time', 'X'"),
-    (wrote("time,x\nnan,1\nnan,2\n"), "times from nan to nan s"),
-    (wrote("time;x\n0;1,5\n1;2,5\n"), "convert string to float: '1,5'"),
-    (wrote("time,x\n0,\0\n1,2\n"), "cannot be read"),
-    (wrote("time,x\n0,1\n1,2\n".encode("utf-16")), "cannot be read"),
-    (wrote(b"time,x\n0," + b"1" * 200_000), "cannot be read"),
-    ("import os; os.mkdir('out.csv')", "wrote no file"),
-    ("import os; os.mkfifo('out.csv')", "wrote no file"),
-    ("import os; os.symlink('/dev/zero', 'out.csv')", "wrote no file"),
-    ("import os, shutil; shutil.rmtree(os.getcwd())", "wrote no file"),
-    ("import sys; sys.exit('\\x1b[31mred \\x07')", "exit status 1: [31mred"),
-    (wrote("3", "out.json"), "an object with a list"),
-    (wrote("[" * 100_000, "out.json"), "cannot be read"),
-    (wrote('{"time": [0, 1], "x": [[1, 2], [3, 4]]}', "out.json"), "'x' must be a list of real numbers"),
-    (wrote('{"time": [0, 1], "x": [1]}', "out.json"), "2 times, but 1 values"),
-    ("import numpy as np; np.savez('out.npz', time=[0, 1], x=[1j, 2])", "'x' must be a list of real numbers"),
-    ("import numpy as np; np.save(open('out.npz', 'wb'), [1, 2])", "must hold arrays with names"),
-    ("import numpy as np; np.savez('out.npz', time=[0, 1], x=np.array([None, 1]))", "cannot be read"),
-]
-
-
-@pytest.mark.parametrize(("code", "text"), RESULTS, ids=[text for _, text in RESULTS])
-def test_results(code, text):
-    read = next((name for name in ("out.json", "out.npz") if name in code), "out.csv")
-    templates = {"in.py": code + "  # {k}"}
-    made = mb.CommandSimulator(PROGRAM, {"k": 1.0}, [0, 1], ["x"], templates, read, timeout=20, keep="none")
-    (message,) = made.run(np.array([[1.0]])).messages
-    assert text in message and is_sentence(message)
 
 
 @pytest.fixture
@@ -165,6 +72,10 @@ STORES = {
     "half": cut(10_000),
     "overwritten": overwritten,
     "pipe": special,
+    "header and nonsense": lambda path: path.write_bytes(b"SQLite format 3\x00" + bytes(range(256)) * 8),
+    "text": lambda path: path.write_text("x"),
+    "folder": lambda path: (path.unlink(), path.mkdir()),
+    "other tables": lambda path: (path.unlink(), sql("CREATE TABLE other (x)")(path)),
     "foreign": sql("PRAGMA application_id = 5"),
     "newer": sql("PRAGMA user_version = 1000"),
     "no runs": sql("DROP TABLE runs"),
@@ -191,6 +102,7 @@ def test_stores(name, folder):
         study(path)
     assert str(path) in str(error.value) and is_sentence(str(error.value))
     assert not path.is_file() or path.stat().st_size >= len(kept)
+    assert name != "text" or path.read_bytes() == kept
 
 
 @pytest.mark.parametrize("name", LISTS)
@@ -203,7 +115,6 @@ def test_lists_of_stores(name, folder, capsys):
 COMMANDS = [
     ["runs", ""],
     ["runs", "."],
-    ["runs", "no_such.db"],
     ["runs", "x" * 300],
     ["runs", "empty.db"],
     ["runs", "runs.db/runs.db"],
@@ -217,18 +128,26 @@ COMMANDS = [
     ["runs", "runs.db", "--keep"],
     ["runs"],
 ]
+TOLD = [
+    (["runs", "no_such.db"], "does not exist"),
+    (["runs", "text.db"], "is no run store"),
+    (["runs", "runs.db", "--study", "7"], "no study 7"),
+    (["runs", "runs.db", "--export", "runs.xls"], ".nc"),
+]
 
 
-@pytest.mark.parametrize("arguments", COMMANDS, ids=lambda words: " ".join(words[1:])[:40])
-def test_commands(arguments, folder, capsys, monkeypatch):
+@pytest.mark.parametrize(("arguments", "text"), [*((words, "") for words in COMMANDS), *TOLD])
+def test_commands(arguments, text, folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)
     Path("empty.db").touch()
+    Path("text.db").write_text("time,x")
     before = Path("runs.db").read_bytes()
     try:
         status = main(arguments)
     except SystemExit as end:
         status = end.code
-    assert status == 2 and is_sentence(capsys.readouterr().err.strip())
+    error = capsys.readouterr().err.strip()
+    assert status == 2 and is_sentence(error) and text in error
     assert Path("runs.db").read_bytes() == before and not Path("empty.db").stat().st_size
 
 

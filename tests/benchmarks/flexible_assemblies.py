@@ -8,23 +8,14 @@ length or 10 % of the deflection, and how many are doubted though right within 1
 import sys
 import warnings
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_bvp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from flexible_scenes import elastica
 
 import symmb as mb
-
-
-def elastica(load: float) -> np.ndarray:
-    """Tip (x, y) over the length of a cantilever under P L^2 / EI at its end."""
-    solved = solve_bvp(
-        lambda s, y: [y[1], load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])],
-        lambda a, b: [a[0], b[1], a[2], a[3]],
-        np.linspace(0, 1, 101),
-        np.zeros((4, 101)),
-        tol=1e-8,
-    )
-    return solved.y[2:, -1]
 
 
 def draw(seed: int) -> tuple[str, float, tuple[str, ...]]:

@@ -14,8 +14,10 @@ import time
 from collections.abc import Callable, Iterator
 from math import cos, sin
 
+import bricard
 import casadi as ca
 import numpy as np
+from mechanisms import double_pendulum
 from scipy.integrate import ode
 
 import symmb as mb
@@ -50,11 +52,11 @@ def scenes() -> Iterator[tuple[str, Callable[[], mb.Scene], Callable[[str], Call
                 lambda k=k, stretch=stretch: spring_pendulum(k, stretch),
                 lambda stress, k=k: spring_pendulum_by_hand(k, stress),
             )
-    yield "bricard", bricard, None
+    yield "bricard", bricard.scene, None
     yield "heavy top", heavy_top.scene, None
     yield "car axis", car_axis.scene, None
     yield "stick-slip", stick_slip.scene, None
-    yield "mass ratio 1e6", lambda: lighter(double_pendulum(), 1e6), None
+    yield "mass ratio 1e6", lambda: lighter(double_pendulum(np.linspace(0, 5, 101)), 1e6), None
 
 
 def spring_pendulum(k: float, stretch: float) -> mb.Scene:
@@ -91,40 +93,6 @@ def cartesian(z: np.ndarray) -> np.ndarray:
     outward, along = np.array([np.sin(angle), -np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
     length = 1.0 + stretch
     return np.vstack([length * outward, stretching * outward + length * turning * along]).T
-
-
-def bricard() -> mb.Scene:
-    """Six hinges on edges of a cube, five of its six bars of 1 m move; one row of its loop is redundant everywhere."""
-    points = np.array([(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float)
-    along = np.roll(points, -1, axis=0) - points
-    ground, bars = mb.Ground(), []
-    for i in range(5):
-        inertia = tuple(1 / 12 * (1 - along[i] ** 2) + 1e-4)
-        bars.append(mb.Body(f"bar{i}", 1.0, inertia, mb.Spatial()))
-    centres = points + along / 2
-    chain = [(ground, np.zeros(3)), *zip(bars, centres, strict=False), (ground, np.zeros(3))]
-    joints = []
-    for i in range(6):
-        (a, at_a), (b, at_b), axis = *chain[i : i + 2], tuple(np.cross(along[i - 1], along[i]))
-        joints.append(mb.Revolute(f"hinge{i}", a.point(*(points[i] - at_a)), b.point(*(points[i] - at_b)), axis=axis))
-    system = mb.System(*bars, *joints, mb.Gravity(0, -GRAVITY))
-    guess = {f"bar{i}.{c}": v for i in range(5) for c, v in zip("xyz", centres[i], strict=True)}
-    start = {f"bar0.{c}": guess.pop(f"bar0.{c}") for c in "xyz"}
-    outputs = {c: getattr(bars[2], c) for c in "xyz"}
-    return mb.Scene(system, start, np.linspace(0, 10, 101), outputs, guess=guess, name="bricard")
-
-
-def double_pendulum() -> mb.Scene:
-    upper, lower = (mb.Body(name, 1.0, 1 / 12) for name in ("upper", "lower"))
-    system = mb.System(
-        upper,
-        lower,
-        mb.Revolute("shoulder", mb.Ground().point(0, 0), upper.point(0, 0.5)),
-        mb.Revolute("elbow", upper.point(0, -0.5), lower.point(0, 0.5)),
-        mb.Gravity(0, -GRAVITY),
-    )
-    outputs = {"upper": upper.theta, "lower": lower.theta}
-    return mb.Scene(system, {"upper.theta": 0.9, "lower.theta": -0.4}, np.linspace(0, 5, 101), outputs)
 
 
 def verdicts(found: Stability, scene: mb.Scene, by_hand: Callable[[str], Callable] | None) -> Iterator[str]:

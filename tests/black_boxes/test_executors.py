@@ -96,13 +96,19 @@ def test_results_do_not_depend_on_the_executor(f, name, handed_in):
     assert shared.Y.tobytes() == alone.Y.tobytes() and shared.ok.all()
 
 
+def bits(bounds):
+    return [part.tobytes() for part in (bounds.lower, bounds.upper, *bounds.inner)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.MonteCarlo(60), mb.Scanning(9)], ids=repr)
-def test_bounds_do_not_depend_on_the_executor(method):
+@pytest.mark.parametrize(
+    "method", [mb.PolynomialChaos(), mb.PolynomialChaos.paper(order=3), mb.MonteCarlo(60), mb.Scanning(9)], ids=repr
+)
+@pytest.mark.parametrize("make", [partial(ThreadPoolExecutor, 3), partial(ProcessPoolExecutor, 2)])
+def test_bounds_do_not_depend_on_the_executor(method, make):
     box = mb.Box(k=(0.5, 1.5))
     alone = mb.propagate(simulator(decay), method, box)
-    shared = mb.propagate(simulator(decay), method, box, executor=lambda: ProcessPoolExecutor(2))
-    assert shared.lower.tobytes() == alone.lower.tobytes() and shared.upper.tobytes() == alone.upper.tobytes()
+    assert bits(mb.propagate(simulator(decay), method, box, executor=make)) == bits(alone)
 
 
 @pytest.mark.slow
@@ -270,32 +276,27 @@ def deadly_in_dask(k):
 
 
 @pytest.mark.slow
-def test_dask_ends_where_runs_kill_their_workers():
+def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     distributed = pytest.importorskip("distributed")
-    alone = run_blocks(simulator(quick), SAMPLES)
+    alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
     killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
-    assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == alone.Y[~killed].tobytes()
-    assert "KilledWorker" in "".join(shared.messages)
-    with pytest.raises(mb.SimulationError, match="executor: "):
-        run_blocks(simulator(quick), SAMPLES, client)
-
-
-@pytest.mark.slow
-def test_dask_and_loky():
-    distributed = pytest.importorskip("distributed")
-    alone = run_blocks(simulator(decay), SAMPLES)
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
     ):
         for given in client, client.get_executor():
             assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
+        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
+    assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == quick_alone.Y[~killed].tobytes()
+    assert "KilledWorker" in "".join(shared.messages)
+    with pytest.raises(mb.SimulationError, match="executor: "):
+        run_blocks(simulator(quick), SAMPLES, client)
+
+
+@pytest.mark.slow
+def test_loky():
     loky = pytest.importorskip("loky")
+    alone = run_blocks(simulator(decay), SAMPLES)
     with loky.ProcessPoolExecutor(2) as pool:
         assert run_blocks(simulator(decay), SAMPLES, pool).Y.tobytes() == alone.Y.tobytes()
 

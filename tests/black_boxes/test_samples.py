@@ -12,7 +12,7 @@ def scene():
     p = mb.Parameters(l=1.0, k=5.0)
     rod = mb.Body("rod", 1.0, p.l**2 / 12, mb.Planar())
     ground = mb.Ground()
-    spring = mb.Spring("spring", ground.point(1, 1), rod.point(p.l / 2, 0), p.k, 0.5)
+    spring = mb.Spring("spring", ground.point(4, 0), rod.point(p.l / 2, 0), p.k, 0.5)
     hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(-p.l / 2, 0))
     system = mb.System(rod, hinge, spring, parameters=p)
     return mb.Scene(system, times=TIMES, outputs={"x": rod.x, "k": p.k + 0 * rod.x})
@@ -25,6 +25,7 @@ SIMULATORS = {
         lambda **p: p["l"] * p["k"] * TIMES, {"l": 1.0, "k": 5.0}, TIMES, ["x"]
     ),
     "stored": lambda folder: mb.StoredSimulator(SIMULATORS["lanes"](folder), folder / "runs.db"),
+    "modal": lambda folder: mb.ModalSimulator(scene()),
 }
 BAD = {
     "too few columns": np.ones((3, 1)),
@@ -41,6 +42,8 @@ BAD = {
     "complex": np.array([[1.0, 5.0 + 1j]]),
     "time stamps": np.array([["2020-01-01", "2020-01-02"]], dtype="datetime64[D]"),
     "truths": np.array([[True, False]]),
+    "time": np.timedelta64(1, "s"),
+    "beyond doubles": 10**400,
     "none": None,
     "ragged": [[1.0, 5.0], [1.0]],
 }

@@ -206,41 +206,6 @@ def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
     assert bits(mb.Bounds.load(tmp_path / "killed.npz")) == bits(mb.Bounds.load(tmp_path / "whole.npz"))
 
 
-def damaged(path):
-    path.write_bytes(b"SQLite format 3\x00" + bytes(range(256)) * 8)
-
-
-def foreign(path):
-    with sqlite3.connect(path) as connection:
-        connection.execute("CREATE TABLE other (x)")
-    connection.close()
-
-
-def truncated(path):
-    mb.propagate(
-        mb.StoredSimulator(simulator(response), path), mb.MonteCarlo(30, seed=1), mb.Box(a=(0.5, 0.6), b=(0.8, 0.9))
-    )
-    path.write_bytes(path.read_bytes()[:6000])
-
-
-def folder(path):
-    path.mkdir()
-
-
-def text(path):
-    path.write_text("x")
-
-
-@pytest.mark.parametrize("make", [damaged, foreign, truncated, folder, text])
-def test_what_is_no_store_is_told_in_a_sentence(make, tmp_path):
-    path = tmp_path / "runs.db"
-    make(path)
-    with pytest.raises(mb.DeclarationError) as error:
-        mb.MonteCarlo(30).bounds(mb.StoredSimulator(simulator(response), path), BOX)
-    assert str(path) in str(error.value) and "\n" not in str(error.value)
-    assert make is not text or path.read_text() == "x"
-
-
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("seed", range(20))
 def test_a_damaged_store_is_told_or_gives_the_same_bounds(seed):
@@ -346,25 +311,6 @@ def test_symmb_runs(tmp_path, capsys):
     object.__setattr__(made, "identity", simulator(response).identity)
     mb.Scanning(3).bounds(mb.StoredSimulator(made, path), BOX)
     assert calls == [(1.5, 1.2)]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["no_such_file.db"], "does not exist"),
-        (["runs.db", "--study", "7"], "no study 7"),
-        (["runs.db", "--export", "runs.xls"], ".nc"),
-        (["text.db"], "is no run store"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-def test_faults_of_symmb_runs(arguments, text, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    mb.Vertex().bounds(mb.StoredSimulator(simulator(response), "runs.db"), BOX)
-    (tmp_path / "text.db").write_text("time,x")
-    assert main(["runs", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert text in error and error.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,11 @@
 import json
 from pathlib import Path
 
-import chaospy
 import numpy as np
 import pytest
 
 import symmb as mb
 from models.double_pendulum import scene
-from symmb.black_boxes.simulator import run_blocks
 from symmb.study.metrics import Yardstick
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "double_pendulum_bounds.json").read_text())
@@ -93,44 +91,11 @@ def check_metrics(result, spread, runs, error, early, late):
         assert 100 * part.under.mean() == pytest.approx(under, rel=0.15, abs=0.05)
 
 
-def test_coefficients_are_those_of_chaospy(simulator):
-    box = mb.Box.around(simulator.parameters, 0.05)
-    joint = chaospy.J(*[chaospy.Uniform(low, high) for low, high in box.bounds])
-    nodes, weights = chaospy.generate_quadrature(2, joint, rule="gaussian")
-    expansion = chaospy.generate_expansion(2, joint)
-    Y = run_blocks(simulator, nodes.T).Y.reshape(9, -1)
-    theirs = chaospy.fit_quadrature(expansion, nodes, weights, Y)
-    corners = np.array([[0.95, 1.05, 1.0, 0.98], [1.05, 0.97, 1.0, 1.01]])
-    fit = mb.Gauss(), mb.TotalDegree()
-    ours = surrogate(*fit, order=2, Y=Y, points=box.to_unit(corners.T))
-    np.testing.assert_allclose(ours, theirs(*corners).T, rtol=0, atol=1e-10 * np.abs(Y).max())
-
-
-def surrogate(nodes, basis, order, Y, points):
-    """Values (n, m) at points (n, d) of the unit box of the polynomial fitted to Y (N, m) at the nodes."""
-    from symmb.nodes.fit import Fit
-
-    fit = Fit.of(nodes, basis, points.shape[1], order)
-    coefficients = fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))
-    legendre = [np.polynomial.legendre.legvander(points[:, k], order) for k in range(points.shape[1])]
-    terms = np.prod([legendre[k][:, fit.alpha[:, k]] for k in range(points.shape[1])], axis=0)
-    return terms @ coefficients
-
-
 @pytest.mark.parametrize(("order", "runs", "error"), [(2, 9, 0.0055), (4, 25, 0.0007), (8, 81, 0.0001)])
 def test_better_nodes_and_exact_ranges_converge_to_the_true_bounds(bounds, order, runs, error):
     result = bounds(mb.PolynomialChaos(order=order), 0.05)
     assert result.evaluations == runs
     assert yardstick(*digits(0.05, "true")).score(result.lower, result.upper).error.mean() < error
-
-
-def test_adaptive_order_keeps_its_tolerance_and_its_estimate(bounds):
-    result = bounds(mb.PolynomialChaos(), 0.05)
-    true = digits(0.05, "true")
-    score = yardstick(*true).score(result.lower, result.upper, result.estimate)
-    assert score.error.max() < 1e-2
-    slack = 1e-4 * (true[1] - true[0]) + 2e-6  # the digits of the stored bounds
-    assert ((result.outer[0] <= true[0] + slack) & (true[1] - slack <= result.outer[1])).mean() >= 0.99
 
 
 def test_lockstep_and_separate_runs_agree_at_a_fixed_step():

@@ -46,17 +46,6 @@ def test_save_and_load(tmp_path, simulator, method):
         assert getattr(loaded, name) == getattr(bounds, name)
 
 
-def test_save_and_load_an_expansion(tmp_path):
-    bounds = propagate(Wave(), PolynomialChaos(order=3), BOX)
-    bounds.save(tmp_path / "wave.npz")
-    loaded = Bounds.load(tmp_path / "wave.npz").expansion
-    assert loaded.parameters == ("amplitude", "w") and loaded.alpha.dtype == bounds.expansion.alpha.dtype
-    np.testing.assert_array_equal(loaded.alpha, bounds.expansion.alpha)
-    np.testing.assert_array_equal(loaded.coefficients, bounds.expansion.coefficients)
-    propagate(Wave(), Vertex(), BOX).save(tmp_path / "wave.npz")
-    assert Bounds.load(tmp_path / "wave.npz").expansion is None
-
-
 def test_outputs_are_doubtful_from_where_the_error_outgrows_the_width():
     t, width = np.linspace(0.0, 10.0, 11), np.ones((11, 3))
     estimate = np.column_stack([np.full(11, 0.05), np.where(t < 6, 0.01, 0.2), np.where(t < 6, 0.2, 0.0)])
@@ -87,26 +76,6 @@ def test_text_says_the_kind():
     bounds = propagate(Wave(), Vertex(), BOX)
     assert repr(bounds) == str(bounds)
     assert "sampled (attained by runs" in str(bounds) and "evaluations  4, none failed" in str(bounds)
-
-
-def test_another_suffix_is_refused(tmp_path):
-    with pytest.raises(DeclarationError, match=r"must end in \.npz or \.json or \.csv here, got .*wave\.txt"):
-        propagate(Wave(), Vertex(), BOX).save(tmp_path / "wave.txt")
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("content", ["text", "nothing", "array", "arrays", "archive"])
-def test_another_file_is_refused(tmp_path, content):
-    path = tmp_path / "other.npz"
-    if content == "array":
-        with path.open("wb") as file:
-            np.save(file, TIMES)
-    elif content == "arrays":
-        np.savez(path, t=TIMES, about="{}")
-    else:
-        path.write_bytes({"text": b"lower, upper", "nothing": b"", "archive": b"PK\x03\x04 no more"}[content])
-    with pytest.raises(DeclarationError, match=r"other\.npz does not hold what Bounds.save writes"):
-        Bounds.load(path)
 
 
 def test_print_tells_kind_cost_and_where_each_output_is_widest():

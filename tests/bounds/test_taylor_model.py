@@ -13,8 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import random_proofs
 
 import symmb as mb
-from models import bouncing_ball, cubic, four_bar, heavy_top
-from symmb.bounds import read_method
+from models import bouncing_ball, cubic, four_bar
 
 
 def test_the_cubic_is_exact():
@@ -176,23 +175,6 @@ def test_more_parameters_than_polynomials_have_room_for_are_refused():
     formula = mb.Scene(mb.System(parameters=p), outputs={"f": p.a * p.b * p.c * p.d * p.e * p.f}, box=box)
     with pytest.raises(mb.PropagationError, match=r"of 6 parameters have 4826809 terms.* Use order=5, fewer"):
         mb.propagate(formula, mb.TaylorModel())
-
-
-def test_spatial_joints():
-    """A spherical joint: unit quaternions of joints, from a start that is solved for."""
-    scene = heavy_top.scene().with_times(np.linspace(0.0, 0.02, 3))
-    bounds = mb.propagate(scene, mb.TaylorModel(order=4))
-    inner = mb.propagate(scene, mb.Vertex())
-    assert not bounds.doubts
-    assert (bounds.lower <= inner.lower + 1e-9).all() and (inner.upper <= bounds.upper + 1e-9).all()
-
-
-@pytest.mark.parametrize(
-    ("text", "method"),
-    [("tm", mb.TaylorModel()), ("tm:12", mb.TaylorModel(12)), ("tm:6:4", mb.TaylorModel(order=6, boxes=4))],
-)
-def test_specs(text, method):
-    assert read_method(text) == method and eval(repr(method), {"TaylorModel": mb.TaylorModel}) == method
 
 
 @pytest.mark.parametrize("options", [{"order": 0}, {"order": 2.5}, {"boxes": 0}])

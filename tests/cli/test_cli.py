@@ -95,6 +95,7 @@ def test_compare_prints_and_writes(scene, tmp_path, capsys):
         "MonteCarlo(20)",
     ]
     assert layout["box"] == {"x": [0.5, 1.5], "y": [-1.0, 1.0]}
+    assert set(layout) >= {"scene", "times", "outputs", "box", "solver", "reference", "methods"}
     np.testing.assert_allclose(layout["methods"][0]["lower"], [[-1.0], [-0.5], [0.0]])
     assert picture.read_bytes().startswith(b"\x89PNG")
 

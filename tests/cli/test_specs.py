@@ -50,23 +50,6 @@ def test_help_prints_the_table(capsys):
 
 
 @pytest.mark.parametrize(
-    ("text", "method"),
-    [
-        ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
-        ("pce:4", mb.PolynomialChaos(order=4)),
-        ("pce", mb.PolynomialChaos()),
-        ("pce:tol=1e-3", mb.PolynomialChaos(tolerance=1e-3)),
-        ("pce:budget=200", mb.PolynomialChaos(budget=200)),
-        ("taylor:2", mb.Taylor(order=2)),
-        ("mc:10000", mb.MonteCarlo(10_000, seed=0)),
-        ("scan:21", mb.Scanning(21)),
-    ],
-)
-def test_documented_specs(text, method):
-    assert specs.method(text) == method
-
-
-@pytest.mark.parametrize(
     ("text", "solver"),
     [
         ("cvodes:stiff", mb.CVODES(stiff=True)),

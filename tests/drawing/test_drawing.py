@@ -12,7 +12,7 @@ from symmb.cli.main import main
 from symmb.drawing import draw
 from symmb.drawing.bodies import mesh_edges
 
-SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".gif": b"GIF89a", ".html": b"<!DOCTYPE html>"}
+SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".html": b"<!DOCTYPE html>"}
 
 
 def joined(drawing, name):
@@ -83,7 +83,7 @@ def test_a_gif_moves(tmp_path):
     with image.open(tmp_path / "a.gif") as film:
         first = np.asarray(film.convert("L"))
         film.seek(film.n_frames - 1)
-        assert film.n_frames > 1 and (first != np.asarray(film.convert("L"))).any()
+        assert film.format == "GIF" and film.n_frames > 1 and (first != np.asarray(film.convert("L"))).any()
 
 
 def test_symmb_view(tmp_path, capsys):

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import in_turns
 from numpy.testing import assert_allclose
 from scipy.special import gammaln
 from test_step_ends import ULP, pushed
@@ -26,9 +27,7 @@ def check_work(solver, pulse, width):
     assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=3e-6 + 8 * ULP / width)
 
 
-@pytest.mark.parametrize("width", [1e-2, 1e-5, 1e-8])
-@pytest.mark.parametrize("pulse", PULSES)
-@pytest.mark.parametrize("solver", EXPLICIT, ids=repr)
+@pytest.mark.parametrize(("solver", "pulse", "width"), in_turns(EXPLICIT, PULSES, [1e-2, 1e-5, 1e-8]), ids=str)
 def test_pulses_of_position_do_their_work(solver, pulse, width):
     check_work(solver, pulse, width)
 
@@ -40,9 +39,12 @@ def test_implicit_solvers_follow_pulses_of_position(solver, pulse, width):
     check_work(solver, pulse, width)
 
 
-@pytest.mark.parametrize("power", [9, 30, 50, 200, 5000])
-@pytest.mark.parametrize("start", [0.3, 5.1, -1.14])
-@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.CVODES(), mb.IDAS(), mb.CVODES(stiff=True)], ids=repr)
+TURNING = [None, mb.DormandPrince(), mb.CVODES(), mb.IDAS(), mb.CVODES(stiff=True)]
+
+
+@pytest.mark.parametrize(
+    ("solver", "power", "start"), in_turns(TURNING, [9, 30, 50, 200, 5000], [0.3, 5.1, -1.14]), ids=str
+)
 def test_powers_of_a_wheel_s_cosine_act_in_each_turn(solver, power, start):
     """The first force may be 1e-100. The mean of cos(x)**2n over a turn is (2n)! / (2**n n!)**2, here n = power."""
     body, wheel = mb.Body("body", 1.0, pose=mb.Particle()), mb.Body("wheel", 1.0, 2.0)

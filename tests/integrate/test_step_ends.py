@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import in_turns
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
@@ -13,7 +14,10 @@ from symmb.events import TimeSwitches
 ULP = np.spacing(1.2345)
 
 
-@pytest.fixture(params=["compiled", "NumPy"])
+ENGINES = ["compiled", "NumPy"]
+
+
+@pytest.fixture(params=ENGINES)
 def engine(request, monkeypatch):
     if request.param == "NumPy":
         monkeypatch.setenv("CC", "/nonexistent")
@@ -96,8 +100,9 @@ PULSES = {
 }
 
 
-@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-7, 1e-9])
-@pytest.mark.parametrize("pulse", [*PULSES, "Table"])
+@pytest.mark.parametrize(
+    ("engine", "pulse", "width"), in_turns(ENGINES, [*PULSES, "Table"], [1e-3, 1e-5, 1e-7, 1e-9]), indirect=["engine"]
+)
 def test_impulses_of_any_width(engine, pulse, width):
     table = mb.Table([0, BEGIN, BEGIN + width / 2, BEGIN + width, 10], [0, 0, 2 / width, 0, 0])
     scene = pushed(PULSES.get(pulse, lambda p, m: table(mb.t)), width=width)
@@ -164,19 +169,29 @@ def test_a_motion_that_sticks_is_an_error(engine, friction):
         mb.simulate(scene)
 
 
-@pytest.mark.parametrize("length, time", [(1.0, 1.0), (1e-6, 1e5), (1e6, 1e-5)])
-@pytest.mark.parametrize("damping", [25.0, 50.0, 500.0])
-def test_an_overdamped_stop_does_not_stick(engine, damping, length, time):
-    """The force jumps when the contact begins. In closed form, d'' + c d' + k d = 0 until d'' = 0."""
+def overdamped_stop(damping, length=1.0, time=1.0):
+    """A mass against a stop, and its speed after it. In closed form, d'' + c d' + k d = 0 until d'' = 0."""
     stiffness, mass = 100.0, mb.Body("mass", 1.0, pose=mb.Particle())
     law = mb.KelvinVoigt(stiffness / time**2, damping / time)
     stop = mb.Contact("stop", mass.point(0, 0), mb.Ground().point(length, 0), (-1, 0), law)
     scene = mb.Scene(mb.System(mass, stop), start={"mass.vx": length / time}, times=[0.0, 8.0 * time])
-    run = mb.simulate(scene)
     fast, slow = np.roots([1, damping, stiffness])
     contact = 2 * np.log(fast / slow) / (slow - fast)
     rate = (slow * np.exp(slow * contact) - fast * np.exp(fast * contact)) / (slow - fast)
-    assert_allclose(run["mass.vx"][-1] * time / length, rate, rtol=1e-5)
+    return scene, rate * length / time
+
+
+SIZES = [(1.0, 1.0), (1e-6, 1e5), (1e6, 1e-5)]
+"""Of length and time."""
+
+
+@pytest.mark.parametrize(
+    ("engine", "size", "damping"), in_turns(ENGINES, SIZES, [25.0, 50.0, 500.0]), indirect=["engine"]
+)
+def test_an_overdamped_stop_does_not_stick(engine, size, damping):
+    """The force jumps when the contact begins."""
+    scene, speed = overdamped_stop(damping, *size)
+    assert_allclose(mb.simulate(scene)["mass.vx"][-1], speed, rtol=1e-5)
 
 
 def test_sliding_without_sticking_is_as_by_scipy(engine):
@@ -227,9 +242,7 @@ CONTROLLED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("solver", CONTROLLED, ids=repr)
-@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-8])
-@pytest.mark.parametrize("pulse", PULSES)
+@pytest.mark.parametrize(("solver", "pulse", "width"), in_turns(CONTROLLED, PULSES, [1e-3, 1e-6, 1e-8]), ids=str)
 def test_impulses_by_every_solver_that_controls_its_steps(solver, pulse, width):
     run = mb.simulate(pushed(PULSES[pulse], width=width), solver)
     assert_allclose(run["v"], [1, 2, 2], rtol=0, atol=1e-6 + 4 * ULP / width)
@@ -261,13 +274,17 @@ def test_tables_over_the_state_cost_no_step_ends_unless_they_are_steep():
     assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("width", [1e-2, 1e-5])
-@pytest.mark.parametrize("knots, heights, area", [
+CURVES = [
     ([0, 0.5, 1], [0, 1, 0], 2 / 3),  # a parabola
     ([-2, 0, 0.5, 1, 3], [0, 0, 1, 0, 0], 1 / 2),  # level where it begins and ends
     ([0, 1, 2], [0, 1, 2], 2.0),  # a ramp
-])  # fmt: skip
-def test_tables_that_are_narrow_as_a_whole_do_their_work(engine, knots, heights, area, width):
+]
+"""Places, heights and the area."""
+
+
+@pytest.mark.parametrize(("engine", "curve", "width"), in_turns(ENGINES, CURVES, [1e-2, 1e-5]), indirect=["engine"])
+def test_tables_that_are_narrow_as_a_whole_do_their_work(engine, curve, width):
+    knots, heights, area = curve
     table = mb.Table(2 + width * np.array(knots), np.array(heights) / width)
     run = mb.simulate(pushed(lambda p, m: ca.if_else(m.x < 2 + 2 * width, table(m.x), 0)), mb.DormandPrince())
     assert_allclose(run["v"][1:], np.sqrt(1 + 2 * area), rtol=0, atol=1e-6)

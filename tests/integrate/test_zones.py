@@ -1,12 +1,11 @@
 """Forces in narrow zones of position do their work: against closed forms of the energy."""
 
-from itertools import product
-
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import in_turns
 from numpy.testing import assert_allclose
-from test_step_ends import CONTROLLED, ULP, pushed
+from test_step_ends import CONTROLLED, ULP, overdamped_stop, pushed
 
 import symmb as mb
 
@@ -27,11 +26,14 @@ LAWS = {
 """Forces of work 1 from 2 to 2 + width."""
 
 
-NARROW = [pytest.param("Table", WIDTHS[-1], marks=pytest.mark.long)]  # a minute for each solver of CasADi
+NARROW = [pytest.param(s, "Table", WIDTHS[-1], marks=pytest.mark.long) for s in SIDED]  # a minute each for CasADi's
 
 
-@pytest.mark.parametrize(("law", "width"), [*product(LAWS, WIDTHS), *product(["Table"], WIDTHS[:-1]), *NARROW])
-@pytest.mark.parametrize("solver", SIDED, ids=repr)
+@pytest.mark.parametrize(
+    ("solver", "law", "width"),
+    [*in_turns(SIDED, LAWS, WIDTHS), *in_turns(SIDED, ["Table"], WIDTHS[:-1]), *NARROW],
+    ids=str,
+)
 def test_zones_do_their_work(solver, law, width):
     table = mb.Table([-9, 2, 2 + width / 2, 2 + width, 19], [0, 0, 2 / width, 0, 0])
     run = mb.simulate(pushed(LAWS.get(law, lambda p, m: table(m.x)), width=width), solver)
@@ -87,12 +89,6 @@ def test_samples_pass_zones_of_their_own(solver):
 @pytest.mark.parametrize("damping", [25.0, 500.0])
 @pytest.mark.parametrize("solver", SIDED, ids=repr)
 def test_switches_that_jump_with_another(solver, damping):
-    """The force of a damper jumps when its contact begins; d'' + c d' + k d = 0 until it would pull."""
-    stiffness, mass = 100.0, mb.Body("mass", 1.0, pose=mb.Particle())
-    law = mb.KelvinVoigt(stiffness, damping)
-    stop = mb.Contact("stop", mass.point(0, 0), mb.Ground().point(1, 0), (-1, 0), law)
-    run = mb.simulate(mb.Scene(mb.System(mass, stop), start={"mass.vx": 1.0}, times=[0.0, 8.0]), solver)
-    fast, slow = np.roots([1, damping, stiffness])
-    contact = 2 * np.log(fast / slow) / (slow - fast)
-    rate = (slow * np.exp(slow * contact) - fast * np.exp(fast * contact)) / (slow - fast)
-    assert_allclose(run["mass.vx"][-1], rate, rtol=1e-5)
+    """The force of a damper jumps when its contact begins."""
+    scene, rate = overdamped_stop(damping)
+    assert_allclose(mb.simulate(scene, solver)["mass.vx"][-1], rate, rtol=1e-5)

@@ -48,7 +48,12 @@ def test_modes_that_veer_do_not_cross(coupling):
     P = np.random.default_rng(5).uniform(scene.box.lower, scene.box.upper, (60, 2))
     np.testing.assert_allclose(modal.run(P).Y[:, 0, :2], frequencies(P, coupling), rtol=1e-12)
     assert not modal.crossings(scene.box)
-    bounds = mb.propagate(modal, mb.PolynomialChaos(tolerance=1e-3), box=scene.box)
+
+
+@pytest.mark.parametrize("coupling", [pytest.param(0.3, marks=pytest.mark.long), 1.0, 5.0])
+def test_bounds_of_modes_that_veer(coupling):
+    scene = coupled(coupling)
+    bounds = mb.propagate(mb.ModalSimulator(scene, count=2), mb.PolynomialChaos(tolerance=1e-3), box=scene.box)
     grid = np.stack(np.meshgrid(*[np.linspace(*ends, 401) for ends in scene.box.bounds]), axis=-1).reshape(-1, 2)
     exact = frequencies(grid, coupling)
     width = np.ptp(exact, axis=0)

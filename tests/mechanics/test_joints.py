@@ -49,14 +49,9 @@ def assert_derivatives(system, dae, seed):
 
 
 @pytest.mark.parametrize(("joint", "a", "b"), ADMITTED)
-def test_derivatives_are_those_of_the_rows(joint, a, b):
+def test_a_joint_has_the_rows_theory_gives_it_and_their_derivatives(joint, a, b):
     system, dae = declared(joint, a, b)
     assert_derivatives(system, dae, seed=1)
-
-
-@pytest.mark.parametrize(("joint", "a", "b"), ADMITTED)
-def test_a_joint_has_the_rows_theory_gives_it(joint, a, b):
-    system, _ = declared(joint, a, b)
     if {a, b} <= {"Planar", "Ground"}:
         expected = joint.planar_rows
     else:  # the other side of a planar body may leave the plane, so all rows stay

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
+from flexible_scenes import elastica
 
 import symmb as mb
 
@@ -23,18 +23,6 @@ def quiet(scene: mb.Scene) -> mb.Trajectory:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
         return mb.simulate(scene)
-
-
-def elastica(load: float) -> np.ndarray:
-    """Tip (x, y) over the length of a cantilever under P L^2 / EI at its end."""
-    solved = solve_bvp(
-        lambda s, y: [y[1], load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])],
-        lambda a, b: [a[0], b[1], a[2], a[3]],
-        np.linspace(0, 1, 101),
-        np.zeros((4, 101)),
-        tol=1e-8,
-    )
-    return solved.y[2:, -1]
 
 
 @pytest.mark.parametrize("stiffening", [False, True])
