@@ -118,8 +118,12 @@ from .polynomials.ranges.exact import Exact as Exact
 from .polynomials.ranges.inclusion import ChebyshevInclusion as ChebyshevInclusion
 from .polynomials.ranges.inclusion import LegendreInclusion as LegendreInclusion
 from .simulation.dae_simulator import DAESimulator as DAESimulator
+from .simulation.sensitivities import Sensitivities as Sensitivities
+from .simulation.sensitivities import sensitivities as sensitivities
 from .simulation.single_run import simulate as simulate
 from .simulation.subject import prepare as prepare
+from .simulation.sweep import Sweep as Sweep
+from .simulation.sweep import sweep as sweep
 from .simulation.trajectory import Trajectory as Trajectory
 from .structures.beams import Beam as Beam
 from .structures.finite_elements import FiniteElements as FiniteElements
