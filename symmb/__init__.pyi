@@ -130,6 +130,8 @@ from .structures.finite_elements import FiniteElements as FiniteElements
 from .structures.modes import Modes as Modes
 from .structures.section import Material as Material
 from .structures.section import Section as Section
+from .study.calibration import Calibration as Calibration
+from .study.calibration import calibrate as calibrate
 from .study.compare import compare as compare
 from .study.comparison_result import Comparison as Comparison
 from .study.root_locus import RootLocus as RootLocus

@@ -8,6 +8,7 @@ from symmb.plot.colours import COLOURS, colour_of
 from symmb.plot.comparison import plot_comparison
 from symmb.plot.curves import Band, PlottedBounds, family
 from symmb.plot.family import plot_family
+from symmb.plot.fit import plot_fit
 from symmb.plot.layout import MOST_PANELS, PICTURES, columns_of, labels, png
 from symmb.plot.root_locus import plot_root_locus
 from symmb.plot.stability import plot_stability
