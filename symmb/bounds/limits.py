@@ -1,9 +1,9 @@
 """Whether bounds keep limits: kept, violated, or not decided by the bounds."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,10 +19,31 @@ from symmb._types import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from symmb.bounds.result import Bounds
-
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 _LEFT = (0, 1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputBounds:
+    """The bounds of one output, as `Bounds` has them.
+
+    Attributes
+    ----------
+    kind : str
+    lower, upper : (n_t,)
+    estimate : (n_t,)          estimated error; None if there is none
+    inner : (lower, upper)     attained by runs; None if none are known
+    evaluations : int
+    is_doubted : bool
+    """
+
+    kind: Literal["enclosure", "estimate", "sampled"]
+    lower: Array
+    upper: Array
+    estimate: Array | None
+    inner: tuple[Array, Array] | None
+    evaluations: int
+    is_doubted: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +55,8 @@ class KeptLimit:
     output, unit : str
     low, high : float          limits, infinite where there is none
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide it
-    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it
     why : str                  what decides, or what would decide, in a sentence
+    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it
     """
 
     output: str
@@ -43,8 +64,8 @@ class KeptLimit:
     low: float
     high: float
     kept: bool | None
-    margin: Array
     why: str
+    margin: Array
 
     @property
     def text(self) -> str:
@@ -60,12 +81,16 @@ class LimitCheck(Result):
 
     Attributes
     ----------
-    bounds : Bounds
+    t : (n_t,)                 times [s]
+    method : str
     limits : tuple of KeptLimit
+    draw : function            of names of outputs: a figure of their bounds
     """
 
-    bounds: "Bounds"
+    t: Array
+    method: str
     limits: tuple[KeptLimit, ...]
+    draw: "Callable[[list[str]], Figure]"
 
     @property
     def kept(self) -> bool | None:
@@ -86,14 +111,14 @@ class LimitCheck(Result):
         raise DeclarationError(f"No limit of {shown(output)}.{did_you_mean(output, [x.output for x in self.limits])}")
 
     def _head(self) -> str:
-        return f"Limits by {self.bounds.method}: {_WORDS[self.kept]}"
+        return f"Limits by {self.method}: {_WORDS[self.kept]}"
 
     def _rows(self) -> list[list[str]]:
         rows = [["limit", "result", "why", "least margin", "at [s]"]]
         for limit in self.limits:
             worst = int(limit.margin.argmin())
             margin = f"{limit.margin[worst]:.4g}{' ' * bool(limit.unit)}{limit.unit}"
-            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{self.bounds.t[worst]:.6g}"])
+            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{self.t[worst]:.6g}"])
         return rows
 
     def __str__(self) -> str:
@@ -105,13 +130,13 @@ class LimitCheck(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw the bounds of the outputs with limits, and these as lines; write the picture to `path` if given."""
-        figure = self.bounds.plot(outputs=[limit.output for limit in self.limits])
+        figure = self.draw([limit.output for limit in self.limits])
         plot.add_limits(figure, [(limit.low, limit.high) for limit in self.limits])
         return plot.save(figure, path)
 
     def _labelled(self) -> Labelled:
         names = [limit.output for limit in self.limits]
-        coordinates, units = over_outputs(self.bounds.t, names, [limit.unit for limit in self.limits])
+        coordinates, units = over_outputs(self.t, names, [limit.unit for limit in self.limits])
         kept = texts([_WORDS[limit.kept] for limit in self.limits])
         variables: dict[str, Any] = {
             "margin": (("time", "output"), np.stack([limit.margin for limit in self.limits], axis=1)),
@@ -119,53 +144,53 @@ class LimitCheck(Result):
             "high": (("output",), np.array([limit.high for limit in self.limits])),
             "result": (("output",), kept),
         }
-        return Labelled(coordinates, variables, {"method": self.bounds.method}, {"time": units["time"]})
+        return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]})
 
 
-def check_limits(bounds: "Bounds", limits: Mapping[str, tuple[float | None, float | None]]) -> LimitCheck:
-    """See `Bounds.check`."""
+def limit_pairs(limits: Mapping[str, tuple[float | None, float | None]]) -> dict[str, tuple[float, float]]:
+    """Limits as numbers, infinite where there is none.
+
+    Raises
+    ------
+    DeclarationError    if they are no pairs of numbers or None by output, or cross
+    """
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
             f'Bounds.check: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
         )
-    return LimitCheck(bounds, tuple(_checked(bounds, name, pair) for name, pair in limits.items()))
+    return {name: _ends(name, pair) for name, pair in limits.items()}
 
 
-def _checked(bounds: "Bounds", name: str, pair: object) -> KeptLimit:
-    lower, upper = bounds[name]
-    low, high = _ends(name, pair)
-    k = bounds.names.index(name)
-    error = np.zeros(len(bounds.t)) if bounds.estimate is None else bounds.estimate[:, k]
-    attained = (np.inf, -np.inf) if bounds.inner is None else (bounds.inner[0][:, k], bounds.inner[1][:, k])
-    margin = np.minimum(lower - low, high - upper)
-    beyond = bool((np.minimum(attained[0] - low, high - attained[1]) < 0).any())
-    kept, why = _decision(bounds, margin, error, lower, upper, low, high, beyond)
-    return KeptLimit(name, bounds.units[k] if bounds.units else "", low, high, kept, margin, why)
+def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBounds) -> KeptLimit:
+    """Whether bounds of an output keep a limit."""
+    margin = np.minimum(bounds.lower - low, high - bounds.upper)
+    return KeptLimit(output, unit, low, high, *_decision(bounds, margin, low, high), margin)
 
 
-def _decision(
-    bounds: "Bounds", margin: Array, error: Array, lower: Array, upper: Array, low: float, high: float, beyond: bool
-) -> tuple[bool | None, str]:
+def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> tuple[bool | None, str]:
     """Whether a limit is kept, and why."""
-    if beyond or (bounds.kind == "sampled" and (margin < 0).any()):
+    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else (np.inf, -np.inf))
+    if np.any(attained[0] < low) or np.any(attained[1] > high):
         return False, "A run is beyond it."
-    if bounds.doubts:
+    if bounds.is_doubted:
         return None, "The bounds are doubted."
     if bounds.kind == "sampled":
         return None, f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
             return True, "This is proved."
-        if ((lower > high) | (upper < low)).any():
+        if ((bounds.lower > high) | (bounds.upper < low)).any():
             return False, "All responses are beyond it at a time."
         return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
     if bounds.estimate is None:
         return None, "The bounds have no estimated error: PolynomialChaos() has one."
-    if (margin < -error).any():
-        return False, f"The bounds are beyond it by more than their estimated error of {error[margin.argmin()]:.1e}."
-    if (margin >= error).all():
-        return True, f"The estimated error is at most {error.max():.1e}."
-    return None, f"The estimated error is up to {error.max():.1e}: a smaller tolerance decides."
+    if (margin < -bounds.estimate).any():
+        error = bounds.estimate[(margin + bounds.estimate).argmin()]
+        return False, f"The bounds are beyond it by more than their estimated error of {error:.1e}."
+    error = bounds.estimate.max()
+    if (margin >= bounds.estimate).all():
+        return True, f"The estimated error is at most {error:.1e}."
+    return None, f"The estimated error is up to {error:.1e}: a smaller tolerance decides."
 
 
 def _ends(name: str, pair: object) -> tuple[float, float]:

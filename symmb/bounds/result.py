@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from symmb._options import require_positive
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.failures import Failure, failure_text
-from symmb.bounds.limits import LimitCheck, check_limits
+from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
 from symmb.bounds.result_file import MEANING, Kind, attributes_of, labelled, record_of_table, widest_bounds
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.model import Box
@@ -214,7 +215,15 @@ class Bounds(Result, files.Saved):
         DeclarationError
             If an output is unknown, or limits cross.
         """
-        return check_limits(self, limits)
+        found, doubted = [], bool(self.doubts)
+        for name, ends in limit_pairs(limits).items():
+            lower, upper = self[name]
+            k = self.names.index(name)
+            estimate = None if self.estimate is None else self.estimate[:, k]
+            inner = None if self.inner is None else (self.inner[0][:, k], self.inner[1][:, k])
+            own = OutputBounds(self.kind, lower, upper, estimate, inner, self.evaluations, doubted)
+            found.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
+        return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None))
 
     def moments(self) -> Moments:
         """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.

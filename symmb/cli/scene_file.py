@@ -83,7 +83,7 @@ def _scene(module: ModuleType, path: Path) -> Scene:
     if not isinstance(scene, Scene):
         if not callable(scene):
             raise DeclarationError(
-                f"{path} defines neither a function scene() that returns a symmb.Scene, nor a variable of that name."
+                f"{path} defines no function scene() that returns a symmb.Scene, and no variable scene that is one."
             )
         with _foreign(path):
             scene = scene()
