@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Named = tuple[tuple[str, ...], Any]
 """Names of the dimensions of an array, and the array."""
-_ROWS = ("method", "time", "output")
+_ROWS = ("method", "sample", "time", "output")
 """Dimensions that are rows of a table."""
 BOUND = ("lower", "upper")
 

@@ -1,7 +1,8 @@
 """The result of every bounding method."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from symmb._options import require_positive
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.failures import Failure, failure_text
+from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
 from symmb.bounds.result_file import MEANING, Kind, attributes_of, labelled, record_of_table, widest_bounds
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.model import Box
@@ -196,6 +198,32 @@ class Bounds(Result, files.Saved):
             raise DeclarationError(f"Bounds: no output '{name}'.{did_you_mean(name, self.names)}")
         column = self.names.index(name)
         return self.lower[:, column], self.upper[:, column]
+
+    def check(self, limits: Mapping[str, tuple[float | None, float | None]]) -> LimitCheck:
+        """Whether outputs keep limits for all parameters of the box, at all times.
+
+        A limit is kept if the bounds, widened by their estimated error, are inside and nothing is doubted. It is
+        violated if a run is beyond it, or the bounds are so by more than their error. Otherwise it is undecided. For
+        enclosures it is proved to be kept; samples alone can only violate it.
+
+        Parameters
+        ----------
+        limits : mapping of output to (low, high), of which one may be None
+
+        Raises
+        ------
+        DeclarationError
+            If an output is unknown, or limits cross.
+        """
+        found, doubted = [], bool(self.doubts)
+        for name, ends in limit_pairs(limits).items():
+            lower, upper = self[name]
+            k = self.names.index(name)
+            estimate = None if self.estimate is None else self.estimate[:, k]
+            inner = None if self.inner is None else (self.inner[0][:, k], self.inner[1][:, k])
+            own = OutputBounds(self.kind, lower, upper, estimate, inner, self.evaluations, doubted)
+            found.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
+        return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None))
 
     def moments(self) -> Moments:
         """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.

@@ -17,6 +17,7 @@ from symmb._interrupts import partial_of
 from symmb._progress import Progress
 from symmb.cli import specs
 from symmb.cli.assignments import add_set, scene_and_parameters
+from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
 from symmb.cli.equations import equations_text
 from symmb.cli.linearize import add_linearize
@@ -39,17 +40,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    int     0; 1 if a simulation broke down, 2 on bad input, each with one sentence on stderr; 3 if the result is
-            doubtful; 130 if interrupted
+    int     0; 1 if a simulation broke down or a limit is violated, 2 on bad input, each with one sentence on stderr;
+            3 if the result is doubtful; 130 if interrupted
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without '≤' shows '?'
     options = _parser().parse_args(arguments)
     _tell_on_stderr(options.command)
     try:
-        doubts = options.run(options)
+        result = options.run(options)  # its doubts, or an exit status
         sys.stdout.flush()
-        return _DOUBTFUL if doubts else 0
+        return result if isinstance(result, int) else _DOUBTFUL if result else 0
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, SimulationError) else 2
@@ -197,7 +198,7 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         subcommand.add_argument(
-            "scene", metavar="SCENE", help="a file that defines scene(), a URDF file, or a shipped scene"
+            "scene", metavar="SCENE", help="a Python file with scene, a URDF file, or a shipped scene"
         )
         subcommand.set_defaults(run=run)
         return subcommand
@@ -215,6 +216,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
     """The commands that take a scene, with their options."""
+    add_bound(command, methods, solvers)
     add_compare(command, methods, solvers)
 
     simulate = command("simulate", "run the scene once and tell what its outputs do", _simulate, solvers)

@@ -22,8 +22,8 @@ _MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.pa
 def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
     """The scene of a Python file, of a URDF file, or of a shipped model by its name.
 
-    The file runs with its own `__file__`, and it can import from its folder. `scene()` is called without arguments. A
-    scene without a name gets that of the file. `numbers` of a URDF file become parameters.
+    The file runs with its own `__file__`, and it can import from its folder. `scene` is a Scene, or a function that is
+    called without arguments. A scene without a name gets that of the file. `numbers` of a URDF file become parameters.
 
     Raises
     ------
@@ -79,11 +79,14 @@ def _module(path: Path) -> ModuleType:
 
 
 def _scene(module: ModuleType, path: Path) -> Scene:
-    build = getattr(module, "scene", None)
-    if not callable(build):
-        raise DeclarationError(f"{path} defines no function scene() that returns a symmb.Scene.")
-    with _foreign(path):
-        scene = build()
+    scene = getattr(module, "scene", None)
+    if not isinstance(scene, Scene):
+        if not callable(scene):
+            raise DeclarationError(
+                f"{path} defines no function scene() that returns a symmb.Scene, and no variable scene that is one."
+            )
+        with _foreign(path):
+            scene = scene()
     if not isinstance(scene, Scene):
         raise DeclarationError(f"{path}: scene() returned a {type(scene).__name__}; it must return a symmb.Scene.")
     return scene.with_name(path.stem) if scene.name == Scene.name else scene

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 from typing import SupportsFloat
 
 import numpy as np
@@ -11,6 +13,7 @@ from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
 from symmb._types import Array
+from symmb.model.tolerance_list import interval_of, intervals_in_file
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -98,6 +101,70 @@ class Box:
             ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
             intervals[name] = min(ends), max(ends)
         return cls(**intervals)
+
+    @classmethod
+    def plus_minus(cls, parameters: Mapping[str, SupportsFloat], /, **tolerances: object) -> "Box":
+        """Intervals around nominal values by the tolerances of a drawing.
+
+        Parameters
+        ----------
+        parameters : mapping of name to nominal value
+        **tolerances : by name, a number (to both sides), a pair (lower, upper) of signed deviations, a share such as
+            "1%", or a size in mm with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The
+            nominal value must then be this size, in m or in mm
+
+        Raises
+        ------
+        DeclarationError
+            If a name is unknown, a tolerance is none, or a grade does not exist for its size.
+
+        Examples
+        --------
+        >>> Box.plus_minus({"crank": 0.05, "pin": 0.01, "bore": 0.04}, crank="1%", pin=(-1e-5, 3e-5), bore="40 H7")
+        Box(crank=(0.0495, 0.0505), pin=(0.00999, 0.01003), bore=(0.04, 0.040025))
+        """
+        owner = "Box.plus_minus"
+        if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
+            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+        for name in tolerances:
+            if name not in parameters:
+                raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, parameters)}")
+        return cls(
+            **{
+                name: interval_of(owner, name, float(parameters[name]), tolerance)
+                for name, tolerance in tolerances.items()
+            }
+        )
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> "Box":
+        """The intervals of a table of tolerances.
+
+        A CSV file has a head with `name`, `nominal`, `plus` and `minus`. The latter are the distances of the ends from
+        the nominal value; without `minus`, `plus` holds for both sides. In their place a column `tolerance` may hold
+        what `plus_minus` takes as a text, such as 1% or 40 H7. In a TOML file each parameter is a table with these
+        keys.
+
+        Raises
+        ------
+        DeclarationError
+            If the file is no such table.
+        FileError
+            If it cannot be read.
+        """
+        if not isinstance(path, str | PathLike):
+            raise DeclarationError(f"Box.read: path must be that of a file, got {shown(path)}.")
+        return cls(**intervals_in_file(Path(path)))
+
+    def __or__(self, other: "Box") -> "Box":
+        """The intervals of both boxes. A parameter of both must have the same interval in them."""
+        if not isinstance(other, Box):
+            return NotImplemented
+        mine, theirs = (dict(zip(box.names, box.bounds, strict=True)) for box in (self, other))
+        for name in mine.keys() & theirs.keys():
+            if mine[name] != theirs[name]:
+                raise DeclarationError(f"Box: '{name}' is {mine[name]} in one box and {theirs[name]} in the other.")
+        return Box(**(mine | theirs))
 
     @property
     def lower(self) -> Array:

@@ -116,3 +116,11 @@ def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[f
     bottom, top = max(np.nanmin(lows), low - room), min(np.nanmax(highs), high + room)
     margin = max(0.05 * (top - bottom), 1e-6 * max(abs(bottom), abs(top))) or room
     return float(bottom - margin), float(top + margin)
+
+
+def add_limits(figure: "Figure", limits: Sequence[tuple[float, float]]) -> None:
+    """Draw limits (low, high) as lines, one pair for each panel of a picture; infinite ones are left out."""
+    for axes, ends in zip(figure.axes, limits, strict=False):
+        for end in ends:
+            if np.isfinite(end):
+                axes.axhline(end, color="#d1495b", linestyle="--", linewidth=1.2)

@@ -1,6 +1,8 @@
 """Runs of scenes: `simulate` makes one run, and a `DAESimulator` those of samples."""
 
 from symmb.simulation.dae_simulator import DAESimulator
+from symmb.simulation.sensitivities import Sensitivities, sensitivities
 from symmb.simulation.single_run import parameter_values, simulate
 from symmb.simulation.subject import prepare, prepare_equations, scene_of, simulator_of
+from symmb.simulation.sweep import Sweep, sweep
 from symmb.simulation.trajectory import Trajectory

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import overload
 
 import casadi as ca
 import numpy as np
@@ -19,6 +20,7 @@ from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
 from symmb.simulation.subject import prepare, prepare_equations, require_own, require_solver, scene_of, with_options
+from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
@@ -43,6 +45,7 @@ _SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
 _STICKS = f"where it sticks to one, {_SMOOTH}"
 
 
+@overload
 def simulate(
     scene: Scene | DAESimulator,
     solver: Solver | None = None,
@@ -51,8 +54,41 @@ def simulate(
     check: bool = False,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
-) -> Trajectory:
-    """Run a scene once.
+) -> Trajectory: ...
+
+
+@overload
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | None,
+    parameters: Sequence[Mapping[str, float]],
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Sweep: ...
+
+
+@overload
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | None = None,
+    *,
+    parameters: Sequence[Mapping[str, float]],
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Sweep: ...
+
+
+def simulate(
+    scene: Scene | DAESimulator,
+    solver: Solver | None = None,
+    parameters: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
+    *,
+    check: bool = False,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Trajectory | Sweep:
+    """Run a scene once, or once for each of several sets of parameters.
 
     Parameters
     ----------
@@ -60,7 +96,7 @@ def simulate(
     solver : Solver            default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes;
                                CVODES with AugmentedLagrangian() if these fail; EventDriven() with impacts.
                                `trajectory.reason` gives the reason
-    parameters : mapping       values instead of the nominal ones
+    parameters : mapping       values instead of the nominal ones; a list of them makes all these runs side by side
     check : bool               run a second time in another way: by a solver of another family, and in other
                                coordinates if the scene has any. `trajectory.error` (n_t, n_y) is the difference, and
                                the doubts tell from when on digits are lost
@@ -68,7 +104,8 @@ def simulate(
 
     Returns
     -------
-    Trajectory                 what is doubtful about it stands in `doubts`, and is a SymmbWarning
+    Trajectory                 what is doubtful about it stands in `doubts`, and is a SymmbWarning; for a list of
+                               parameters a Sweep
 
     Raises
     ------
@@ -91,6 +128,11 @@ def simulate(
     if isinstance(scene, DAESimulator):
         require_own(scene, solver, times, outputs)
     own = with_options(own, times, outputs)
+    if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
+        if check:
+            raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
+        simulator = scene if isinstance(scene, DAESimulator) else prepare(own, solver)
+        return swept(simulator, parameters, {}, "simulate")
     values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts():
         if isinstance(scene, DAESimulator):

@@ -1,0 +1,208 @@
+"""Whether bounds keep limits: kept, violated, or not decided by the bounds."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from symmb import _html as html
+from symmb import plot
+from symmb._errors import DeclarationError
+from symmb._labelled import Labelled, Result, over_outputs, texts
+from symmb._names import did_you_mean
+from symmb._options import is_real, shown
+from symmb._table import aligned
+from symmb._types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WORDS = {True: "kept", False: "violated", None: "undecided"}
+_LEFT = (0, 1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputBounds:
+    """The bounds of one output, as `Bounds` has them.
+
+    Attributes
+    ----------
+    kind : str
+    lower, upper : (n_t,)
+    estimate : (n_t,)          estimated error; None if there is none
+    inner : (lower, upper)     attained by runs; None if none are known
+    evaluations : int
+    is_doubted : bool
+    """
+
+    kind: Literal["enclosure", "estimate", "sampled"]
+    lower: Array
+    upper: Array
+    estimate: Array | None
+    inner: tuple[Array, Array] | None
+    evaluations: int
+    is_doubted: bool
+
+
+@dataclass(frozen=True, eq=False)
+class KeptLimit:
+    """The limit of one output.
+
+    Attributes
+    ----------
+    output, unit : str
+    low, high : float          limits, infinite where there is none
+    kept : True, False, None   whether all responses are inside; None if the bounds do not decide it
+    why : str                  what decides, or what would decide, in a sentence
+    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it
+    """
+
+    output: str
+    unit: str
+    low: float
+    high: float
+    kept: bool | None
+    why: str
+    margin: Array
+
+    @property
+    def text(self) -> str:
+        """The limit as an inequality."""
+        low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
+        high = f" <= {self.high:g}" if np.isfinite(self.high) else ""
+        return f"{low}{self.output}{high}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LimitCheck(Result):
+    """Which limits are kept. `print` shows them, `plot` draws bounds and limits.
+
+    Attributes
+    ----------
+    t : (n_t,)                 times [s]
+    method : str
+    limits : tuple of KeptLimit
+    draw : function            of names of outputs: a figure of their bounds
+    """
+
+    t: Array
+    method: str
+    limits: tuple[KeptLimit, ...]
+    draw: "Callable[[list[str]], Figure]"
+
+    @property
+    def kept(self) -> bool | None:
+        """True if all limits are kept, False if one is violated, None if that is not decided."""
+        found = [limit.kept for limit in self.limits]
+        return False if False in found else None if None in found else True
+
+    @property
+    def margin(self) -> Array:
+        """(n_t,) the least distance of the bounds from a limit, below 0 beyond it."""
+        return np.min([limit.margin for limit in self.limits], axis=0)
+
+    def __getitem__(self, output: str) -> KeptLimit:
+        """The limit of an output."""
+        for limit in self.limits:
+            if limit.output == output:
+                return limit
+        raise DeclarationError(f"No limit of {shown(output)}.{did_you_mean(output, [x.output for x in self.limits])}")
+
+    def _head(self) -> str:
+        return f"Limits by {self.method}: {_WORDS[self.kept]}"
+
+    def _rows(self) -> list[list[str]]:
+        rows = [["limit", "result", "why", "least margin", "at [s]"]]
+        for limit in self.limits:
+            worst = int(limit.margin.argmin())
+            margin = f"{limit.margin[worst]:.4g}{' ' * bool(limit.unit)}{limit.unit}"
+            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{self.t[worst]:.6g}"])
+        return rows
+
+    def __str__(self) -> str:
+        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), left=_LEFT))])
+
+    def _repr_html_(self) -> str:
+        parts = html.text(self._head()), html.table(self._rows(), _LEFT), html.picture(plot.png(self.plot()))
+        return html.page(*parts)
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw the bounds of the outputs with limits, and these as lines; write the picture to `path` if given."""
+        figure = self.draw([limit.output for limit in self.limits])
+        plot.add_limits(figure, [(limit.low, limit.high) for limit in self.limits])
+        return plot.save(figure, path)
+
+    def _labelled(self) -> Labelled:
+        names = [limit.output for limit in self.limits]
+        coordinates, units = over_outputs(self.t, names, [limit.unit for limit in self.limits])
+        kept = texts([_WORDS[limit.kept] for limit in self.limits])
+        variables: dict[str, Any] = {
+            "margin": (("time", "output"), np.stack([limit.margin for limit in self.limits], axis=1)),
+            "low": (("output",), np.array([limit.low for limit in self.limits])),
+            "high": (("output",), np.array([limit.high for limit in self.limits])),
+            "result": (("output",), kept),
+        }
+        return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]})
+
+
+def limit_pairs(limits: Mapping[str, tuple[float | None, float | None]]) -> dict[str, tuple[float, float]]:
+    """Limits as numbers, infinite where there is none.
+
+    Raises
+    ------
+    DeclarationError    if they are no pairs of numbers or None by output, or cross
+    """
+    if not isinstance(limits, Mapping) or not limits:
+        raise DeclarationError(
+            f'Bounds.check: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
+        )
+    return {name: _ends(name, pair) for name, pair in limits.items()}
+
+
+def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBounds) -> KeptLimit:
+    """Whether bounds of an output keep a limit."""
+    margin = np.minimum(bounds.lower - low, high - bounds.upper)
+    return KeptLimit(output, unit, low, high, *_decision(bounds, margin, low, high), margin)
+
+
+def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> tuple[bool | None, str]:
+    """Whether a limit is kept, and why."""
+    attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else (np.inf, -np.inf))
+    if np.any(attained[0] < low) or np.any(attained[1] > high):
+        return False, "A run is beyond it."
+    if bounds.is_doubted:
+        return None, "The bounds are doubted."
+    if bounds.kind == "sampled":
+        return None, f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
+    if bounds.kind == "enclosure":
+        if (margin >= 0).all():
+            return True, "This is proved."
+        if ((bounds.lower > high) | (bounds.upper < low)).any():
+            return False, "All responses are beyond it at a time."
+        return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
+    if bounds.estimate is None:
+        return None, "The bounds have no estimated error: PolynomialChaos() has one."
+    if (margin < -bounds.estimate).any():
+        error = bounds.estimate[(margin + bounds.estimate).argmin()]
+        return False, f"The bounds are beyond it by more than their estimated error of {error:.1e}."
+    error = bounds.estimate.max()
+    if (margin >= bounds.estimate).all():
+        return True, f"The estimated error is at most {error:.1e}."
+    return None, f"The estimated error is up to {error:.1e}: a smaller tolerance decides."
+
+
+def _ends(name: str, pair: object) -> tuple[float, float]:
+    if not isinstance(pair, list | tuple) or len(pair) != 2 or not any(end is not None for end in pair):
+        raise DeclarationError(
+            f"Bounds.check: the limit of {name!r} must be a pair (low, high), of which one may be None, "
+            f"got {shown(pair)}."
+        )
+    for end in pair:
+        if end is not None and (not is_real(end) or np.isnan(end)):
+            raise DeclarationError(f"Bounds.check: the limit of {name!r} must be numbers or None, got {shown(pair)}.")
+    low, high = (-np.inf if pair[0] is None else float(pair[0])), (np.inf if pair[1] is None else float(pair[1]))
+    if low > high:
+        raise DeclarationError(f"Bounds.check: the limits of {name!r} cross: {low:g} is above {high:g}.")
+    return low, high

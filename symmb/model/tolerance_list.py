@@ -1,0 +1,151 @@
+"""Intervals from tolerances as drawings and tables tell them."""
+
+import csv
+import io
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from symmb._errors import DeclarationError, FileError, text_of
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number, numbers_of, shown
+from symmb.model.iso_grades import sizes_of_grade
+
+Interval = tuple[float, float]
+_SAME = 1e-9
+"""Share by which a nominal value may differ from the size that is told with a grade, by rounding."""
+_COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
+
+
+def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Interval:
+    """The interval around a nominal value by a tolerance of `Box.plus_minus`.
+
+    Raises
+    ------
+    DeclarationError    if it is no tolerance, or does not belong to this value
+    """
+    if isinstance(tolerance, str):
+        return _of_text(owner, name, nominal, tolerance)
+    if is_finite_number(tolerance):
+        if tolerance < 0:
+            raise DeclarationError(f"{owner}: the tolerance of {name!r} must be at least 0, got {shown(tolerance)}.")
+        return nominal - float(tolerance), nominal + float(tolerance)
+    ends = numbers_of(tolerance)
+    if ends is None or ends.shape != (2,) or not ends[0] <= ends[1] or not all(map(is_finite_number, ends)):
+        raise DeclarationError(
+            f"{owner}: the tolerance of {name!r} must be a number, a pair (lower, upper) of deviations such as "
+            f"(-1e-5, 3e-5), a share such as '1%', or a size with its grade such as '40 H7', got {shown(tolerance)}."
+        )
+    lower, upper = ends.tolist()
+    return nominal + lower, nominal + upper
+
+
+def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
+    if text.strip().endswith("%"):
+        try:
+            share = float(text.strip().removesuffix("%")) / 100
+        except ValueError:
+            share = -1.0
+        if not 0 <= share < 1 or not nominal:
+            raise DeclarationError(
+                f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
+            )
+        return nominal - abs(nominal) * share, nominal + abs(nominal) * share
+    try:
+        size, lower, upper = sizes_of_grade(text)
+    except DeclarationError as error:
+        raise DeclarationError(f"{owner}: {name!r}: {error}") from None
+    unit = next((unit for unit in (1e-3, 1.0) if abs(nominal - unit * size) <= _SAME * unit * size), None)
+    if unit is None:
+        raise DeclarationError(
+            f"{owner}: {name!r} is {nominal:g}, and {text!r} is a tolerance of {size:g} mm: the nominal value must be "
+            f"{1e-3 * size:g} (in m) or {size:g} (in mm)."
+        )
+    return unit * lower, unit * upper
+
+
+def intervals_in_file(path: Path) -> dict[str, Interval]:
+    """The intervals that a CSV or TOML table tells.
+
+    Raises
+    ------
+    DeclarationError    if it is no such table
+    FileError           if it cannot be read
+    """
+    if path.suffix.lower() not in (".csv", ".toml"):
+        raise DeclarationError(f"Box.read: {path.name} must be a .csv or .toml file.")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        rows = list(_rows_of_csv(text) if path.suffix.lower() == ".csv" else _rows_of_toml(text))
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror or text_of(error)}.") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, csv.Error) as error:
+        raise DeclarationError(f"Box.read: {path.name} is no table: {text_of(error)}.") from None
+    intervals: dict[str, Interval] = {}
+    for row in rows:
+        name = row.get("name")
+        owner = f"Box.read: {path.name}"
+        if not isinstance(name, str) or not name:
+            raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
+        if name in intervals:
+            raise DeclarationError(f"{owner}: {name!r} stands there twice.")
+        intervals[name] = _of_row(owner, name, row)
+    if not intervals:
+        raise DeclarationError(f"Box.read: {path.name} has no rows.")
+    return intervals
+
+
+def _rows_of_csv(text: str) -> Iterator[dict[str, Any]]:
+    lines = [line for line in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in line)]
+    head = [cell.strip().lower() for cell in lines[0]] if lines else []
+    for line in lines[1:]:
+        if len(line) > len(head):
+            raise DeclarationError(
+                f"Box.read: a row has {len(line)} cells and the head {len(head)}: {', '.join(line)}."
+            )
+        yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
+
+
+def _rows_of_toml(text: str) -> Iterator[dict[str, Any]]:
+    for name, row in tomllib.loads(text).items():
+        if not isinstance(row, Mapping):
+            raise DeclarationError(
+                f"Box.read: {name!r} must be a table with nominal, plus and minus, got {shown(row)}."
+            )
+        yield {"name": name, **row}
+
+
+def _of_row(owner: str, name: str, row: Mapping[str, Any]) -> Interval:
+    for key in row:
+        if key not in _COLUMNS:
+            raise DeclarationError(f"{owner}: no column {key!r} is read.{did_you_mean(key, _COLUMNS)}")
+    nominal = _number(owner, name, "nominal", row.get("nominal"))
+    if "tolerance" in row:
+        if "plus" in row or "minus" in row:
+            raise DeclarationError(f"{owner}: {name!r} has a tolerance, and plus or minus: give one of both.")
+        return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]))
+    if "plus" not in row:
+        raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")
+    plus = _number(owner, name, "plus", row["plus"])
+    minus = _number(owner, name, "minus", row.get("minus", plus))
+    if plus < 0 or minus < 0:
+        raise DeclarationError(
+            f"{owner}: plus and minus of {name!r} are distances from the nominal value, and at least 0. If both ends "
+            "lie on one side, move the nominal value between them."
+        )
+    return interval_of(owner, name, nominal, (-minus, plus))
+
+
+def _number(owner: str, name: str, column: str, value: Any) -> float:
+    value = _number_or_text(value)
+    if not is_finite_number(value):
+        raise DeclarationError(f"{owner}: {column} of {name!r} must be a number, got {shown(value)}.")
+    return float(value)
+
+
+def _number_or_text(value: Any) -> Any:
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value

@@ -1,0 +1,202 @@
+"""Derivatives of outputs over time with respect to parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb import files, plot
+from symmb._errors import DeclarationError, SimulationError
+from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
+from symmb._names import did_you_mean
+from symmb._options import require_names, shown
+from symmb._table import aligned
+from symmb._types import Array, Expr
+from symmb.black_boxes import Jets, Simulator
+from symmb.integrate import Solver
+from symmb.model import Scene
+from symmb.simulation.subject import prepare, require_own, require_solver, with_options
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivities(Result, files.Saved):
+    """dy/dp of outputs y over time at the nominal values of parameters p.
+
+    `found["x", "k"]` gives one of them (n_t,). `print` shows the largest ones, `plot` draws them, `save` and `load`
+    keep them.
+
+    Attributes
+    ----------
+    name : str                     of the scene
+    t : (n_t,)                     times [s]
+    names, units : n_y outputs and their units, '' where they are not known
+    parameters : dict              n_p nominal values by name
+    run : (n_t, n_y)               the nominal run
+    values : (n_t, n_y, n_p)       dy/dp, in units of the output over those of the parameter
+    """
+
+    name: str
+    t: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    parameters: dict[str, float]
+    run: Array
+    values: Array
+
+    def __getitem__(self, key: tuple[str, str]) -> Array:
+        """dy/dp (n_t,) of an output and a parameter."""
+        if not isinstance(key, tuple) or len(key) != 2:
+            raise DeclarationError(
+                f'Sensitivities: expected an output and a parameter, as ["x", "k"], got {shown(key)}.'
+            )
+        name, parameter = key
+        for what, one, known in (("output", name, self.names), ("parameter", parameter, self.parameters)):
+            if not isinstance(one, str) or one not in known:
+                raise DeclarationError(f"Sensitivities: no {what} {one!r}.{did_you_mean(one, known)}")
+        return self.values[:, self.names.index(name), [*self.parameters].index(parameter)]
+
+    def _head(self) -> str:
+        return f"{self.name}: dy/dp of {len(self.names)} outputs at the nominal parameters"
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        """The largest dy/dp of each output and parameter, and the change of the output for 1 % of the parameter."""
+        rows = [["output", "parameter", "nominal", "largest dy/dp", "at [s]", "change for 1 %"]]
+        for k, name in enumerate(names):
+            places = np.abs(self.values[:, k]).argmax(axis=0)
+            for j, (parameter, nominal) in enumerate(self.parameters.items()):
+                slope = self.values[places[j], k, j]
+                numbers = [f"{nominal:g}", f"{slope:.4g}", f"{self.t[places[j]]:.4g}", f"{0.01 * nominal * slope:.2g}"]
+                rows.append([name, parameter, *numbers])
+        return rows
+
+    def __str__(self) -> str:
+        return "\n".join([self._head(), "", *aligned(self._rows(self.names), left=(0, 1))])
+
+    def _repr_html_(self) -> str:
+        rows = self._rows(plot.labels(self.names, self.units))
+        return html.page(
+            html.text(self._head()),
+            html.table(rows, (0, 1)),
+            html.picture(plot.png(self.plot(outputs=self.names[: plot.MOST_PANELS]))),
+        )
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw the change of outputs over time for 1 % of each parameter; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        outputs : str or list      those to draw; default: all
+        ax : matplotlib Axes       to draw in, in the place of a new figure, one an output
+        """
+        changes = 0.01 * self.values * np.array(list(self.parameters.values()))
+        return plot.plot_family(
+            self.t,
+            np.moveaxis(changes, -1, 0),
+            self.names,
+            [*self.parameters],
+            path,
+            units=self.units,
+            chosen=plot.columns_of("Sensitivities.plot", outputs, self.names),
+            title=f"{self.name}: change for 1 % of each parameter",
+            owner="Sensitivities.plot",
+            ax=ax,
+        )
+
+    def _record(self) -> dict[str, Any]:
+        return dict(vars(self))
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Sensitivities":
+        t, names, parameters = record.times(), record.names("names"), record.numbers("parameters")
+        shape = len(t), len(names)
+        values = record.array("values", *shape, len(parameters))
+        return cls(
+            record.text("name"), t, names, record.texts("units"), parameters, record.array("run", *shape), values
+        )
+
+    def _labelled(self) -> Labelled:
+        coordinates, units = over_outputs(self.t, self.names, self.units)
+        coordinates |= {"parameter": (("parameter",), texts([*self.parameters]))}
+        nominal = np.array(list(self.parameters.values()))
+        variables = {
+            "value": (("time", "output"), self.run),
+            "sensitivity": (("time", "output", "parameter"), self.values),
+            "nominal": (("parameter",), nominal),
+        }
+        about = {"scene": self.name, "units": unit_text(self.names, self.units)}
+        return Labelled(coordinates, variables, about, units)
+
+
+def sensitivities(
+    scene: Scene | Simulator,
+    parameters: Sequence[str] | None = None,
+    solver: Solver | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+) -> Sensitivities:
+    """Exact derivatives of all outputs over time with respect to parameters, along the nominal run.
+
+    The equations of motion are differentiated and integrated with it, as for `Taylor`.
+
+    Parameters
+    ----------
+    scene : Scene              or a simulator with derivatives
+    parameters : list of str   those with respect to which derivatives are taken; default: all
+    solver, times, outputs     of a scene, in the place of its own
+
+    Raises
+    ------
+    DeclarationError           if a parameter is unknown, or there is none
+    AssemblyError              if the scene cannot be started
+    SimulationError            if the run breaks down, or the simulator gives values only
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> mb.sensitivities(scene)["x", "speed"].round(9).tolist()
+    [0.0, 2.0]
+    """
+    require_solver(solver)
+    if isinstance(scene, Scene):
+        simulator: Simulator = prepare(with_options(scene, times, outputs), solver)
+    else:
+        require_own(scene, solver, times, outputs)
+        simulator = scene
+    if not isinstance(simulator, Jets):
+        raise SimulationError(f"sensitivities: {shown(scene)} gives no derivatives. Give a Scene.")
+    nominal = dict(simulator.parameters)
+    some = require_names(
+        "sensitivities: parameters", "parameter", [*nominal] if parameters is None else parameters, nominal
+    )
+    if not some:
+        raise DeclarationError("sensitivities: there is no parameter. Declare Parameters(k=...) and use p.k.")
+    directions = np.eye(len(nominal))[[[*nominal].index(name) for name in some]]
+    jets = np.asarray(simulator.jets(np.array(list(nominal.values())), directions, 1), dtype=float)
+    if not np.isfinite(jets).all():
+        raise SimulationError("sensitivities: the derivatives are not finite.")
+    return Sensitivities(
+        str(getattr(getattr(simulator, "scene", None), "name", repr(simulator))),
+        np.asarray(simulator.times),
+        tuple(simulator.outputs),
+        tuple(getattr(simulator, "units", ("",) * len(simulator.outputs))),
+        {name: nominal[name] for name in some},
+        jets[0, 0],
+        np.moveaxis(jets[1], 0, -1),
+    )

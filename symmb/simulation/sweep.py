@@ -1,0 +1,311 @@
+"""Runs of a scene or a simulator with several values of its parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb import files, plot
+from symmb._errors import DeclarationError, warn_of
+from symmb._interrupts import kept_interrupts
+from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number, numbers_of, shown
+from symmb._progress import shown_runs
+from symmb._table import aligned
+from symmb._types import Array, Executor, Expr, Indices, Mask
+from symmb.black_boxes import Progress, Reduction, Samples, Simulator
+from symmb.integrate import Solver
+from symmb.model import Scene
+from symmb.simulation.subject import prepare, require_own, require_solver, with_options
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from xarray import Dataset
+
+_NAMED = 3
+"""Failed runs whose reasons are printed."""
+Part = tuple[Indices, Array, Mask, tuple[str, ...]]
+"""Numbers of samples, their outputs, whether they are valid, and why the others are not."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Result, files.Saved):
+    """Runs with several values of parameters.
+
+    `runs["x"]` gives an output of all runs. `print` shows extremes, `plot` draws all runs, `save` and `load` keep them.
+
+    Attributes
+    ----------
+    name : str                 of the scene or simulator
+    t : (n_t,)                 times [s]
+    names, units : n_y outputs and their units, '' where they are not known
+    parameters : dict          name -> (N,) values, of all parameters
+    grid : dict                name -> values (m,) of which all combinations are run, the last one changing fastest;
+                               empty if the runs are a list
+    values : (N, n_t, n_y)     outputs, nan from a failure on
+    ok : (N,)                  whether a run is valid
+    messages : tuple of str    why each of the others is not, in order
+    """
+
+    name: str
+    t: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    parameters: dict[str, Array]
+    grid: dict[str, Array]
+    values: Array
+    ok: Mask
+    messages: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, name: str) -> Array:
+        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid."""
+        if not isinstance(name, str) or name not in self.names:
+            raise DeclarationError(f"Sweep: no output '{name}'.{did_you_mean(name, self.names)}")
+        return self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        return tuple(map(len, self.grid.values())) or (len(self),)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Which runs failed, in a sentence; empty if none did."""
+        if self.ok.all():
+            return ()
+        more = f" and {len(self.messages) - _NAMED} more" if len(self.messages) > _NAMED else ""
+        return (f"{len(self.messages)} of {len(self)} runs failed: {'; '.join(self.messages[:_NAMED])}{more}.",)
+
+    def _head(self) -> str:
+        times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
+        varied = ", ".join(
+            f"{name} from {values.min():g} to {values.max():g}" for name, values in self._varied().items()
+        )
+        lines = [f"{self.name}: {len(self)} runs, {times}", f"  parameters  {varied or 'the same in all runs'}"]
+        return "\n".join([*lines, *(f"  doubtful    {doubt}" for doubt in self.doubts)])
+
+    def _varied(self) -> dict[str, Array]:
+        return {name: values for name, values in self.parameters.items() if np.ptp(values) > 0 or name in self.grid}
+
+    def _rows(self, names: Sequence[str]) -> list[list[str]]:
+        """Extremes of each output, with the time and the run, counted from 0."""
+        rows = [["output", "least", "at [s]", "run", "largest", "at [s]", "run"]]
+        for k, name in enumerate(names):
+            values = self.values[self.ok, :, k]
+            cells = [name]
+            for place in (values.argmin(), values.argmax()) if values.size else ():
+                run, i = np.unravel_index(place, values.shape)
+                cells += [f"{values[run, i]:.6g}", f"{self.t[i]:.6g}", f"{np.flatnonzero(self.ok)[run]}"]
+            rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
+        return rows
+
+    def __str__(self) -> str:
+        return "\n".join([self._head(), "", *aligned(self._rows(self.names))])
+
+    def _repr_html_(self) -> str:
+        rows = self._rows(plot.labels(self.names, self.units))
+        return html.page(
+            html.text(self._head()),
+            html.table(rows),
+            html.picture(plot.png(self.plot(outputs=self.names[: plot.MOST_PANELS]))),
+        )
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+    ) -> "Figure":
+        """Draw all runs over time, coloured by the first parameter that varies; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        outputs : str or list      those to draw; default: all
+        ax : matplotlib Axes       to draw in, in the place of a new figure, one an output
+        """
+        by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
+        order = np.argsort(values, kind="stable")
+        return plot.plot_family(
+            self.t,
+            self.values[order],
+            self.names,
+            [f"{by} = {values[k]:g}" for k in order],
+            path,
+            units=self.units,
+            chosen=plot.columns_of("Sweep.plot", outputs, self.names),
+            title=self.name,
+            owner="Sweep.plot",
+            ax=ax,
+        )
+
+    def _record(self) -> dict[str, Any]:
+        return {**vars(self), "doubts": self.doubts}
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Sweep":
+        t, names = record.times(), record.names("names")
+        parameters, grid = record.record("parameters"), record.record("grid")
+        ok = record.array("ok", None).astype(bool)
+        return cls(
+            record.text("name"),
+            t,
+            names,
+            record.texts("units"),
+            {name: parameters.array(name, len(ok)) for name in parameters.plain},
+            {name: grid.array(name, None) for name in grid.plain},
+            record.array("values", len(ok), len(t), len(names), finite=False),
+            ok,
+            record.texts("messages"),
+        )
+
+    def _labelled(self) -> Labelled:
+        coordinates, units = over_outputs(self.t, self.names, self.units)
+        variables: dict[str, Named] = {
+            "value": (("sample", "time", "output"), self.values),
+            "ok": (("sample",), self.ok),
+        }
+        own = parameter_names([*self.parameters], [*coordinates, *variables, "sample"])
+        coordinates |= {name: (("sample",), p) for name, p in zip(own, self.parameters.values(), strict=True)}
+        coordinates |= {"sample": (("sample",), np.arange(len(self)))}
+        about = {"scene": self.name, "units": unit_text(self.names, self.units), "doubts": "\n".join(self.doubts)}
+        return Labelled(coordinates, variables, {k: v or None for k, v in about.items()}, units)
+
+    def to_xarray(self) -> "Dataset":
+        """An xarray.Dataset over the parameters of a grid, or over samples, and over time and output.
+
+        Raises
+        ------
+        ImportError            if xarray is not installed
+        """
+        whole = self._labelled()
+        if not self.grid:
+            return whole.to_xarray()
+        own = tuple(parameter_names([*self.grid], ["time", "output", "unit", "value", "ok"]))
+        same = {name: pair for name, pair in whole.coordinates.items() if "sample" not in pair[0]}
+        along: dict[str, Named] = {n: ((n,), v) for n, v in zip(own, self.grid.values(), strict=True)}
+        over = self.values.reshape(*self._shape, len(self.t), len(self.names))
+        values = {"value": ((*own, "time", "output"), over), "ok": (own, self.ok.reshape(self._shape))}
+        return Labelled(same | along, values, whole.attributes, whole.units).to_xarray()
+
+
+def sweep(
+    scene: Scene | Simulator,
+    values: Mapping[str, Sequence[float] | Array],
+    solver: Solver | None = None,
+    *,
+    times: Sequence[float] | Array | None = None,
+    outputs: Mapping[str, Expr] | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Runs with all combinations of values of some parameters; the others keep their nominal values.
+
+    Parameters
+    ----------
+    scene : Scene or simulator
+    values : mapping           name -> (m,) values
+    solver, times, outputs     of a scene, in the place of its own
+    executor : anything with an ordered `map`, or an executor; default: runs in this process
+    progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals
+
+    Raises
+    ------
+    DeclarationError           if a parameter is unknown, or values are no numbers
+    AssemblyError              if the scene cannot be started
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 2.0], outputs=outputs)
+    >>> mb.sweep(scene, {"speed": [1.0, 2.0, 3.0]})["x"][:, -1].round(9).tolist()
+    [2.0, 4.0, 6.0]
+    """
+    if not isinstance(values, Mapping) or not values:
+        raise DeclarationError(f'sweep: expected values by name, such as {{"l1": [1.0, 1.1]}}, got {shown(values)}.')
+    grid = {}
+    for name, some in values.items():
+        column = numbers_of(some)
+        if column is None or column.ndim != 1 or not len(column) or not np.isfinite(column).all():
+            raise DeclarationError(
+                f"sweep: the values of {name!r} must be a list of finite numbers, got {shown(some)}."
+            )
+        grid[name] = column
+    runs = [dict(zip(grid, row, strict=True)) for row in product(*(column.tolist() for column in grid.values()))]
+    simulator = _simulator(scene, solver, times, outputs)
+    return swept(simulator, runs, grid, "sweep", executor, progress)
+
+
+def _simulator(
+    scene: Scene | Simulator,
+    solver: Solver | None,
+    times: Sequence[float] | Array | None,
+    outputs: Mapping[str, Expr] | None,
+) -> Simulator:
+    require_solver(solver)
+    if isinstance(scene, Scene):
+        return prepare(with_options(scene, times, outputs), solver)
+    if not hasattr(scene, "outputs"):
+        raise DeclarationError(f"sweep: expected a Scene or a simulator, got {shown(scene)}.")
+    require_own(scene, solver, times, outputs)
+    return scene
+
+
+def swept(
+    simulator: Simulator,
+    runs: Sequence[Mapping[str, float]],
+    grid: Mapping[str, Array],
+    owner: str,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Runs with parameters of which each replaces some of the nominal ones."""
+    nominal = simulator.parameters
+    if not runs:
+        raise DeclarationError(f"{owner}: there is no run to make.")
+    for run in runs:
+        if not isinstance(run, Mapping):
+            raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
+        for name, value in run.items():
+            if not isinstance(name, str) or name not in nominal:
+                raise DeclarationError(f"{owner}: no parameter {name!r}.{did_you_mean(name, nominal)}")
+            if not is_finite_number(value):
+                raise DeclarationError(f"{owner}: parameter {name!r} is {shown(value)}, which is no finite number.")
+    P = np.array([[float(run.get(name, value)) for name, value in nominal.items()] for run in runs])
+    P = P.reshape(len(runs), len(nominal))
+    with kept_interrupts(), shown_runs(progress, owner) as progress:
+        parts = simulator.stream(P, Reduction(list, _with_block, _joined), executor, progress)
+    Y, ok = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan), np.zeros(len(P), dtype=bool)
+    for indices, values, valid, _ in parts:
+        Y[indices], ok[indices] = values, valid
+    result = Sweep(
+        str(getattr(getattr(simulator, "scene", None), "name", repr(simulator))),
+        np.asarray(simulator.times),
+        tuple(simulator.outputs),
+        tuple(getattr(simulator, "units", ("",) * len(simulator.outputs))),
+        dict(zip(nominal, P.T, strict=True)),
+        dict(grid),
+        Y,
+        ok,
+        tuple(text for *_, texts in parts for text in texts),
+    )
+    warn_of(result.doubts, owner)
+    return result
+
+
+def _with_block(parts: list[Part], block: Samples, indices: Indices) -> list[Part]:
+    return [*parts, (indices, np.array(block.Y), np.array(block.ok), block.messages)]
+
+
+def _joined(first: list[Part], second: list[Part]) -> list[Part]:
+    return first + second

@@ -1,0 +1,346 @@
+"""Parameters of a scene from measured outputs: least squares with exact derivatives."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from symmb import _html as html
+from symmb import files, plot
+from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._interrupts import kept_interrupts
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number, numbers_of, require_names, require_positive, shown
+from symmb._table import aligned
+from symmb._types import Array
+from symmb.integrate import Solver
+from symmb.model import Box, Scene
+from symmb.simulation import DAESimulator, prepare
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+OWNER = "calibrate"
+_ROUNDS = 3
+"""Fits with weights by the residuals of the fit before: they settle to 1 % where each output has ten values."""
+_UNDETERMINED = 1e-6
+"""Share of the largest sensitivity, in shares of the parameters, below which the data do not determine a combination:
+derivatives by integration are exact to about 1e-7."""
+_PART = 0.3
+"""Part of a parameter in an undetermined combination from which on it is named."""
+_STEPS = 200
+"""Most runs of a fit: from within 30 % of the truth ten are usual."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(files.Saved):
+    """Estimates of parameters from data, and how far they can be trusted.
+
+    Attributes
+    ----------
+    name : str                     of the scene
+    parameters : dict              n_p estimates by name
+    covariance : (n_p, n_p)        of the estimates, for errors of the data that are independent and normal
+    noise : dict                   output -> standard deviation of its data, as given or as estimated
+    times, data, residuals : dict  output -> (n,) times [s], values, and values less those of the fitted run
+    degrees : int                  number of values less that of parameters; 0 if the noise was given
+    undetermined : tuple of str    what the data do not determine, in sentences
+    evaluations : int              runs with derivatives
+    """
+
+    name: str
+    parameters: dict[str, float]
+    covariance: Array
+    noise: dict[str, float]
+    times: dict[str, Array]
+    data: dict[str, Array]
+    residuals: dict[str, Array]
+    degrees: int
+    undetermined: tuple[str, ...]
+    evaluations: int
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the estimates."""
+        return dict(zip(self.parameters, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def correlation(self) -> Array:
+        """(n_p, n_p) correlation of the estimates."""
+        sizes = np.sqrt(np.diag(self.covariance))
+        return self.covariance / np.outer(sizes, sizes)
+
+    @property
+    def laws(self) -> dict[str, Any]:
+        """A normal distribution of SciPy for each parameter; `correlation` joins them."""
+        from scipy.stats import norm
+
+        return {name: norm(self.parameters[name], size) for name, size in self.deviations.items()}
+
+    def box(self, level: float = 0.95) -> Box:
+        """Intervals that hold all true values with at least this probability.
+
+        Each has the level to the power of 1 / n_p, by Šidák's inequality, and Student's quantiles where the noise is
+        estimated.
+
+        Raises
+        ------
+        DeclarationError    if the level is not between 0 and 1, or the data do not determine the parameters
+        """
+        from scipy.stats import norm, t
+
+        if not is_finite_number(level) or not 0 < level < 1:
+            raise DeclarationError(f"Calibration.box: level must be between 0 and 1, got {shown(level)}.")
+        if self.undetermined:
+            raise DeclarationError(f"Calibration.box: {' '.join(self.undetermined)}")
+        tail = (1 + level ** (1 / len(self.parameters))) / 2
+        factor = float(t(self.degrees).ppf(tail) if self.degrees else norm.ppf(tail))
+        sizes = self.deviations
+        return Box(**{n: (p - factor * sizes[n], p + factor * sizes[n]) for n, p in self.parameters.items()})
+
+    def _head(self) -> str:
+        count = sum(map(len, self.data.values()))
+        return "\n".join(
+            [
+                f"{self.name}: {len(self.parameters)} parameters from {count} values, {self.evaluations} runs",
+                *(f"  noise       {name}: {noise:.3g}" for name, noise in self.noise.items()),
+                *(f"  doubtful    {text}" for text in self.undetermined),
+            ]
+        )
+
+    def _rows(self) -> list[list[str]]:
+        rows = [["parameter", "estimate", "deviation", "share"]]
+        for name, size in self.deviations.items():
+            value = self.parameters[name]
+            rows.append([name, f"{value:.6g}", f"{size:.2g}", f"{size / abs(value):.2%}" if value else "–"])
+        return rows
+
+    def __str__(self) -> str:
+        return "\n".join([self._head(), "", *aligned(self._rows())])
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(self._head()), html.table(self._rows()), html.picture(plot.png(self.plot())))
+
+    def plot(self, path: str | Path | None = None, outputs: str | Sequence[str] | None = None) -> "Figure":
+        """Draw the data and the fitted run over time; write the picture to `path` if given."""
+        names = [*self.data]
+        chosen = plot.columns_of("Calibration.plot", outputs, names)
+        some = names if chosen is None else [names[k] for k in chosen]
+        return plot.plot_fit([(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in some], path)
+
+    def _record(self) -> dict[str, Any]:
+        return {"data_times" if name == "times" else name: value for name, value in vars(self).items()}
+
+    @classmethod
+    def _of_record(cls, record: files.Record) -> "Calibration":
+        parameters, noise = record.numbers("parameters"), record.numbers("noise")
+        times, data, residuals = (record.record(key) for key in ("data_times", "data", "residuals"))
+        series = {name: times.array(name, None) for name in noise}
+        return cls(
+            record.text("name"),
+            parameters,
+            record.array("covariance", len(parameters), len(parameters), finite=False),
+            noise,
+            series,
+            {name: data.array(name, len(t)) for name, t in series.items()},
+            {name: residuals.array(name, len(t)) for name, t in series.items()},
+            record.whole("degrees"),
+            record.texts("undetermined", default=()),
+            record.whole("evaluations"),
+        )
+
+
+def calibrate(
+    scene: Scene,
+    data: Mapping[str, Any],
+    parameters: Sequence[str] | None = None,
+    solver: Solver | None = None,
+    *,
+    noise: Mapping[str, float] | None = None,
+) -> Calibration:
+    """The parameters whose run comes closest to measured outputs, from the nominal ones on.
+
+    Squares of the residuals over the noise of each output are summed. Where the noise is not known, it is estimated
+    from the residuals of each output, and the outputs are weighted by it.
+
+    Parameters
+    ----------
+    scene : Scene
+    data : mapping             output -> values (n_t,) at the times of the scene, or a pair (times, values) of its own;
+                               values that are nan are left out
+    parameters : list of str   those to estimate; default: all
+    solver : Solver            default: chosen by pilot runs
+    noise : mapping            output -> standard deviation of its data
+
+    Returns
+    -------
+    Calibration                combinations that the data do not determine are a SymmbWarning
+
+    Raises
+    ------
+    DeclarationError           if an output or a parameter is unknown, or there are fewer values than parameters
+    SimulationError            if no run near the nominal parameters succeeds, or the fit does not end
+
+    Examples
+    --------
+    >>> import numpy as np, symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 1.0, 2.0], outputs=outputs)
+    >>> round(mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]}).parameters["speed"], 6)
+    1.506
+    """
+    if not isinstance(scene, Scene):
+        raise DeclarationError(f"{OWNER}: expected a Scene, got {shown(scene)}.")
+    nominal = scene.system.parameters
+    some = require_names(f"{OWNER}: parameters", "parameter", [*nominal] if parameters is None else parameters, nominal)
+    if not some:
+        raise DeclarationError(f"{OWNER}: there is no parameter to estimate.")
+    measured = _measured(scene, data)
+    times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
+    own = scene.with_times(times)
+    given = _noise(noise, measured)
+    count = sum(len(values) for _, values in measured.values())
+    if count < len(some) + (not given):
+        raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
+    with kept_interrupts():
+        result = _fitted(_Fit(prepare(own, solver), some, measured), given, scene.name)
+    warn_of(result.undetermined, f"{OWNER}: {scene.name}")
+    return result
+
+
+def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, Array]]:
+    """Times and values of each output that has data."""
+    if not isinstance(data, Mapping) or not data:
+        raise DeclarationError(f'{OWNER}: data must be values by output, such as {{"x": [...]}}, got {shown(data)}.')
+    found = {}
+    for name, values in data.items():
+        if name not in scene.output_names:
+            raise DeclarationError(f"{OWNER}: no output {name!r}.{did_you_mean(name, scene.output_names)}")
+        pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
+        t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
+        if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
+            where = "its own times" if pair else f"the {len(scene.times)} times of the scene"
+            raise DeclarationError(f"{OWNER}: data of {name!r} must be one number for each of {where}.")
+        known = np.isfinite(y)
+        if not known.any() or not np.isfinite(t).all() or (t < scene.times[0]).any():
+            raise DeclarationError(
+                f"{OWNER}: data of {name!r} must be finite at some times, none of them before {scene.times[0]:g} s."
+            )
+        found[name] = t[known], y[known]
+    return found
+
+
+def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> dict[str, float]:
+    """The given noise of each output; empty without any."""
+    if noise is None:
+        return {}
+    if not isinstance(noise, Mapping) or noise.keys() != measured.keys():
+        raise DeclarationError(
+            f"{OWNER}: noise must be a number for each of {', '.join(measured)}, got {shown(noise)}."
+        )
+    for name, value in noise.items():
+        require_positive(OWNER, f"noise of {name!r}", value)
+    return {name: float(value) for name, value in noise.items()}
+
+
+class _Fit:
+    """Residuals and their derivatives with respect to shares of the parameters, each run made once."""
+
+    def __init__(
+        self, simulator: DAESimulator, names: Sequence[str], measured: Mapping[str, tuple[Array, Array]]
+    ) -> None:
+        self.simulator, self.names, self.measured = simulator, names, measured
+        order = list(simulator.parameters)
+        self.p = np.array(list(simulator.parameters.values()))
+        self.columns = [order.index(name) for name in names]
+        self.sizes = np.where(self.p[self.columns] == 0, 1.0, np.abs(self.p[self.columns]))
+        self.places = [
+            (np.searchsorted(simulator.times, t), simulator.outputs.index(name)) for name, (t, _) in measured.items()
+        ]
+        self.data = np.concatenate([values for _, values in measured.values()])
+        self.counts = [len(values) for _, values in measured.values()]
+        self.runs = 0
+        self._known: dict[bytes, tuple[Array, Array]] = {}
+
+    def __call__(self, u: Array) -> tuple[Array, Array]:
+        """Residuals (N,), nan if the run fails, and derivatives (N, n_p) of the outputs."""
+        if u.tobytes() not in self._known:
+            p = self.p.copy()
+            p[self.columns] = u * self.sizes
+            directions = np.zeros((len(self.names), len(p)))
+            directions[np.arange(len(self.names)), self.columns] = self.sizes
+            self.runs += 1
+            try:
+                jets = np.asarray(self.simulator.jets(p, directions, 1), dtype=float)
+            except SimulationError:
+                jets = np.full((2, len(u), len(self.simulator.times), len(self.simulator.outputs)), np.nan)
+            y, slopes = (np.concatenate([part[:, i, k] for i, k in self.places], axis=1) for part in jets)
+            self._known[u.tobytes()] = self.data - y[0], slopes.T
+        return self._known[u.tobytes()]
+
+    def parts(self, values: Array) -> list[Array]:
+        """Values (N,) of each output."""
+        return np.split(values, np.cumsum(self.counts)[:-1])
+
+
+def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
+    from scipy.optimize import least_squares
+
+    u = fit.p[fit.columns] / fit.sizes
+    if not np.isfinite(fit(u)[0]).all():
+        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
+    spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
+    noise = np.array([*given.values()] or spreads)
+    for _ in range(1 if given else _ROUNDS):
+        weights = np.repeat(1 / noise, fit.counts)
+
+        def residuals(u: Array, weights: Array = weights) -> Array:
+            return fit(u)[0] * weights
+
+        def slopes(u: Array, weights: Array = weights) -> Array:
+            return -fit(u)[1] * weights[:, None]
+
+        found = least_squares(residuals, u, jac=cast(Any, slopes), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=_STEPS)
+        if not found.status:
+            raise SimulationError(f"{OWNER}: the fit has not ended after {_STEPS} runs. Give nominal values closer by.")
+        u = found.x
+        if not given:  # each output bears its share of the parameters
+            share = 1 - len(u) / len(fit.data)
+            floor = 1e-12 * np.array(spreads)
+            noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
+    weights = np.repeat(1 / noise, fit.counts)
+    _, sizes, directions = np.linalg.svd(fit(u)[1] * weights[:, None], full_matrices=False)
+    free = sizes <= _UNDETERMINED * sizes.max(initial=0.0)
+    covariance = np.full((len(u), len(u)), np.inf)
+    if not free.any():
+        root = fit.sizes[:, None] * directions.T / sizes
+        covariance = root @ root.T
+    return Calibration(
+        name,
+        dict(zip(fit.names, (u * fit.sizes).tolist(), strict=True)),
+        covariance,
+        dict(zip(fit.measured, noise.tolist(), strict=True)),
+        {output: t for output, (t, _) in fit.measured.items()},
+        {output: values for output, (_, values) in fit.measured.items()},
+        dict(zip(fit.measured, fit.parts(fit(u)[0]), strict=True)),
+        0 if given else len(fit.data) - len(u),
+        tuple(_undetermined(fit.names, direction) for direction in directions[free]),
+        fit.runs,
+    )
+
+
+def _undetermined(names: Sequence[str], direction: Array) -> str:
+    """A combination of parameters that leaves the outputs as they are."""
+    some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _PART]
+    if len(some) == 1:
+        return (
+            f"The data do not determine {some[0]!r}: the outputs do not depend on it. Leave it out of the parameters."
+        )
+    return f"The data do not determine {', '.join(map(repr, some))} together: leave one of them out of the parameters."

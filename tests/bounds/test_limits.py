@@ -1,0 +1,111 @@
+"""Limits of bounds, where what is true is known in closed form."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import symmb as mb
+
+T = np.linspace(0.0, 2.0, 21)
+BOX = mb.Box(a=(0.9, 1.1), b=(-0.5, 0.5))
+
+
+def waves() -> mb.FunctionSimulator:
+    """y = a sin t + b^2 t, from 0 up to 1.1 sin t + 0.25 t; z = -y."""
+
+    def f(a: float, b: float) -> np.ndarray:
+        y = a * np.sin(T) + b**2 * T
+        return np.stack([y, -y], axis=1)
+
+    return mb.FunctionSimulator(f, {"a": 1.0, "b": 0.1}, T, ["y", "z"])
+
+
+TOP = float((1.1 * np.sin(T) + 0.25 * T).max())
+
+
+@pytest.mark.parametrize(
+    ("limits", "kept"),
+    [
+        ({"y": (None, TOP + 0.01)}, True), ({"y": (None, TOP - 0.01)}, False), ({"y": (-0.01, None)}, True),
+        ({"y": (0.01, None)}, False), ({"z": (-TOP - 0.01, 0.5)}, True), ({"y": (-1, 9), "z": (-1, 9)}, False),
+        ({"y": (None, TOP)}, None),
+    ],
+)  # fmt: skip
+def test_limits_of_estimates_are_kept_violated_or_undecided(limits, kept):
+    bounds = mb.propagate(waves(), mb.PolynomialChaos(tolerance=1e-2), BOX)
+    check = bounds.check(limits)
+    if kept is None:
+        assert check.kept in (None, False)  # a run may attain the limit to rounding
+    else:
+        assert check.kept is kept
+    for name, (low, high) in limits.items():
+        lower, upper = bounds[name]
+        exact = np.minimum(lower - (-np.inf if low is None else low), (np.inf if high is None else high) - upper)
+        np.testing.assert_array_equal(check[name].margin, exact)
+    assert check.margin.shape == (21,) and {True: "kept", False: "violated", None: "undecided"}[check.kept] in str(
+        check
+    )
+
+
+def test_an_estimate_that_straddles_a_limit_does_not_decide():
+    lower, upper, error = np.zeros((2, 1)), np.ones((2, 1)), np.full((2, 1), 0.1)
+    bounds = mb.Bounds(np.array([0.0, 1.0]), ("y",), lower, upper, "estimate", "PolynomialChaos()", 9, estimate=error)
+    bounds = mb.Bounds(**{**vars(bounds), "inner": (lower + 0.05, upper - 0.05)})
+    results = {high: bounds.check({"y": (None, high)}).kept for high in (0.89, 0.92, 0.97, 1.05, 1.11)}
+    assert results == {0.89: False, 0.92: False, 0.97: None, 1.05: None, 1.11: True}
+
+
+def test_samples_only_violate():
+    bounds = mb.propagate(waves(), mb.Scanning(5), BOX)
+    assert bounds.check({"y": (None, TOP - 0.01)}).kept is False
+    check = bounds.check({"y": (None, TOP + 1)})
+    assert check.kept is None and "25 runs keep it" in str(check)
+
+
+def test_enclosures_prove():
+    p = mb.Parameters(k=2.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    pull = mb.Force("pull", ball.point(0, 0), (-p.k * ball.x, 0))
+    system = mb.System(ball, pull, parameters=p)
+    scene = mb.Scene(system, {"ball.x": 1.0}, np.linspace(0, 1, 5), {"x": ball.x}, box=mb.Box(k=(1.9, 2.1)))
+    bounds = mb.propagate(scene, mb.TaylorModel())
+    low = np.cos(np.sqrt(2.1))
+    assert bounds.check({"x": (low - 0.01, 1.01)}).kept is True
+    assert "proved" in str(bounds.check({"x": (low - 0.01, None)}))
+    assert bounds.check({"x": (low + 0.01, None)}).kept is None  # no run was made
+    assert bounds.check({"x": (0.9, None)}).kept is False
+
+
+def test_doubted_bounds_keep_nothing():
+    t = np.array([0.0])
+    bounds = mb.Bounds(
+        t, ("y",), -np.ones((1, 1)), np.ones((1, 1)), "estimate", "PolynomialChaos()", 9,
+        estimate=np.zeros((1, 1)), run_doubts=("Runs are doubtful.",),
+    )  # fmt: skip
+    assert bounds.check({"y": (-2, 2)}).kept is None
+
+
+def test_limits_are_drawn_and_labelled(tmp_path):
+    check = mb.propagate(waves(), mb.PolynomialChaos(), BOX).check({"z": (-1.0, None), "y": (-1, 2)})
+    figure = check.plot(tmp_path / "a.png")
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["z", "y"]
+    dashed = [[line.get_ydata()[0] for line in axes.lines if len(set(line.get_ydata())) == 1] for axes in figure.axes]
+    assert -1.0 in dashed[0] and {-1, 2} <= set(dashed[1])
+    data = check.to_xarray()
+    assert data["result"].values.tolist() == ["violated", "kept"] and data["margin"].dims == ("time", "output")
+    assert "<table" in check._repr_html_()
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("limits", "why"),
+    [
+        ({}, "pairs by output"), (3, "pairs by output"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
+        ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "cross"), ({"y": (np.nan, 1)}, "numbers or None"),
+        ({"y": ("a", 1)}, "numbers or None"), ({"y": (1, 2, 3)}, "pair"), ({"y": (True, 2)}, "numbers or None"),
+    ],
+)  # fmt: skip
+def test_what_is_no_limit_is_told(limits, why):
+    bounds = mb.propagate(waves(), mb.Scanning(5), BOX)
+    with pytest.raises(mb.DeclarationError, match=why):
+        bounds.check(limits)

@@ -1,0 +1,71 @@
+"""The command `symmb bound`: bounds, limits and exit status."""
+
+import json
+
+import numpy as np
+import pytest
+
+from symmb.cli.main import main
+
+SCENE = """
+import numpy as np
+import symmb as mb
+
+p = mb.Parameters(speed=1.0, height=2.0)
+ball = mb.Body("ball", 1.0, pose=mb.Particle())
+scene = mb.Scene(
+    mb.System(ball, parameters=p), {"ball.vx": p.speed, "ball.y": p.height}, np.linspace(0, 2, 5),
+    {"x": ball.x, "y": ball.y}, box=mb.Box(speed=(0.9, 1.1)),
+)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "roll.py").write_text(SCENE)
+    (tmp_path / "t.csv").write_text("name,nominal,plus\nspeed,1.0,0.2\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "upper"),
+    [
+        ([], 0, 2.2), (["--limit", "x=:2.3", "y=1:3"], 0, 2.2), (["--limit", "x=:2.1"], 1, 2.2),
+        (["--box", "speed=1:1.5"], 0, 3.0), (["--tolerances", "t.csv"], 0, 2.4),
+        (["--tolerances", "t.csv", "--box", "height=1:4", "--limit", "y=:3.9"], 1, 2.4),
+        (["--method", "vertex", "--limit", "x=:2.3"], 3, 2.2),
+    ],
+)  # fmt: skip
+def test_bounds_and_limits(folder, capsys, words, status, upper):
+    assert main(["bound", "roll.py", *words, "--json", "b.json", "--csv", "b.csv"]) == status
+    text = capsys.readouterr().out
+    assert text.startswith("Bounds by ") and ("Limits by " in text) == ("--limit" in words)
+    bounds = json.loads((folder / "b.json").read_text())
+    assert bounds["upper"][-1][0] == pytest.approx(upper)
+    assert np.genfromtxt(folder / "b.csv", delimiter=",", skip_header=1)[-1, 2] == pytest.approx(upper)
+
+
+def test_pictures_are_written(folder):
+    assert main(["bound", "roll.py", "--limit", "x=:2.3", "--plot", "b.png", "--view", "b.svg"]) == 0
+    assert (folder / "b.png").stat().st_size > 5000 and (folder / "b.svg").stat().st_size > 500
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--limit", "x"], "name=low:high"), (["--limit", "x=:"], "name=low:high"), (["--limit", "x=a:1"], "low:high"),
+        (["--limit", "x=2:1"], "cross"), (["--limit", "q=:1"], "no output 'q'"), (["--box", "speed=1:"], "both ends"),
+        (["--box", "speed=1:2", "speed=1:2"], "twice"), (["--box", "sped=1:2"], "no parameter 'sped'"),
+        (["--tolerances", "none.csv"], "cannot be read"), (["--method", "magic"], "magic"), (["--csv", "b.png"], "csv"),
+    ],
+)  # fmt: skip
+def test_wrong_words_are_told_in_one_sentence(folder, capsys, words, why):
+    assert main(["bound", "roll.py", *words]) == 2
+    error = capsys.readouterr().err
+    assert why in error and error.startswith("symmb bound: ") and error.count("\n") == 1
+
+
+def test_a_scene_without_a_box_needs_one(folder, capsys):
+    (folder / "roll.py").write_text(SCENE.replace(", box=mb.Box(speed=(0.9, 1.1))", ""))
+    assert main(["bound", "roll.py"]) == 2 and "--box NAME=1:2" in capsys.readouterr().err

@@ -1,0 +1,145 @@
+"""Boxes from tolerances of drawings and tables. Trusted deviations are those of ISO 286-2:2010 and ISO 2768-1."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb._errors import FileError
+from symmb.model.iso_grades import sizes_of_grade
+
+PUBLISHED = {  # lower and upper deviation [um]
+    "40 H7": (0, 25), "40 g6": (-25, -9), "40 K7": (-18, 7), "40 P7": (-42, -17), "25 js6": (-6.5, 6.5),
+    "25 p6": (22, 35), "50 n6": (17, 33), "30 f7": (-41, -20), "100 h6": (-22, 0), "20 k6": (2, 15),
+    "60 s6": (53, 72), "16 H8": (0, 27), "10 E9": (25, 61), "300 M6": (-41, -9), "8 D10": (40, 98),
+    "40 N7": (-33, -8), "40 M7": (-25, 0), "2 K7": (-10, 0), "40 K8": (-27, 12), "40 N9": (-62, 0),
+    "110 c11": (-400, -180), "400 r6": (114, 150), "500 H6": (0, 40), "3 H7": (0, 10), "3.1 H7": (0, 12),
+    "120 ISO 2768-m": (-300, 300), "5 2768 fH": (-50, 50), "1500 ISO 2768-c": (-3000, 3000),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", PUBLISHED)
+def test_deviations_are_those_of_the_standards(text):
+    size, lower, upper = sizes_of_grade(text)
+    assert 1e3 * np.array([lower - size, upper - size]) == pytest.approx(PUBLISHED[text], abs=1e-6)
+
+
+def test_zones_follow_the_standard_s_formulas_up_to_their_rounding():
+    """ISO 286-1, annex: IT6 to IT16 are 10 i to 1000 i with i = 0.45 D^(1/3) + 0.001 D; shafts by powers of D."""
+    ends = [3, 6, 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500]
+    factors = dict(zip(range(6, 17), (10, 16, 25, 40, 64, 100, 160, 250, 400, 640, 1000), strict=True))
+    shafts = {"d": (16, 0.44), "e": (11, 0.41), "f": (5.5, 0.41), "g": (2.5, 0.34), "n": (-5, 0.34)}
+    for begin, end in zip([1, *ends], ends, strict=False):
+        D = np.sqrt(begin * end)
+        for grade, factor in factors.items():
+            _, lower, upper = sizes_of_grade(f"{end} h{grade}")
+            exact = factor * (0.45 * D ** (1 / 3) + 0.001 * D)
+            assert 1e3 * (upper - lower) == pytest.approx(exact, rel=0.15 if end > 3 else 0.4)
+        for letter, (factor, power) in shafts.items():
+            size, lower, upper = sizes_of_grade(f"{end} {letter}7")
+            near = size - upper if factor > 0 else size - lower
+            assert 1e3 * near == pytest.approx(factor * D**power, rel=0.1 if end > 3 else 0.35, abs=1)
+
+
+@pytest.mark.parametrize(("hole", "shaft"), [("H7", "p6"), ("H8", "f7"), ("H6", "k5"), ("H7", "s6")])
+@pytest.mark.parametrize("size", [5, 16, 45, 75, 110, 220])
+def test_fits_with_exchanged_letters_are_as_tight(hole, shaft, size):
+    """A hole H with a shaft p fits as a hole P with a shaft h."""
+
+    def play(a, b):
+        (_, *hole), (_, *shaft) = (sizes_of_grade(f"{size} {text}") for text in (a, b))
+        return hole[0] - shaft[1], hole[1] - shaft[0]
+
+    exchanged = play(shaft[0].upper() + hole[1:], "h" + shaft[1:])
+    assert play(hole, shaft) == pytest.approx(exchanged, abs=1e-9)
+
+
+def test_tolerances_of_every_kind_become_intervals():
+    p = mb.Parameters(crank=0.05, rocker=-2.0, pin=0.01, bore=0.04, hub=40.0, fixed=1.0)
+    box = mb.Box.plus_minus(p, crank=5e-5, rocker="1%", pin=(-1e-5, 3e-5), bore="40 H7", hub="40 H7", fixed=0)
+    exact = [(0.04995, 0.05005), (-2.02, -1.98), (0.00999, 0.01003), (0.04, 0.040025), (40, 40.025), (1, 1)]
+    np.testing.assert_allclose(box.bounds, exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "why"),
+    [
+        (-1e-5, "at least 0"), ((1e-5, -1e-5), "pair"), ((1, 2, 3), "pair"), (None, "pair"), (np.nan, "pair"),
+        ("-1%", "share"), ("100%", "share"), ("x%", "share"), ("H7", "is no tolerance"), ("40 H17", "IT1 to IT16"),
+        ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "up to K8"), ("40 2768-x", "f, m, c and v"),
+        ("50 H7", "0.05 .in m. or 50 .in mm."), (True, "pair"), ("0 H7", "IT1"), ("2 2768-v", "f, m, c and v"),
+    ],
+)  # fmt: skip
+def test_what_is_no_tolerance_is_told(tolerance, why):
+    with pytest.raises(mb.DeclarationError, match=why):
+        mb.Box.plus_minus({"bore": 0.04}, bore=tolerance)
+
+
+CSV = """name,nominal,plus,minus,tolerance
+crank,0.05,5e-5,,
+pin,0.01,3e-5,1e-5,
+
+bore,0.04,,,40 H7
+rocker,0.2,,,1%
+"""
+TOML = """[crank]
+nominal = 0.05
+plus = 5e-5
+[pin]
+nominal = 0.01
+plus = 3e-5
+minus = 1e-5
+[bore]
+nominal = 0.04
+tolerance = "40 H7"
+[rocker]
+nominal = 0.2
+tolerance = "1%"
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.csv", CSV), ("a.CSV", "\ufeff" + CSV), ("a.toml", TOML)])
+def test_tables_of_tolerances_are_read(tmp_path, name, text):
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    box = mb.Box.read(tmp_path / name)
+    assert box.names == ("crank", "pin", "bore", "rocker")
+    exact = [(0.04995, 0.05005), (0.00999, 0.01003), (0.04, 0.040025), (0.198, 0.202)]
+    np.testing.assert_allclose(box.bounds, exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "no rows"), ("name,nominal,plus\n", "no rows"), ("nominal,plus\n1,2\n", "name"),
+        ("name,nominal,plus\na,1,2\na,1,2\n", "twice"), ("name,nominal,plus\na,one,2\n", "number"),
+        ("name,nominal,plus\na,1\n", "needs plus"), ("name,nominal,plus,minus\na,1,2,-1\n", "one side"),
+        ("name,nominal,pls\na,1,2\n", "Did you mean 'plus'"), ("name,nominal,plus\na,1,2,3\n", "cells"),
+        ("name,nominal,plus,tolerance\na,1,2,1%\n", "one of both"), ("name,nominal,plus\na,1,1e400\n", "number"),
+    ],
+)  # fmt: skip
+def test_damaged_tables_are_told(tmp_path, text, why):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(mb.DeclarationError, match=why):
+        mb.Box.read(tmp_path / "a.csv")
+
+
+def test_other_files_are_told(tmp_path):
+    (tmp_path / "a.toml").write_text("a = 3\n")
+    (tmp_path / "b.toml").write_text("a = \n")
+    (tmp_path / "c.csv").write_bytes(b"\xff\xfe\x00")
+    for name, why in {
+        "a.toml": "must be a table",
+        "b.toml": "no table",
+        "c.csv": "no table",
+        "d.xls": "csv or .toml",
+    }.items():
+        with pytest.raises(mb.DeclarationError, match=why):
+            mb.Box.read(tmp_path / name)
+    with pytest.raises(FileError, match="cannot be read"):
+        mb.Box.read(tmp_path / "none.csv")
+
+
+def test_boxes_are_joined():
+    a, b = mb.Box(k=(1, 2), m=(0, 1)), mb.Box(m=(0, 1), c=(3, 4))
+    assert (a | b).names == ("k", "m", "c")
+    with pytest.raises(mb.DeclarationError, match="in the other"):
+        _ = a | mb.Box(m=(0, 2))

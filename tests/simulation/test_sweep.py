@@ -1,0 +1,152 @@
+"""Sweeps and sensitivities against closed forms and other ways to the same runs."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import symmb as mb
+
+T = np.linspace(0.0, 3.0, 31)
+
+
+def oscillator(scale: float = 1.0) -> mb.Scene:
+    """A mass m on a spring k, let go at the amplitude a."""
+    p = mb.Parameters(m=1.3 * scale, k=7.0 * scale, a=0.4)
+    ball = mb.Body("ball", p.m, pose=mb.Particle())
+    spring = mb.SpringDamper("spring", mb.Ground().point(-1, 0), ball.point(0, 0), p.k, 0.0, 1.0)
+    system = mb.System(ball, spring, parameters=p)
+    outputs = {"x": ball.x, "vx": ball.vx}
+    return mb.Scene(system, {"ball.x": p.a, "ball.y": 0.0}, T, outputs, name="oscillator")
+
+
+def exact(m, k, a):
+    w = np.sqrt(k / m)
+    return np.stack([a * np.cos(w * T), -a * w * np.sin(w * T)], axis=-1)
+
+
+def test_a_grid_runs_all_combinations_in_order():
+    k, a = [5.0, 6.0, 8.0], [0.1, 0.3]
+    runs = mb.sweep(oscillator(), {"k": k, "a": a})
+    assert len(runs) == 6 and runs.ok.all() and not runs.doubts
+    truth = np.array([[exact(1.3, one, other) for other in a] for one in k])
+    np.testing.assert_allclose(runs["x"], truth[..., 0], atol=1e-7)
+    np.testing.assert_allclose(runs["vx"], truth[..., 1], atol=1e-6)
+    np.testing.assert_array_equal(runs.parameters["k"], np.repeat(k, 2))
+    np.testing.assert_array_equal(runs.parameters["m"], 1.3)
+
+
+def test_a_list_of_parameters_runs_each():
+    sets = [{"k": 5.0}, {}, {"m": 2.0, "a": -0.2}]
+    runs = mb.simulate(oscillator(), parameters=sets)
+    assert isinstance(runs, mb.Sweep) and not runs.grid
+    for row, own in zip(runs.values, sets, strict=True):
+        np.testing.assert_allclose(row, exact(**{"m": 1.3, "k": 7.0, "a": 0.4, **own}), atol=1e-6)
+        np.testing.assert_allclose(row, mb.simulate(oscillator(), parameters=own).values, atol=1e-6)
+
+
+def test_other_simulators_are_swept_on_any_executor():
+    decay = mb.FunctionSimulator(lambda k, c: c * np.exp(-k * T)[:, None], {"k": 1.0, "c": 2.0}, T, ["x"])
+    values = {"k": np.linspace(0, 1, 300)}
+    runs = mb.sweep(decay, values)
+    np.testing.assert_allclose(runs["x"], 2 * np.exp(-values["k"][:, None] * T))
+    with ThreadPoolExecutor(2) as pool:
+        np.testing.assert_array_equal(mb.sweep(decay, values, executor=pool).values, runs.values)
+
+
+def test_failed_runs_are_told_and_the_others_stay():
+    def f(k: float) -> np.ndarray:
+        if k > 2:
+            raise mb.SimulationError("too stiff")
+        return k * T[:, None]
+
+    with pytest.warns(mb.SymmbWarning, match="2 of 4 runs failed: too stiff"):
+        runs = mb.sweep(mb.FunctionSimulator(f, {"k": 1.0}, T, ["x"]), {"k": [3.0, 1.0, 4.0, 2.0]})
+    assert runs.ok.tolist() == [False, True, False, True] and "doubtful" in str(runs)
+    np.testing.assert_allclose(runs["x"][3], 2 * T)
+    assert np.isnan(runs["x"][0]).all()
+    assert [line.split() for line in str(runs).splitlines()][-1] == "x 0 0 1 6 3 3".split()
+
+
+def test_sweeps_become_labelled_arrays_tables_files_and_pictures(tmp_path):
+    runs = mb.sweep(oscillator(), {"k": [5.0, 6.0, 8.0], "a": [0.1, 0.3]})
+    data = runs.to_xarray()
+    assert data["value"].dims == ("k", "a", "time", "output") and data.attrs["scene"] == "oscillator"
+    np.testing.assert_array_equal(data["value"].sel({"k": 6.0, "a": 0.3, "output": "x"}), runs["x"][1, 1])
+    frame = runs.to_pandas()
+    row = frame[(frame.k == 6.0) & (frame.a == 0.3) & (frame.output == "x")]
+    np.testing.assert_array_equal(row["value"], runs["x"][1, 1])
+    assert mb.simulate(oscillator(), parameters=[{}, {"k": 5.0}]).to_xarray()["value"].dims == (
+        "sample",
+        "time",
+        "output",
+    )
+    for name in ("a.npz", "a.json"):
+        runs.save(tmp_path / name)
+        again = mb.Sweep.load(tmp_path / name)
+        np.testing.assert_array_equal(again["x"], runs["x"])
+        assert str(again) == str(runs) and [*again.grid] == ["k", "a"]
+    figure = runs.plot(tmp_path / "a.png", outputs=["x"])
+    assert len(figure.axes) == 1 and len(figure.axes[0].lines) == 6 and (tmp_path / "a.png").stat().st_size > 5000
+    _, axes = plt.subplots()
+    runs.plot(outputs="x", ax=axes)
+    assert len(axes.lines) == 6
+    assert "<table" in runs._repr_html_()
+    plt.close("all")
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+@pytest.mark.parametrize("solver", [None, mb.CVODES(rtol=1e-10), mb.Rosenbrock()], ids=repr)
+def test_sensitivities_are_the_derivatives_of_the_closed_form(scale, solver):
+    found = mb.sensitivities(oscillator(scale), solver=solver)
+    values = {"m": 1.3 * scale, "k": 7.0 * scale, "a": 0.4}
+    assert found.parameters == values
+    np.testing.assert_allclose(found.run, exact(**values), atol=1e-6)
+    for name, value in values.items():
+        h = 1e-30j * value  # the complex step, exact to rounding
+        w = np.sqrt((values["k"] + h * (name == "k")) / (values["m"] + h * (name == "m")))
+        x = (values["a"] + h * (name == "a")) * np.cos(w * T)
+        np.testing.assert_allclose(found["x", name] * value, x.imag / 1e-30, atol=2e-5)
+
+
+def test_sensitivities_of_some_parameters_and_their_outside(tmp_path):
+    found = mb.sensitivities(oscillator(), ["a"])
+    assert found.values.shape == (31, 2, 1) and "change for 1 %" in str(found)
+    np.testing.assert_allclose(found.to_xarray()["sensitivity"][:, 0, 0], np.cos(np.sqrt(7 / 1.3) * T), atol=1e-6)
+    for name in ("a.npz", "a.json"):
+        found.save(tmp_path / name)
+        np.testing.assert_array_equal(mb.Sensitivities.load(tmp_path / name)["x", "a"], found["x", "a"])
+    found.plot(tmp_path / "a.png")
+    assert "<table" in found._repr_html_()
+    plt.close("all")
+
+
+def test_wrong_calls_are_told():
+    scene = oscillator()
+    black_box = mb.FunctionSimulator(lambda k: k * T[:, None], {"k": 1.0}, T, ["x"])
+    wrong = {
+        "expected values by name": [lambda: mb.sweep(scene, {}), lambda: mb.sweep(scene, 3)],
+        "list of finite numbers": [
+            lambda v=v: mb.sweep(scene, {"k": v}) for v in ([], "x", 1.0, [np.inf], [[1.0]], None)
+        ],
+        "no parameter 'kk'": [
+            lambda: mb.sweep(scene, {"kk": [1.0]}),
+            lambda: mb.simulate(scene, parameters=[{"kk": 1}]),
+        ],
+        "no run to make": [lambda: mb.simulate(scene, parameters=[])],
+        "no finite number": [lambda: mb.simulate(scene, parameters=[{"k": np.nan}])],
+        "check=True is of one run": [lambda: mb.simulate(scene, parameters=[{}], check=True)],
+        "Scene or a simulator": [lambda: mb.sweep("scene", {"k": [1.0]})],
+        "has its own solver": [lambda: mb.sweep(black_box, {"k": [1.0]}, times=[0, 1])],
+        "no output 'y'": [lambda: mb.sweep(scene, {"k": [1.0]})["y"]],
+        "no parameter 'b'": [lambda: mb.sensitivities(scene, ["b"]), lambda: mb.sensitivities(scene)["x", "b"]],
+        "there is no parameter": [lambda: mb.sensitivities(scene, [])],
+        "an output and a parameter": [lambda: mb.sensitivities(scene)["x"]],
+    }
+    for why, calls in wrong.items():
+        for call in calls:
+            with pytest.raises(mb.DeclarationError, match=why):
+                call()
+    with pytest.raises(mb.SimulationError, match="gives no derivatives"):
+        mb.sensitivities(black_box)
