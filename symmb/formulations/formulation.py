@@ -123,10 +123,8 @@ def formulations(scene: Scene) -> Formulations:
     AssemblyError              if the scene cannot be started
     DeclarationError           if the scene asks for coordinates of joints that it cannot have
     """
-    if formulations not in scene.memory:
-        with kept_interrupts():
-            scene.memory[formulations] = _formulations(scene)
-    return scene.memory[formulations]
+    with kept_interrupts():
+        return scene.remembered(formulations, lambda: _formulations(scene))
 
 
 def _formulations(scene: Scene) -> Formulations:

@@ -89,9 +89,7 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """
     scene = scene_of(scene)
     require_solver(solver)
-    if (simulator := scene.memory.get(solver)) is None:
-        simulator = scene.memory[solver] = DAESimulator(scene, solver)
-    return simulator
+    return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 
 def prepare_equations(scene: Scene) -> DAESimulator:

@@ -35,8 +35,8 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
     X, t = X[known], t[known]
     some = attached_loads(scene) if len(t) else ()
     doubts = [*deformation_doubts(scene, dae, X, p, t)] if some else []
-    for loads in some:
-        f = output_function(dae, scene, loads.wrenches)
+    for k, loads in enumerate(some):
+        f = scene.remembered((_stretched, k), lambda: output_function(dae, scene, loads.wrenches))  # noqa: B023
         doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
     for lack in left_out(scene, dae, some, X, p, t) if some else ():
         if lack.share > MISSING:
@@ -50,9 +50,10 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
 
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
     """Which flexible bodies bend or spin too much for linear theory in such states."""
-    for body in scene.system.bodies:
+    for k, body in enumerate(scene.system.bodies):
         if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
-            f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega))
+            moved = ca.vertcat(body.eta, body.frame.omega)
+            f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
             eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
             yield from (*_turned(body, eta, t), *_spun(body, omega, t))
 
