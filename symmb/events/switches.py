@@ -116,7 +116,7 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 
 def longest_step(dae: DAE, times: Array) -> float:
     """That of `Pulses` at the nominal parameters."""
-    return float(Pulses(dae, times)(dae.p_nominal[None])[0])
+    return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
 
 
 class Pulses:
@@ -137,7 +137,7 @@ class Pulses:
         if time_laws.numel():
             self._signals = common("signals", [p, time], [time_laws])
             self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
-            self._switches = time_switches(dae, times)
+            self._switches = dae.remembered(time_switches, times)
 
     def __call__(self, P: Array) -> Array:
         """Steps (N,) [s] shorter than every pulse at parameters P (N, n_p); infinite without pulses."""

@@ -218,7 +218,7 @@ class Examination:
         if dae.impacts is not None:
             return self.t, self.x
         t, _ = refined(self.t[[0, -1]])
-        integration = self.way.bodies.remembered(_AGAIN.integration, t, self.way.longest_step)
+        integration = dae.remembered(_AGAIN.integration, t, self.way.longest_step)
         return t, integration.run(self.x[:1], self.p[None])[0].X
 
 
