@@ -1,5 +1,6 @@
 """Laws of time, and kinks or jumps, in equations of motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.codegen import Program, graph_of, programs
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, common, has_kinks, laws, switching, with_common_expressions
+from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -135,7 +137,8 @@ class Pulses:
         x, p, time = (symbol for symbol, _ in at)
         time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
         if time_laws.numel():
-            self._signals = common("signals", [p, time], [time_laws])
+            f = ca.Function("signals", [ca.SX(0, 1), p, time], [ca.densify(time_laws)])
+            self._signals = programs(graph_of(f))
             self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
             self._switches = dae.remembered(time_switches, times)
 
@@ -145,18 +148,17 @@ class Pulses:
             return np.full(len(P), np.inf)
         latest = self._latest
         if latest[0] != P.tobytes():  # several solvers run at the same parameters
-            self._latest = latest = P.tobytes(), self._shorter(self._signals, P)
+            stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
+            pulses = [self._shortest(*self._signals, p, own) for p, own in zip(P, stops, strict=True)]
+            self._latest = latest = P.tobytes(), np.array(pulses) / 2
         return latest[1]
 
-    def _shorter(self, signals: ca.Function, P: Array) -> Array:
-        stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
-        laws_at = (batch(signals, p, self._t[:, None])[0].T for p in P)
-        return np.array(
-            [
-                min((_shortest_pulse(self._t, law, own) for law in values), default=np.inf) / 2
-                for values, own in zip(laws_at, stops, strict=True)
-            ]
-        )
+    def _shortest(self, prepare: Program, signals: Sequence[Program], p: Array, stops: Array) -> float:
+        """Duration of the shortest pulse with parameters p (n_p,)."""
+        x = np.empty((0, 1))
+        with np.errstate(all="ignore"):
+            values = signals[0](x, prepare(x, p[:, None], self._t[:1]), self._t)
+        return min((_shortest_pulse(self._t, law, stops) for law in values), default=np.inf)
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
@@ -164,26 +166,26 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
 
     Pulses that contain one of the stops do not count.
     """
-    t, law = t[np.isfinite(law)], law[np.isfinite(law)]
+    if not (finite := np.isfinite(law)).all():
+        t, law = t[finite], law[finite]
     if not law.size:
         return np.inf
     far = np.abs(law - np.median(law))
     top = far.max()
-    if top <= 1e-9 * np.abs(law).max():  # rounding
+    if top <= 1e-9 * max(law.max(), -law.min()):  # rounding
         return np.inf
-    steps = np.diff((far > _LOW * top).astype(int))
-    before, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)
+    above = far > _LOW * top
+    changes = np.flatnonzero(above[1:] != above[:-1])
     # What is under way at the first or the last time is evaluated there.
-    last = last[last > before.min(initial=len(t))]
-    pulses = zip(before.tolist(), last.tolist(), strict=False)
-    return min(
-        (
-            max(t[j] - t[i + 1], (t[j + 1] - t[i]) / 2)  # the second where there is but one sample
-            for i, j in pulses
-            if far[i + 1 : j + 1].max() > _HIGH * top and not ((stops >= t[i]) & (stops <= t[j + 1])).any()
-        ),
-        default=np.inf,
-    )
+    changes = changes[int(above[0]) :]
+    before, last = changes[: len(changes) // 2 * 2].reshape(-1, 2).T
+    if not len(before):
+        return np.inf
+    stops = np.sort(stops)
+    counts = np.searchsorted(stops, t[last + 1], "right") > np.searchsorted(stops, t[before])
+    high = np.maximum.reduceat(far, np.column_stack([before + 1, last + 1]).ravel())[::2] > _HIGH * top
+    lengths = np.maximum(t[last] - t[before + 1], (t[last + 1] - t[before]) / 2)  # the second for a single sample
+    return float(lengths[high & ~counts].min(initial=np.inf))
 
 
 class Break(NamedTuple):
