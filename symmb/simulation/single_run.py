@@ -18,7 +18,14 @@ from symmb.integrate import Run, Solver, SwitchPasses, stiffness
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
-from symmb.simulation.subject import prepare, prepare_equations, require_own, require_solver, scene_of, with_options
+from symmb.simulation.subject import (
+    prepare_equations,
+    require_own,
+    require_solver,
+    scene_of,
+    simulator_with,
+    with_options,
+)
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
 from symmb.symbolic import batch, has_kinks
@@ -97,7 +104,7 @@ def simulate(
             prepared: DAESimulator | None = scene
         else:
             has_solver = solver is not None or bool(own.system.collected.impacts)
-            prepared = prepare(own, solver) if has_solver else None
+            prepared = simulator_with(own, solver) if has_solver else None
         solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
@@ -309,7 +316,7 @@ class _PilotRuns:
         """Run by a solver, and keep the trajectory."""
         begin = time.perf_counter()
         is_own = solver == self.simulator.solver
-        simulator = self.simulator if is_own else self._at(prepare(self.scene, solver))
+        simulator = self.simulator if is_own else self._at(simulator_with(self.scene, solver))
         form, times = simulator.formulation, simulator.times
         x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
         integration, fine, outputs = simulator.single()

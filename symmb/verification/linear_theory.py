@@ -1,8 +1,7 @@
 """Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -67,20 +66,19 @@ class LinearTheory:
 
     scene: Scene | None
     way: Callable[[], Way]
-
-    @cached_property
-    def nominal_doubts(self) -> tuple[str, ...]:
-        """Those about the run at the nominal parameters."""
-        return self.doubts(self.way().formulation.dae.p_nominal) if self.scene else ()
+    told: dict[bytes, tuple[str, ...]] = field(default_factory=dict)
 
     def doubts(self, p: Array) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (n_p,)."""
+        """Those of `linear_theory_doubts` about a run with parameters p (n_p,), which is made at the first time."""
         if self.scene is None:
             return ()
-        way = self.way()
-        form = way.formulation
-        run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
-        return linear_theory_doubts(self.scene, *form.in_bodies(run.X, p), p, way.times)
+        if p.tobytes() not in self.told:
+            way = self.way()
+            form = way.formulation
+            run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
+            at = *form.in_bodies(run.X, p), p, way.times
+            self.told[p.tobytes()] = linear_theory_doubts(self.scene, *at)
+        return self.told[p.tobytes()]
 
 
 def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
