@@ -22,6 +22,7 @@ _CLEAR, _NEAR = 1e-6, 2e-4
 solver that locates passes may be off the motion: twice that in integrate/side_walk.py."""
 _HIGH, _LOW = 0.5, 0.25
 """Shares of a law's largest distance from its median: above the first a pulse begins, below the second it ends."""
+_INPUTS = On.STATE, On.PARAMETERS, On.TIME
 
 
 @dataclass(frozen=True)
@@ -84,17 +85,19 @@ class Kinks:
 
 def kinks(dae: DAE, times: Array) -> Kinks | None:
     """Kinks and jumps of equations of motion and of sampled laws over the output times (n_t,), if there are any."""
-    f, at = _equations(dae, with_samples=True)
+    f = dae.remembered(_equations)
+    x, p, t = symbols = f.sx_in()
+    if dae.sampling is not None:
+        held = [law(*dae.arguments(x, p, t)) for law in dae.sampling.laws]
+        f = ca.Function("equations", symbols, [ca.vertcat(f(*symbols), *held)])
     if not has_kinks(f):
         return None
-    f = with_common_expressions(f)
+    f, at = with_common_expressions(f), [*zip(symbols, _INPUTS, strict=True)]
     expression = switching(f, at)
     if not expression.kinks:
         return None
-    symbols = [symbol for symbol, _ in at]
-    on_state = np.array(ca.which_depends(expression.switches, symbols[0], 1, True), dtype=bool)
+    on_state = np.array(ca.which_depends(expression.switches, x, 1, True), dtype=bool)
     branch = branches(f, at)
-    _, p, t = symbols
     moved = [switch for switch in ca.vertsplit(branch.times) if ca.depends_on(switch, p)]
     knots = [knot for knot in branch.knots if ca.depends_on(knot[0], p)]
     moving = TimeSwitches(ca.vertcat(ca.SX(0, 1), *moved), p, t, times, knots=knots) if moved or knots else None
@@ -104,11 +107,12 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     """The switches of time of the equations of motion, with instants of sampled values; None if they have none."""
-    f, at = _equations(dae)
+    f = dae.remembered(_equations)
     instants = None if dae.sampling is None else dae.sampling.instants(times)
     if not has_kinks(f) and instants is None:
         return None
-    _, p, t = (symbol for symbol, _ in at)
+    _, p, t = symbols = f.sx_in()
+    at = [*zip(symbols, _INPUTS, strict=True)]
     branch = branches(with_common_expressions(f), at) if has_kinks(f) else None
     switches, knots = (ca.SX(0, 1), []) if branch is None else (branch.times, branch.knots)
     if not switches.numel() and not knots and instants is None:
@@ -119,6 +123,16 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 def longest_step(dae: DAE, times: Array) -> float:
     """That of `Pulses` at the nominal parameters."""
     return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
+
+
+def _signals(dae: DAE, _: Array) -> tuple[Program, Sequence[Program]] | None:
+    """Laws of time: what of them depends on parameters alone, and the laws; None if there are none."""
+    f = dae.remembered(_equations)
+    x, p, time = f.sx_in()
+    time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
+    if not time_laws.numel():
+        return None
+    return programs(graph_of(ca.Function("signals", [ca.SX(0, 1), p, time], [ca.densify(time_laws)])))
 
 
 class Pulses:
@@ -133,12 +147,8 @@ class Pulses:
         self._signals, self._latest = None, (None, np.empty(0))
         if len(times) < 2 or not _is_timed(dae):
             return
-        f, at = _equations(dae)
-        x, p, time = (symbol for symbol, _ in at)
-        time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
-        if time_laws.numel():
-            f = ca.Function("signals", [ca.SX(0, 1), p, time], [ca.densify(time_laws)])
-            self._signals = programs(graph_of(f))
+        self._signals = dae.remembered(_signals)
+        if self._signals is not None:
             self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
             self._switches = dae.remembered(time_switches, times)
 
@@ -246,8 +256,8 @@ def _is_timed(dae: DAE) -> bool:
     return any(dae.rhs.jac_sparsity(k, t).nnz() for k in range(dae.rhs.n_out()))  # CasADi keeps them
 
 
-def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
-    """Forces, right sides of constraints, first-order rates and sampled laws of (x, p, t), with symbols for these."""
+def _equations(dae: DAE, _: Array) -> ca.Function:
+    """Forces, right sides of constraints and first-order rates of (x, p, t)."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
     parts = [dae.Q(*at)]
@@ -258,7 +268,4 @@ def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[
         parts.append(dae.gamma(*at))
     if dae.n_s:
         parts.append(dae.rhs(*at)[2])
-    if with_samples and dae.sampling is not None:
-        parts += [law(*at) for law in dae.sampling.laws]
-    f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])
-    return f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]
+    return ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])

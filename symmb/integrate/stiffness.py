@@ -47,7 +47,7 @@ def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
     """From the Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
     decay = growth = frequency = 0.0
     for state, time in zip(X, times, strict=True) if X.size else ():
-        A = dae.remembered(_Linearization, np.empty(0))(state, p, np.array([time]))
+        A = dae.remembered(_Linearization)(state, p, np.array([time]))
         if np.isfinite(A).all():
             eigenvalues = np.linalg.eigvals(A)
             decay = max(decay, float(-eigenvalues.real.min()))

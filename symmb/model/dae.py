@@ -19,6 +19,7 @@ from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
 
 T = TypeVar("T")
+NO_TIMES: Array = np.empty(0)
 
 
 def is_linear(name: str) -> bool:
@@ -171,7 +172,7 @@ class DAE:
         """What was derived from the equations, whatever the nominal parameters."""
         return {}
 
-    def remembered(self, derive: Callable[["DAE", Array], T], times: Array, *more: float) -> T:
+    def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
         """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
         key = derive, times.tobytes(), more
         if key not in self.memory:

@@ -170,7 +170,7 @@ def has_kinks(f: ca.Function) -> bool:
     """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
     codes = [f.instruction_id(k) for k in range(f.n_instructions())]
     is_bent = not (_KINKS.keys() | _FRONTS).isdisjoint(codes)
-    return is_bent or (ca.OP_CALL in codes and bool(called(f))) or _has_steep_power(f, codes)
+    return is_bent or bool(called(f)) or _has_steep_power(f, codes)
 
 
 def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
