@@ -82,14 +82,15 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
     closest, smallest, count = None, NEARLY_SINGULAR, 1
     rest: Indices = np.arange(len(X), dtype=np.intp)
     while len(rest):
-        asked = rest[:: -(-len(rest) // count)]
+        step = -(-len(rest) // count)
+        asked = rest[::step]
         matrices = np.zeros((len(asked), *where.shape))
         matrices[:, where] = entries[:, asked].T
         least, largest = np.linalg.svd(matrices, compute_uv=False)[:, [dae.rank - 1, 0]].T
         k = int((least / largest).argmin())
         if least[k] < smallest * largest[k]:
             closest, smallest = int(asked[k]), float(least[k] / largest[k])
-        rest = np.setdiff1d(rest, asked, assume_unique=True)
+        rest = np.delete(rest, slice(None, None, step))
         products = entries[:, rest].T @ entries[:, asked]
         apart = np.maximum(squares[rest, None] + squares[asked] - 2 * products, 0.0) + _ROUNDING * len(matrices[0])
         distance = np.sqrt(apart)
