@@ -49,19 +49,21 @@ class Kinks:
         """Whether derivatives with respect to parameters may jump there."""
         return self.moving is not None or bool(self.on_state.any())
 
-    def met(self, X: Array, p: Array, times: Array) -> int:
-        """Number of sign changes between states X (n_t, n_x). Two that cancel between two times do not count."""
-        (values,) = batch(self.switches, X, p, times[:, None])
+    def values(self, X: Array, p: Array, times: Array) -> Array:
+        """What changes sign at each, at states X (n_t, n_x) of the times (n_t,): (n_t, m)."""
+        return batch(self.switches, X, p, times[:, None])[0]
+
+    def met(self, values: Array) -> int:
+        """Number of sign changes between values (n_t, m). Two that cancel between two times do not count."""
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
-    def passed_over(self, X: Array, p: Array, times: Array, passes: Array) -> float:
-        """When states X (n_t, n_x) first change the side of a switch near which there is no pass; nan if they do not.
+    def passed_over(self, values: Array, times: Array, passes: Array) -> float:
+        """When values (n_t, m) first change the side of a switch near which there is no pass; nan if they do not.
 
         The passes (k,) [s] are those that the run itself noted. Values close to 0 are on no side.
         """
-        if not len(X):
+        if not len(values):
             return np.nan
-        (values,) = batch(self.switches, X, p, times[:, None])
         sides = np.where(np.abs(values) > _CLEAR * np.abs(values).max(axis=0, initial=0.0), np.sign(values), 0.0)
         changed = np.any((sides[1:] * sides[:-1] < 0) & self.located, axis=1)
         if not sides[0, self.located].all():  # others jump with a switch on which the motion begins
@@ -73,8 +75,7 @@ class Kinks:
 
     def first(self, X: Array, p: Array, times: Array) -> float:
         """The first of the times by which states X (n_t, n_x) have met one that parameters move; nan if none."""
-        (values,) = batch(self.switches, X, p, times[:, None])
-        changed = (np.diff(values > 0, axis=0) & self.on_state).any(axis=1)
+        changed = (np.diff(self.values(X, p, times) > 0, axis=0) & self.on_state).any(axis=1)
         moving = np.empty(0) if self.moving is None else self.moving(p[None])[0]
         first = min(float(times[1:][changed].min(initial=np.inf)), float(moving.min(initial=np.inf)))
         return first if np.isfinite(first) else np.nan

@@ -131,7 +131,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
-    count = switches.met(states.x, runs.p, states.t) if switches and reason else 0
+    count = switches.met(states.switch_values) if switches and reason else 0
     reason = f"{reason}; {switches} met {count} times or more" if count else reason
     if runs.solver is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
@@ -243,12 +243,12 @@ def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[s
         return ()
     stops, later = run.stops, states.t >= run.stops.until
     is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
-    if is_full and switches.met(states.x[later], runs.p, states.t[later]):
+    if is_full and switches.met(states.switch_values[later]):
         return (
             f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
             f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
         )
-    missed = switches.passed_over(states.x[~later], runs.p, states.t[~later], stops.passes)
+    missed = switches.passed_over(states.switch_values[~later], states.t[~later], stops.passes)
     if np.isnan(missed):
         return ()
     return (

@@ -104,6 +104,12 @@ class Examination:
         return np.abs(batch(dae.Phi, *at)[0] / np.where(changes > 0, changes, bodies.scales.length)).max(axis=1)
 
     @cached_property
+    def switch_values(self) -> Array:
+        """What changes sign at the kinks and jumps of the equations (m, k)."""
+        kinks = self.way.bodies.kinks(self.way.times)
+        return np.empty((len(self.t), 0)) if kinks is None else kinks.values(self.x, self.p, self.t)
+
+    @cached_property
     def _energy(self) -> Energy:
         return energy(self.way.bodies, self.x, self.p, self.t, self.work)
 
