@@ -85,7 +85,9 @@ class Examination:
     def of(cls, way: Way, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
         """Of a run with states x (m, n_x): at all its times, or evenly chosen ones if they are many."""
         some = _evenly(way.bodies.dae, _known(x))
-        return cls(way, p, t[some], x[some], work[some], is_close)
+        if len(some) < len(t):
+            t, x, work = t[some], x[some], work[some]
+        return cls(way, p, t, x, work, is_close)
 
     @cached_property
     def drift(self) -> Drift:
