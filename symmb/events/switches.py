@@ -90,7 +90,7 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
     x, p, t = symbols = f.sx_in()
     if dae.sampling is not None:
         held = [law(*dae.arguments(x, p, t)) for law in dae.sampling.laws]
-        f = ca.Function("equations", symbols, [ca.vertcat(f(*symbols), *held)])
+        f = ca.Function("equations", symbols, [ca.densify(ca.vertcat(f(*symbols), *held))])
     if not has_kinks(f):
         return None
     f, at = with_common_expressions(f), [*zip(symbols, _INPUTS, strict=True)]
