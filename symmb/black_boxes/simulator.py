@@ -156,6 +156,22 @@ class Noisy(Protocol):
 
 
 @runtime_checkable
+class SecondLook(Protocol):
+    """Capability: runs at the nominal parameters, made in two ways, tell how far responses may be off, and doubts."""
+
+    def second_look(self) -> None:
+        """Make these runs, at the first time."""
+        ...
+
+
+def noise_from_runs(simulator: Simulator) -> Array | None:
+    """How far responses may be off (n_y,), after a second look where there is one; None if it is not known."""
+    if isinstance(simulator, SecondLook):
+        simulator.second_look()
+    return simulator.noise if isinstance(simulator, Noisy) else None
+
+
+@runtime_checkable
 class March(Protocol):
     """Capability: all samples advance in parallel from one output time to the next."""
 

@@ -22,6 +22,7 @@ from symmb.black_boxes.simulator import (
     Merging,
     Progress,
     Reduction,
+    SecondLook,
     Simulator,
     blocks,
     checked_samples,
@@ -101,6 +102,11 @@ class StoredSimulator:
         vars(self).update(simulator=simulator, path=Path(path), version=version, identity=key)
         vars(self).update({name: getattr(simulator, name) for name in ("parameters", "times", "outputs")})
         vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
+
+    def second_look(self) -> None:
+        """That of the simulator, if it takes one. Its runs are not stored."""
+        if isinstance(self.simulator, SecondLook):
+            self.simulator.second_look()
 
     @property
     def noise(self) -> Array | None:

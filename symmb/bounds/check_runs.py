@@ -7,7 +7,7 @@ these lines predict. No method chooses its own runs like that. Runs, bounds and 
 import numpy as np
 
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.black_boxes import Noisy, Simulator
+from symmb.black_boxes import Simulator, noise_from_runs
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records, gathered, which_failed
 from symmb.bounds.result import ROUNDING, Bounds, Surrogate
@@ -67,7 +67,7 @@ class _Checks:
 
     def __init__(self, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
-        noise = simulator.noise if bounds.noise is None and isinstance(simulator, Noisy) else bounds.noise
+        noise = noise_from_runs(simulator) if bounds.noise is None else bounds.noise
         self._bounds = bounds
         largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
         self.scale = np.where(largest > 0, largest, 1.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._types import Array, Executor
-from symmb.black_boxes import Noisy, Simulator
+from symmb.black_boxes import Noisy, SecondLook, Simulator
 from symmb.bounds.check_runs import check_doubts
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.result import ROUNDING, Bounds
@@ -39,7 +39,7 @@ def _doubts_of_proofs(simulator: Simulator, box: Box, seconds: float) -> tuple[s
     """Doubts about the start and the equations. Errors of the solver are none of proofs, which make no runs."""
     if not isinstance(simulator, DAESimulator):
         return ()
-    return (*simulator.start.doubts, *simulator.theory.nominal_doubts, *_linear_theory_doubts(simulator, box, seconds))
+    return (*simulator.start.doubts, *_nominal_doubts(simulator), *_linear_theory_doubts(simulator, box, seconds))
 
 
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
@@ -47,6 +47,8 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
 
     That at the corner is left out if the first one has doubts, or took longer than the study and a second.
     """
+    if isinstance(simulator, SecondLook):
+        simulator.second_look()
     own = tuple(getattr(simulator, "doubts", ()))
     if not isinstance(simulator, DAESimulator):
         return own, []
@@ -80,7 +82,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
 
     No further run begins when they have taken as long as the study and a second.
     """
-    if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None or simulator.theory.nominal_doubts:
+    if not isinstance(simulator, DAESimulator) or simulator.theory.scene is None or _nominal_doubts(simulator):
         return ()
     end = time.perf_counter() + seconds + _PATIENCE
     d = len(box)
@@ -92,6 +94,11 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         if doubts := simulator.theory.doubts(p):
             return tuple(f"At {where}: {doubt}" for doubt in doubts)
     return ()
+
+
+def _nominal_doubts(simulator: DAESimulator) -> tuple[str, ...]:
+    """What the run at the nominal parameters asks of flexible bodies."""
+    return simulator.theory.doubts(simulator.dae.p_nominal)
 
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from symmb._options import (
     require_whole,
 )
 from symmb._types import Array, Executor, Mask
-from symmb.black_boxes import March, Noisy, Progress, Simulator
+from symmb.black_boxes import March, Progress, Simulator, noise_from_runs
 from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failures import Failure, failed_region, failure_text
 from symmb.bounds.method import Method, parameter_samples
@@ -149,7 +149,7 @@ class PolynomialChaos(Method):
         else:
             coefficients, inner, ok, failed = self._streamed(fit, P, simulator, box, executor, progress)
         shape = len(simulator.times), len(simulator.outputs)
-        noise = simulator.noise if isinstance(simulator, Noisy) else None
+        noise = noise_from_runs(simulator)
         is_noise = np.zeros(shape[1], dtype=bool) if noise is None else _width(*inner) <= 2 * noise
         expansion = Expansion(fit.alpha, coefficients.reshape(-1, *shape), box.names)
         expansion = expansion.without(box.lower == box.upper, is_noise)

@@ -170,7 +170,7 @@ def _program(graph: Graph, outputs: list[int], input_of: Callable[[int], tuple[i
                 pending.extend(graph.nodes[k].arguments)
     order = sorted(needed)
     computed = [k for k in order if graph.nodes[k].operation != CONSTANT and k not in sources]
-    slot = {k: i for i, k in enumerate(k for k in order if k not in set(computed))}
+    slot = {k: i for i, k in enumerate(k for k in order if graph.nodes[k].operation == CONSTANT or k in sources)}
     constants = tuple((slot[k], graph.nodes[k].constant) for k in slot if k not in sources)
     inputs = tuple((slot[k], *sources[k]) for k in sources)
     last = {a: k for k in computed for a in graph.nodes[k].arguments}

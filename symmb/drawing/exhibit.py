@@ -17,7 +17,7 @@ from symmb.drawing.draw import draw
 from symmb.drawing.shapes import Drawing
 from symmb.mechanics import Point
 from symmb.nodes import grid
-from symmb.simulation import Trajectory, prepare, simulate
+from symmb.simulation import Trajectory, simulate, simulator_with
 
 LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
@@ -129,7 +129,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
     system = scene.system
     states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
     named = {f"x{i}": x for i, x in enumerate(states)}
-    simulator = prepare(scene.with_outputs(named or {"t": 0.0}), solver)
+    simulator = simulator_with(scene.with_outputs(named or {"t": 0.0}), solver)
     nominal = simulate(scene, solver)
     runs = []
     for sample in samples:
@@ -144,7 +144,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
 def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     """Positions of a point for samples of the box, and what it sweeps."""
     scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
-    simulator = prepare(scene, study.simulator.solver)
+    simulator = simulator_with(scene, study.simulator.solver)
     d = len(study.box)
     unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))

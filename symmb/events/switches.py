@@ -1,5 +1,6 @@
 """Laws of time, and kinks or jumps, in equations of motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
+from symmb.codegen import Program, graph_of, programs
 from symmb.events.time_switches import TimeSwitches
 from symmb.model import DAE
-from symmb.symbolic import On, batch, branches, common, has_kinks, laws, switching, with_common_expressions
+from symmb.symbolic import On, batch, branches, has_kinks, laws, switching, with_common_expressions
 
 _LOOKS = 20_000
 """Equally spaced times at which laws of time are evaluated, beside the output times."""
@@ -20,6 +22,7 @@ _CLEAR, _NEAR = 1e-6, 2e-4
 solver that locates passes may be off the motion: twice that in integrate/side_walk.py."""
 _HIGH, _LOW = 0.5, 0.25
 """Shares of a law's largest distance from its median: above the first a pulse begins, below the second it ends."""
+_INPUTS = On.STATE, On.PARAMETERS, On.TIME
 
 
 @dataclass(frozen=True)
@@ -46,19 +49,21 @@ class Kinks:
         """Whether derivatives with respect to parameters may jump there."""
         return self.moving is not None or bool(self.on_state.any())
 
-    def met(self, X: Array, p: Array, times: Array) -> int:
-        """Number of sign changes between states X (n_t, n_x). Two that cancel between two times do not count."""
-        (values,) = batch(self.switches, X, p, times[:, None])
+    def values(self, X: Array, p: Array, times: Array) -> Array:
+        """What changes sign at each, at states X (n_t, n_x) of the times (n_t,): (n_t, m)."""
+        return batch(self.switches, X, p, times[:, None])[0]
+
+    def met(self, values: Array) -> int:
+        """Number of sign changes between values (n_t, m). Two that cancel between two times do not count."""
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
-    def passed_over(self, X: Array, p: Array, times: Array, passes: Array) -> float:
-        """When states X (n_t, n_x) first change the side of a switch near which there is no pass; nan if they do not.
+    def passed_over(self, values: Array, times: Array, passes: Array) -> float:
+        """When values (n_t, m) first change the side of a switch near which there is no pass; nan if they do not.
 
         The passes (k,) [s] are those that the run itself noted. Values close to 0 are on no side.
         """
-        if not len(X):
+        if not len(values):
             return np.nan
-        (values,) = batch(self.switches, X, p, times[:, None])
         sides = np.where(np.abs(values) > _CLEAR * np.abs(values).max(axis=0, initial=0.0), np.sign(values), 0.0)
         changed = np.any((sides[1:] * sides[:-1] < 0) & self.located, axis=1)
         if not sides[0, self.located].all():  # others jump with a switch on which the motion begins
@@ -70,8 +75,7 @@ class Kinks:
 
     def first(self, X: Array, p: Array, times: Array) -> float:
         """The first of the times by which states X (n_t, n_x) have met one that parameters move; nan if none."""
-        (values,) = batch(self.switches, X, p, times[:, None])
-        changed = (np.diff(values > 0, axis=0) & self.on_state).any(axis=1)
+        changed = (np.diff(self.values(X, p, times) > 0, axis=0) & self.on_state).any(axis=1)
         moving = np.empty(0) if self.moving is None else self.moving(p[None])[0]
         first = min(float(times[1:][changed].min(initial=np.inf)), float(moving.min(initial=np.inf)))
         return first if np.isfinite(first) else np.nan
@@ -82,17 +86,19 @@ class Kinks:
 
 def kinks(dae: DAE, times: Array) -> Kinks | None:
     """Kinks and jumps of equations of motion and of sampled laws over the output times (n_t,), if there are any."""
-    f, at = _equations(dae, with_samples=True)
+    f = dae.remembered(_equations)
+    x, p, t = symbols = f.sx_in()
+    if dae.sampling is not None:
+        held = [law(*dae.arguments(x, p, t)) for law in dae.sampling.laws]
+        f = ca.Function("equations", symbols, [ca.densify(ca.vertcat(f(*symbols), *held))])
     if not has_kinks(f):
         return None
-    f = with_common_expressions(f)
+    f, at = with_common_expressions(f), [*zip(symbols, _INPUTS, strict=True)]
     expression = switching(f, at)
     if not expression.kinks:
         return None
-    symbols = [symbol for symbol, _ in at]
-    on_state = np.array(ca.which_depends(expression.switches, symbols[0], 1, True), dtype=bool)
+    on_state = np.array(ca.which_depends(expression.switches, x, 1, True), dtype=bool)
     branch = branches(f, at)
-    _, p, t = symbols
     moved = [switch for switch in ca.vertsplit(branch.times) if ca.depends_on(switch, p)]
     knots = [knot for knot in branch.knots if ca.depends_on(knot[0], p)]
     moving = TimeSwitches(ca.vertcat(ca.SX(0, 1), *moved), p, t, times, knots=knots) if moved or knots else None
@@ -102,11 +108,12 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     """The switches of time of the equations of motion, with instants of sampled values; None if they have none."""
-    f, at = _equations(dae)
+    f = dae.remembered(_equations)
     instants = None if dae.sampling is None else dae.sampling.instants(times)
     if not has_kinks(f) and instants is None:
         return None
-    _, p, t = (symbol for symbol, _ in at)
+    _, p, t = symbols = f.sx_in()
+    at = [*zip(symbols, _INPUTS, strict=True)]
     branch = branches(with_common_expressions(f), at) if has_kinks(f) else None
     switches, knots = (ca.SX(0, 1), []) if branch is None else (branch.times, branch.knots)
     if not switches.numel() and not knots and instants is None:
@@ -116,7 +123,17 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 
 def longest_step(dae: DAE, times: Array) -> float:
     """That of `Pulses` at the nominal parameters."""
-    return float(Pulses(dae, times)(dae.p_nominal[None])[0])
+    return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
+
+
+def _signals(dae: DAE, _: Array) -> tuple[Program, Sequence[Program]] | None:
+    """Laws of time: what of them depends on parameters alone, and the laws; None if there are none."""
+    f = dae.remembered(_equations)
+    x, p, time = f.sx_in()
+    time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
+    if not time_laws.numel():
+        return None
+    return programs(graph_of(ca.Function("signals", [ca.SX(0, 1), p, time], [ca.densify(time_laws)])))
 
 
 class Pulses:
@@ -131,13 +148,10 @@ class Pulses:
         self._signals, self._latest = None, (None, np.empty(0))
         if len(times) < 2 or not _is_timed(dae):
             return
-        f, at = _equations(dae)
-        x, p, time = (symbol for symbol, _ in at)
-        time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
-        if time_laws.numel():
-            self._signals = common("signals", [p, time], [time_laws])
+        self._signals = dae.remembered(_signals)
+        if self._signals is not None:
             self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
-            self._switches = time_switches(dae, times)
+            self._switches = dae.remembered(time_switches, times)
 
     def __call__(self, P: Array) -> Array:
         """Steps (N,) [s] shorter than every pulse at parameters P (N, n_p); infinite without pulses."""
@@ -145,18 +159,17 @@ class Pulses:
             return np.full(len(P), np.inf)
         latest = self._latest
         if latest[0] != P.tobytes():  # several solvers run at the same parameters
-            self._latest = latest = P.tobytes(), self._shorter(self._signals, P)
+            stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
+            pulses = [self._shortest(*self._signals, p, own) for p, own in zip(P, stops, strict=True)]
+            self._latest = latest = P.tobytes(), np.array(pulses) / 2
         return latest[1]
 
-    def _shorter(self, signals: ca.Function, P: Array) -> Array:
-        stops = np.empty((len(P), 0)) if self._switches is None else self._switches(P)
-        laws_at = (batch(signals, p, self._t[:, None])[0].T for p in P)
-        return np.array(
-            [
-                min((_shortest_pulse(self._t, law, own) for law in values), default=np.inf) / 2
-                for values, own in zip(laws_at, stops, strict=True)
-            ]
-        )
+    def _shortest(self, prepare: Program, signals: Sequence[Program], p: Array, stops: Array) -> float:
+        """Duration of the shortest pulse with parameters p (n_p,)."""
+        x = np.empty((0, 1))
+        with np.errstate(all="ignore"):
+            values = signals[0](x, prepare(x, p[:, None], self._t[:1]), self._t)
+        return min((_shortest_pulse(self._t, law, stops) for law in values), default=np.inf)
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
@@ -164,26 +177,26 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
 
     Pulses that contain one of the stops do not count.
     """
-    t, law = t[np.isfinite(law)], law[np.isfinite(law)]
+    if not (finite := np.isfinite(law)).all():
+        t, law = t[finite], law[finite]
     if not law.size:
         return np.inf
     far = np.abs(law - np.median(law))
     top = far.max()
-    if top <= 1e-9 * np.abs(law).max():  # rounding
+    if top <= 1e-9 * max(law.max(), -law.min()):  # rounding
         return np.inf
-    steps = np.diff((far > _LOW * top).astype(int))
-    before, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)
+    above = far > _LOW * top
+    changes = np.flatnonzero(above[1:] != above[:-1])
     # What is under way at the first or the last time is evaluated there.
-    last = last[last > before.min(initial=len(t))]
-    pulses = zip(before.tolist(), last.tolist(), strict=False)
-    return min(
-        (
-            max(t[j] - t[i + 1], (t[j + 1] - t[i]) / 2)  # the second where there is but one sample
-            for i, j in pulses
-            if far[i + 1 : j + 1].max() > _HIGH * top and not ((stops >= t[i]) & (stops <= t[j + 1])).any()
-        ),
-        default=np.inf,
-    )
+    changes = changes[int(above[0]) :]
+    before, last = changes[: len(changes) // 2 * 2].reshape(-1, 2).T
+    if not len(before):
+        return np.inf
+    stops = np.sort(stops)
+    counts = np.searchsorted(stops, t[last + 1], "right") > np.searchsorted(stops, t[before])
+    high = np.maximum.reduceat(far, np.column_stack([before + 1, last + 1]).ravel())[::2] > _HIGH * top
+    lengths = np.maximum(t[last] - t[before + 1], (t[last + 1] - t[before]) / 2)  # the second for a single sample
+    return float(lengths[high & ~counts].min(initial=np.inf))
 
 
 class Break(NamedTuple):
@@ -244,8 +257,8 @@ def _is_timed(dae: DAE) -> bool:
     return any(dae.rhs.jac_sparsity(k, t).nnz() for k in range(dae.rhs.n_out()))  # CasADi keeps them
 
 
-def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[tuple[ca.SX, On]]]:
-    """Forces, right sides of constraints, first-order rates and sampled laws of (x, p, t), with symbols for these."""
+def _equations(dae: DAE, _: Array) -> ca.Function:
+    """Forces, right sides of constraints and first-order rates of (x, p, t)."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
     parts = [dae.Q(*at)]
@@ -256,7 +269,4 @@ def _equations(dae: DAE, with_samples: bool = False) -> tuple[ca.Function, list[
         parts.append(dae.gamma(*at))
     if dae.n_s:
         parts.append(dae.rhs(*at)[2])
-    if with_samples and dae.sampling is not None:
-        parts += [law(*at) for law in dae.sampling.laws]
-    f = ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])
-    return f, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME)]
+    return ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])

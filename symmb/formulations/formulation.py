@@ -1,8 +1,7 @@
 """The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeVar
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,8 +15,6 @@ from symmb.integrate import Run
 from symmb.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.start import Singularity, Start, prepare_start, singularity, start_in_joints
 from symmb.symbolic import batch, common
-
-T = TypeVar("T")
 
 _STAGE = 8
 """Operations of a stage of an explicit step for each state: sums of slopes."""
@@ -37,7 +34,6 @@ class Formulation:
     y : (x, p, t) -> outputs (n_y,)
     bodies : InBodies          where the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
-    memory : dict              what was derived from the equations, whatever the nominal parameters
     """
 
     dae: DAE
@@ -45,26 +41,18 @@ class Formulation:
     y: ca.Function
     bodies: "InBodies | None" = None
     why: str = ""
-    memory: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def around(self, p: Array) -> "Formulation":
         """The same for runs with parameters p (n_p,)."""
-        return replace(self, dae=replace(self.dae, p_nominal=p))
+        return replace(self, dae=self.dae.around(p))
 
     def kinks(self, times: Array) -> Kinks | None:
         """Kinks and jumps over the output times (n_t,), if there are any."""
-        return self.remembered(kinks, times)
+        return self.dae.remembered(kinks, times)
 
     def pulses(self, times: Array) -> Pulses:
         """Pulses of laws of time over the output times (n_t,)."""
-        return self.remembered(Pulses, times)
-
-    def remembered(self, derive: Callable[[DAE, Array], T], times: Array, *more: float) -> T:
-        """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
-        key = derive, times.tobytes(), more
-        if key not in self.memory:
-            self.memory[key] = derive(self.dae, times)
-        return self.memory[key]
+        return self.dae.remembered(Pulses, times)
 
     def singularity(self, X: Array, times: Array, p: Array) -> Singularity | None:
         """The position of the bodies closest to a singular one among the finite states X (m, n_x), if one is close."""
@@ -123,10 +111,8 @@ def formulations(scene: Scene) -> Formulations:
     AssemblyError              if the scene cannot be started
     DeclarationError           if the scene asks for coordinates of joints that it cannot have
     """
-    if formulations not in scene.memory:
-        with kept_interrupts():
-            scene.memory[formulations] = _formulations(scene)
-    return scene.memory[formulations]
+    with kept_interrupts():
+        return scene.remembered(formulations, lambda: _formulations(scene))
 
 
 def _formulations(scene: Scene) -> Formulations:

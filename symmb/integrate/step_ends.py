@@ -78,7 +78,7 @@ class StopsInTime:
 
 def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
     """The switches of time of a DAE; None if it has none."""
-    switches = time_switches(dae, times)
+    switches = dae.remembered(time_switches, times)
     return None if switches is None else StopsInTime(switches)
 
 

@@ -1,14 +1,14 @@
 """Stiffness of a motion: eigenvalues of its linearisation along a run."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from symmb._types import Array
+from symmb.integrate.initial_value_problem import build_problem
 from symmb.model import DAE
-from symmb.symbolic import batch, common
+from symmb.symbolic import batch, pattern
 
 
 @dataclass(frozen=True)
@@ -44,24 +44,44 @@ STIFF = 2e3
 
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
-    """From the symbolic Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
-    n, along = X.shape[1], _along(dae.rhs)
-    cuts = [dae.n_q, dae.n_q + dae.n_v][: along.n_in() - 4]
+    """From the Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
     decay = growth = frequency = 0.0
-    for state, time in zip(X if n else X[:0], times if n else times[:0], strict=True):
-        (columns,) = batch(along, *np.split(state, cuts), p, np.array([time]), np.eye(n))
-        if np.isfinite(columns).all():
-            eigenvalues = np.linalg.eigvals(columns.reshape(n, n).T)
+    for state, time in zip(X, times, strict=True) if X.size else ():
+        A = dae.remembered(_Linearization)(state, p, np.array([time]))
+        if np.isfinite(A).all():
+            eigenvalues = np.linalg.eigvals(A)
             decay = max(decay, float(-eigenvalues.real.min()))
             growth = max(growth, float(eigenvalues.real.max()))
             frequency = max(frequency, float(np.abs(eigenvalues.imag).max()))
     return Stiffness(decay, growth, frequency)
 
 
-@lru_cache(maxsize=64)
-def _along(rhs: ca.Function) -> ca.Function:
-    """(q, v [, s], p, t, dx) -> change of the rates along dx."""
-    at = rhs.sx_in()
-    x = ca.vertcat(*at[:-2])
-    direction, rates = ca.SX.sym("dx", x.numel()), ca.vertcat(*rhs.call(at))
-    return common("along", [*at, direction], [ca.densify(ca.jtimes(rates, x, direction))])
+class _Linearization:
+    """The Jacobian of x' = f(x, p, t), from those of the sparse equations that have the multipliers as unknowns z.
+
+    Columns of these Jacobians without entries in common rows are computed as one: most are of different bodies.
+    """
+
+    def __init__(self, dae: DAE, _: Array) -> None:
+        problem = build_problem(dae, None, algebraic=True, work=False)
+        x, z, at = problem.x, problem.z, [problem.x, problem.z, problem.p, problem.t]
+        dx, dz, values = ca.SX.sym("dx", x.numel()), ca.SX.sym("dz", z.numel()), ca.vertcat(problem.ode, problem.alg)
+        self._z = ca.Function("z", [x, problem.p, problem.t], [problem.z_guess])
+        change = ca.jtimes(values, ca.vertcat(x, z), ca.vertcat(dx, dz))
+        self._along = ca.Function("along", [*at, dx, dz], [ca.densify(change)])
+        f = ca.Function("values", at, [values])
+        entries = ca.horzcat(f.jac_sparsity(0, 0), f.jac_sparsity(0, 1))
+        colours = entries.uni_coloring()
+        self._entries, self._seeds = pattern(entries), pattern(colours).T.astype(float)  # (colours, n_x + n_z)
+        self._colours = self._seeds.argmax(axis=0)
+
+    def __call__(self, x: Array, p: Array, t: Array) -> Array:
+        """The Jacobian (n_x, n_x) at a state (n_x,); nan where it does not exist."""
+        n = len(x)
+        (z,) = batch(self._z, x, p, t)
+        (changes,) = batch(self._along, x, z[0], p, t, self._seeds[:, :n], self._seeds[:, n:])
+        J = np.where(self._entries, changes.reshape(len(self._seeds), -1).T[:, self._colours], 0.0)
+        try:
+            return J[:n, :n] - J[:n, n:] @ np.linalg.solve(J[n:, n:], J[n:, :n])
+        except np.linalg.LinAlgError:
+            return np.full((n, n), np.nan)

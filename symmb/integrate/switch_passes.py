@@ -44,7 +44,7 @@ class SwitchPasses:
         self, dae: DAE, times: Array, rtol: float = 1e-8, start: Start | None = None, of_state: bool = True
     ) -> None:
         self._dae, self._times = dae, times
-        self._of_time = time_switches(dae, times)
+        self._of_time = dae.remembered(time_switches, times)
         self._engine: AnyEngine | None = None
         if of_state and len(times) > 1 and has_kinks(dae.rhs):
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -16,6 +17,9 @@ from symmb.model.contact_equations import Impacts
 from symmb.model.lazy import Lazy, known
 from symmb.model.sampling import Sampling
 from symmb.model.scales import Scales
+
+T = TypeVar("T")
+NO_TIMES: Array = np.empty(0)
 
 
 def is_linear(name: str) -> bool:
@@ -162,6 +166,24 @@ class DAE:
         """The same DAE with other Functions of states, parameters and time."""
         rows = {name: functions.get(name) for name in ("Phi", "Phi_dot", "G")}
         return replace(self, equations={name: known(f) for name, f in functions.items() if name not in rows}, **rows)
+
+    @cached_property
+    def memory(self) -> dict[Any, Any]:
+        """What was derived from the equations, whatever the nominal parameters."""
+        return {}
+
+    def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
+        """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
+        key = derive, times.tobytes(), more
+        if key not in self.memory:
+            self.memory[key] = derive(self, times)
+        return self.memory[key]
+
+    def around(self, p: Array) -> "DAE":
+        """The same equations for runs with parameters p (n_p,)."""
+        copy = replace(self, p_nominal=p)
+        vars(copy)["memory"] = self.memory
+        return copy
 
     @property
     def scales(self) -> Scales:

@@ -1,10 +1,10 @@
 """A scene: a system with its start, output times, outputs and uncertain parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,8 @@ from symmb.model.system import System
 from symmb.model.typeset import scene_html
 from symmb.model.units import units_of
 from symmb.symbolic import reduction, t
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -102,6 +104,12 @@ class Scene:
     def memory(self) -> dict[Any, Any]:
         """What was prepared for this scene, by whom it is for. Copies and pickles have none of it."""
         return {}
+
+    def remembered(self, key: Any, prepare: Callable[[], T]) -> T:
+        """What was prepared for this scene under a key, at the first time."""
+        if key not in self.memory:
+            self.memory[key] = prepare()
+        return self.memory[key]
 
     def _box_faults(self) -> list[str]:
         if self.box is None:

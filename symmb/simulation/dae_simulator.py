@@ -67,6 +67,10 @@ class DAESimulator:
     setup_seconds : float          time for deriving, compiling and starting so far [s]
     threads : int                  CasADi threads for samples; 1 in a pickled copy
     bodies : Formulation           in coordinates of the bodies
+    doubts : tuple of str          what cannot be trusted about the start and, after `second_look`, about runs at the
+                                   nominal parameters
+    noise : (n_y,) array           how far outputs may be off, by errors of the solver's steps and as far as the nominal
+                                   run is; None before `second_look`
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -214,7 +218,9 @@ class DAESimulator:
         self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
         self._longest_step: float | None = None
-        for of_another_solver in ("doubts", "noise", "_other", "_in_bodies"):
+        self.doubts: tuple[str, ...] = self.start.doubts
+        self.noise: Array | None = None
+        for of_another_solver in ("_other", "_in_bodies"):
             self.__dict__.pop(of_another_solver, None)
 
     def _pilot(self, pilots: dict[Solver, "DAESimulator"], solver: Solver) -> Pilot:
@@ -278,17 +284,14 @@ class DAESimulator:
         scene = self.scene if self._is_flexible else None
         return LinearTheory(scene, lambda: self._other if self.compiled else self)
 
-    @cached_property
-    def doubts(self) -> tuple[str, ...]:
-        """What cannot be trusted about runs at the nominal parameters, which are made in two ways."""
-        return (*self.start.doubts, *self.theory.nominal_doubts, *self.two_ways(self.dae.p_nominal).doubts)
-
-    @cached_property
-    def noise(self) -> Array:
-        """How far outputs may be off (n_y,): by errors of the solver's steps, and as far as the nominal run is."""
-        p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
-        steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
-        return np.maximum(steps, self.two_ways(p).error.max(axis=0, initial=0.0))
+    def second_look(self) -> None:
+        """Run the nominal parameters in two ways, at the first time. `doubts` and `noise` tell what is seen."""
+        if self.noise is None:
+            p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
+            steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
+            ways = self.two_ways(p)
+            self.doubts = (*self.start.doubts, *self.theory.doubts(p), *ways.doubts)
+            self.noise = np.maximum(steps, ways.error.max(axis=0, initial=0.0))
 
     def single(self) -> tuple[Integration, Array, Indices]:
         """The integration of one run with its work, its times (m,), and where the output times stand among them.

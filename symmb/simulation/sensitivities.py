@@ -18,7 +18,7 @@ from symmb._types import Array, Expr
 from symmb.black_boxes import Jets, Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
-from symmb.simulation.subject import prepare, require_own, require_solver, with_options
+from symmb.simulation.subject import require_own, require_solver, simulator_with, with_options
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -175,7 +175,7 @@ def sensitivities(
     """
     require_solver(solver)
     if isinstance(scene, Scene):
-        simulator: Simulator = prepare(with_options(scene, times, outputs), solver)
+        simulator: Simulator = simulator_with(with_options(scene, times, outputs), solver)
     else:
         require_own(scene, solver, times, outputs)
         simulator = scene

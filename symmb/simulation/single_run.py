@@ -19,7 +19,14 @@ from symmb.integrate import Run, Solver, SwitchPasses, stiffness
 from symmb.model import Scene, compile_dae
 from symmb.simulation.dae_simulator import DAESimulator
 from symmb.simulation.solver_choice import MANY, Pilot, choose, for_one_run
-from symmb.simulation.subject import prepare, prepare_equations, require_own, require_solver, scene_of, with_options
+from symmb.simulation.subject import (
+    prepare_equations,
+    require_own,
+    require_solver,
+    scene_of,
+    simulator_with,
+    with_options,
+)
 from symmb.simulation.sweep import Sweep, swept
 from symmb.simulation.trajectory import Trajectory
 from symmb.start import prepare_start
@@ -131,7 +138,7 @@ def simulate(
     if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
         if check:
             raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
-        simulator = scene if isinstance(scene, DAESimulator) else prepare(own, solver)
+        simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own, solver)
         return swept(simulator, parameters, {}, "simulate")
     values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts():
@@ -139,7 +146,7 @@ def simulate(
             prepared: DAESimulator | None = scene
         else:
             has_solver = solver is not None or bool(own.system.collected.impacts)
-            prepared = prepare(own, solver) if has_solver else None
+            prepared = simulator_with(own, solver) if has_solver else None
         solver, trajectory = _simulated(_PilotRuns(own, values, prepared), check)
     warn_of(trajectory.doubts, f"{own.name} by {solver!r}")
     return trajectory
@@ -166,7 +173,7 @@ def _simulated(runs: "_PilotRuns", check: bool) -> tuple[Solver, Trajectory]:
     if run.message:
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
-    count = switches.met(states.x, runs.p, states.t) if switches and reason else 0
+    count = switches.met(states.switch_values) if switches and reason else 0
     reason = f"{reason}; {switches} met {count} times or more" if count else reason
     if runs.solver is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
@@ -278,12 +285,12 @@ def _pass_doubts(runs: "_PilotRuns", solver: Solver, switches: Kinks) -> tuple[s
         return ()
     stops, later = run.stops, states.t >= run.stops.until
     is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
-    if is_full and switches.met(states.x[later], runs.p, states.t[later]):
+    if is_full and switches.met(states.switch_values[later]):
         return (
             f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
             f"{solver!r} do not end at them, and may pass over some. Use DormandPrince().",
         )
-    missed = switches.passed_over(states.x[~later], runs.p, states.t[~later], stops.passes)
+    missed = switches.passed_over(states.switch_values[~later], states.t[~later], stops.passes)
     if np.isnan(missed):
         return ()
     return (
@@ -351,7 +358,7 @@ class _PilotRuns:
         """Run by a solver, and keep the trajectory."""
         begin = time.perf_counter()
         is_own = solver == self.simulator.solver
-        simulator = self.simulator if is_own else self._at(prepare(self.scene, solver))
+        simulator = self.simulator if is_own else self._at(simulator_with(self.scene, solver))
         form, times = simulator.formulation, simulator.times
         x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
         integration, fine, outputs = simulator.single()

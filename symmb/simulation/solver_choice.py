@@ -24,8 +24,13 @@ _FINE, _FINEST = 1e-9, 1e-12
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
+_SMOOTH, _SWITCHING, _STIFF = CVODES(), DormandPrince(), CVODES(stiff=True)
+_TIGHTER, _COMPILED = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince())
+"""Of stiff scenes."""
 _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
 """The solver that passes singular positions of scenes that are not stiff."""
+_THROUGH = CVODES(stiff=True, stabilization=AugmentedLagrangian())
+"""That of those that are."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +65,9 @@ def for_studies() -> Candidates:
 
 def for_one_run(stiff: bool, switches: bool) -> Candidates:
     """Candidates for one run. With switches of time or state, steps should end there."""
-    implicit, through = CVODES(stiff=True), CVODES(stiff=True, stabilization=AugmentedLagrangian())
     if stiff:
-        tighter, compiled = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince()) if has_compiler() else ()
-        return Candidates(implicit, implicit, (tighter, *compiled, through))
-    first = DormandPrince() if switches else CVODES()
-    return Candidates(first, implicit, (DormandPrince(), *_SINGULAR, through))
+        return Candidates(_STIFF, _STIFF, (_TIGHTER, *(_COMPILED if has_compiler() else ()), _THROUGH))
+    return Candidates(_SWITCHING if switches else _SMOOTH, _STIFF, (_SWITCHING, *_SINGULAR, _THROUGH))
 
 
 def another(solver: Solver, finest: bool) -> Solver:

@@ -36,7 +36,7 @@ def simulator_of(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
         )
     if isinstance(subject, Scene):
-        simulator: Simulator = prepare(with_options(subject, times, outputs), solver)
+        simulator: Simulator = simulator_with(with_options(subject, times, outputs), solver)
     elif not hasattr(subject, "outputs"):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
     else:
@@ -59,6 +59,8 @@ def require_own(subject: object, solver: object, times: object, outputs: object)
 
 def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """What runs of a scene share: equations, start, and solver. The scene remembers it.
+
+    The nominal parameters are run in two ways, which tells the doubts.
 
     `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way, and take what is
     prepared in the place of a scene. So nothing is derived, chosen or compiled twice.
@@ -89,14 +91,19 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     """
     scene = scene_of(scene)
     require_solver(solver)
-    if (simulator := scene.memory.get(solver)) is None:
-        simulator = scene.memory[solver] = DAESimulator(scene, solver)
+    simulator = simulator_with(scene, solver)
+    simulator.second_look()
     return simulator
+
+
+def simulator_with(scene: Scene, solver: Solver | None = None) -> DAESimulator:
+    """The simulator that `prepare` gives, before it takes its second look."""
+    return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 
 def prepare_equations(scene: Scene) -> DAESimulator:
     """A scene prepared for those who integrate nothing, or choose the solver themselves: no pilot run is made."""
-    return prepare(scene, None if scene.system.collected.impacts else CVODES())
+    return simulator_with(scene, None if scene.system.collected.impacts else CVODES())
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:

@@ -21,7 +21,7 @@ from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
-from symmb.simulation.subject import prepare, require_own, require_solver, with_options
+from symmb.simulation.subject import require_own, require_solver, simulator_with, with_options
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -254,7 +254,7 @@ def _simulator(
 ) -> Simulator:
     require_solver(solver)
     if isinstance(scene, Scene):
-        return prepare(with_options(scene, times, outputs), solver)
+        return simulator_with(with_options(scene, times, outputs), solver)
     if not hasattr(scene, "outputs"):
         raise DeclarationError(f"sweep: expected a Scene or a simulator, got {shown(scene)}.")
     require_own(scene, solver, times, outputs)

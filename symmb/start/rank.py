@@ -1,7 +1,6 @@
 """The rank of the constraint rows: decided at the start, and the joints whose rows depend on each other."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import cast
 
 import casadi as ca
@@ -13,7 +12,6 @@ from symmb.model import DAE, is_linear
 from symmb.start.scales import evaluate_at_rest, length_of
 from symmb.start.sparse_rows import LARGE, determining_columns, least_step
 from symmb.start.tolerances import NEGLIGIBLE, ROUNDING
-from symmb.symbolic import batch
 
 _NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
 """Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
@@ -27,8 +25,6 @@ stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's m
 _SMALL = 1e-3
 """Norm of a row over its size in general from which on it is measured by its own norm. What is below keeps its share:
 a row that has vanished but for rounding (1e-16) is none. test_redundancy.py"""
-_BLAMED = 0.1
-"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
 
 
 def independent_rows_and_columns(
@@ -223,62 +219,3 @@ def _positions(
                 back = least_step(of_positions, -r / own[: dae.n_c, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()
             yield position
-
-
-@dataclass(frozen=True)
-class Singularity:
-    """The time at which rows are closest to dependent [s], least over largest singular value, constraints."""
-
-    time: float
-    ratio: float
-    names: tuple[str, ...]
-
-    def __str__(self) -> str:
-        joints = ", ".join(repr(name) for name in self.names)
-        return f"near t = {self.time:g} s rows of {joints} nearly depend on each other ({self.ratio:.0e})"
-
-
-NEARLY_SINGULAR = 1e-2
-"""Least over largest singular value of unit rows below which a position counts as nearly singular."""
-
-
-def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
-    """The position closest to a singular one among states X (m, n_x), if one is close."""
-    if dae.G is None or not len(X):
-        return None
-    cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
-    G = (
-        batch(dae.G, *np.split(X, cuts, axis=1), p, times[:, None])[0].reshape(len(X), -1, dae.n_v)
-        * dae.displacement_scales
-    )
-    scale = np.linalg.norm(G, axis=2, keepdims=True)
-    G /= np.where(scale > 0, scale, 1.0)
-    k, ratio = _closest(G, dae.rank)
-    if not ratio < NEARLY_SINGULAR:
-        return None
-    least = np.linalg.svd(G[k], full_matrices=False)[0][:, dae.rank - 1]
-    shares = {name: float(np.abs(least[where]).max()) for name, where in dae.rows.items()}
-    names = tuple(name for name, share in shares.items() if share > _BLAMED)
-    return Singularity(float(times[k]), ratio, names)
-
-
-def _closest(G: Array, rank: int) -> tuple[int, float]:
-    """Which of the matrices G (m, n_r, n_v) along a motion has the smallest ratio of extreme singular values, and this.
-
-    Singular values change by no more than the matrix does (Weyl). So a matrix between two whose ratios are known is
-    left out where it cannot have a ratio below that of a singular position, and below the smallest one so far.
-    """
-    change = np.abs(np.diff(G, axis=0))
-    norms = np.sqrt(change.sum(axis=1).max(axis=1, initial=0.0) * change.sum(axis=2).max(axis=1, initial=0.0))
-    travel = np.append(0.0, np.cumsum(norms))  # of spectral norms, which the sums of columns and rows bound
-    extremes, asked = np.full((len(G), 2), np.nan), np.unique([0, len(G) - 1])
-    while len(asked):
-        extremes[asked] = np.linalg.svd(G[asked], compute_uv=False)[:, [rank - 1, 0]]
-        known = np.flatnonzero(np.isfinite(extremes[:, 0]))
-        distance, (least, largest) = np.diff(travel[known]), (extremes[known[:-1]] + extremes[known[1:]]).T / 2
-        may_be_closer = least - distance / 2 < NEARLY_SINGULAR * (largest + distance / 2)
-        between = may_be_closer & (np.diff(known) > 1)
-        asked = (known[:-1][between] + known[1:][between]) // 2
-    ratios = extremes[:, 0] / extremes[:, 1]
-    k = int(np.nanargmin(ratios))
-    return k, float(ratios[k])

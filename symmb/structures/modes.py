@@ -155,8 +155,9 @@ class Modes:
         return np.linalg.norm(turned, axis=2).max(axis=1, initial=0.0)
 
     def carried(self, nodes: list[int], eta: Array) -> Array:
-        """Displacements and rotations (6 m, 6) of m nodes by unit motions of the frame, for modal coordinates (n,)."""
-        return rigid_motions(self.positions[nodes] + self.shapes[nodes] @ eta, 6)
+        """Displacements and rotations (N, m, 6, 6) of m nodes by unit motions of the frame, for N (N, n) of modes."""
+        positions = self.positions[nodes] + np.einsum("kan,Nn->Nka", self.shapes[nodes], eta)
+        return rigid_motions(positions.reshape(-1, 3), 6).reshape(*positions.shape[:2], 6, 6)
 
     @cached_property
     def _turning_lines(self) -> Array:

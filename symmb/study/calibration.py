@@ -17,7 +17,7 @@ from symmb._table import aligned
 from symmb._types import Array
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, prepare
+from symmb.simulation import DAESimulator, simulator_with
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -210,7 +210,7 @@ def calibrate(
     if count < len(some) + (not given):
         raise DeclarationError(f"{OWNER}: {count} values cannot determine {len(some)} parameters and the noise.")
     with kept_interrupts():
-        result = _fitted(_Fit(prepare(own, solver), some, measured), given, scene.name)
+        result = _fitted(_Fit(simulator_with(own, solver), some, measured), given, scene.name)
     warn_of(result.undetermined, f"{OWNER}: {scene.name}")
     return result
 

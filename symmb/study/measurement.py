@@ -13,7 +13,7 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._interrupts import carry
 from symmb._progress import RunProgress
 from symmb._types import Array, Executor
-from symmb.black_boxes import Noisy, Simulator, StoredSimulator
+from symmb.black_boxes import Simulator, StoredSimulator, noise_from_runs
 from symmb.bounds import METHODS, Bounds, Method, checked, doubted, parameter_samples
 from symmb.model import Box
 from symmb.study.comparison_result import Comparison
@@ -265,7 +265,7 @@ def _noise(simulator: Simulator, difference: Array | None) -> Array | None:
     """How far runs may be off (n_y,): as far as those of a tighter solver are away, or as a simulator says."""
     if difference is not None:
         return np.nan_to_num(np.abs(difference)).max(axis=(0, 1))
-    return simulator.noise if isinstance(simulator, Noisy) else None
+    return noise_from_runs(simulator)
 
 
 def _labelled(progress: Progress | None, label: str) -> RunProgress | None:

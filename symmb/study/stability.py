@@ -20,7 +20,7 @@ from symmb._table import aligned
 from symmb._types import Array
 from symmb.integrate import Stiffness, stiffness
 from symmb.model import Box, Scene
-from symmb.simulation import prepare, prepare_equations, scene_of
+from symmb.simulation import prepare_equations, scene_of, simulator_with
 from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
 from symmb.study.standard import Standard, standard_of
@@ -323,7 +323,7 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     """Numbers of corners of wider boxes that fail, and of all corners."""
     if scene.box is None or len(scene.box) > 8:
         return {}
-    simulator, failures = prepare(scene), {}
+    simulator, failures = simulator_with(scene), {}
     order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
     for width in _WIDTHS:
         box = Box.around(scene.system.parameters, width, scene.box.names)

@@ -16,10 +16,17 @@ def _mapped(f: ca.Function, n: int, threads: int) -> ca.Function:
 
 
 @lru_cache(maxsize=256)
-def _scatter(f: ca.Function, i: int) -> Indices | None:
-    """Where the nonzeros of output i stand in its dense column-major form, None if it is dense."""
+def _sizes(f: ca.Function) -> tuple[list[int], list[int]]:
+    """Entries of each input and of each output."""
+    return [f.numel_in(i) for i in range(f.n_in())], [f.nnz_out(i) for i in range(f.n_out())]
+
+
+@lru_cache(maxsize=256)
+def _layout(f: ca.Function, i: int) -> tuple[int, int, Indices | None]:
+    """Rows and columns of output i, and where its entries stand in its dense column-major form, None if it is dense."""
     sparsity = f.sparsity_out(i)
-    return None if sparsity.is_dense() else np.array(sparsity.find(), dtype=np.intp)
+    where = None if sparsity.is_dense() else np.array(sparsity.find(), dtype=np.intp)
+    return sparsity.size1(), sparsity.size2(), where
 
 
 def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, ...]:
@@ -63,8 +70,10 @@ def nonzeros(f: ca.Function, *arguments: Array) -> Array:
 def _results(f: ca.Function, arguments: Sequence[Array], threads: int) -> list[Array]:
     """Entries of each output, (N, n)."""
     N = max((len(a) for a in arguments if a.ndim == 2), default=1)
-    results = [np.zeros((N, f.nnz_out(i))) for i in range(f.n_out())]
-    arrays = [np.broadcast_to(a, (N, f.numel_in(i))) for i, a in enumerate(arguments)]
+    widths, counts = _sizes(f)
+    results = [np.zeros((N, count)) for count in counts]
+    shapes = [(N, width) for width in widths[: len(arguments)]]
+    arrays = [a if a.shape == shape else np.broadcast_to(a, shape) for a, shape in zip(arguments, shapes, strict=True)]
     _evaluate(_mapped(f, N, threads) if N > 1 else f, arrays, results)
     return results
 
@@ -93,8 +102,7 @@ def _evaluate(f: ca.Function, arguments: Sequence[Array], results: list[Array]) 
 
 
 def _shaped(f: ca.Function, i: int, values: Array) -> Array:
-    rows, columns = f.size_out(i)
-    where = _scatter(f, i)
+    rows, columns, where = _layout(f, i)
     if where is not None:
         dense = np.zeros((len(values), rows * columns))
         dense[:, where] = values

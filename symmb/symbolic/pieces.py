@@ -168,9 +168,9 @@ def called(f: ca.Function) -> dict[int, list[Entry | None]]:
 
     Calls of other Functions are not in it.
     """
-    calls = [k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CALL]
-    if not calls:
+    if not f.find_functions():
         return {}
+    calls = [k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CALL]
     found: dict[int, list[Entry | None]] = {}
     instructions: Any = f.instructions_sx()
     for k in calls:

@@ -168,18 +168,19 @@ class Branches:
 @lru_cache(maxsize=256)
 def has_kinks(f: ca.Function) -> bool:
     """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
-    is_bent = any(f.instruction_id(k) in _KINKS.keys() | _FRONTS for k in range(f.n_instructions()))
-    return is_bent or bool(called(f)) or _has_steep_power(f)
+    codes = [f.instruction_id(k) for k in range(f.n_instructions())]
+    is_bent = not (_KINKS.keys() | _FRONTS).isdisjoint(codes)
+    return is_bent or bool(called(f)) or _has_steep_power(f, codes)
 
 
-def _has_steep_power(f: ca.Function) -> bool:
+def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
     known: dict[int, _Power[int]] = {}  # of what stands in a place of the work vector
     constants: dict[int, float] = {}
-    for k in range(f.n_instructions()):
-        code, places, results = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+    for k, code in enumerate(codes):
         if code == ca.OP_OUTPUT:
             continue
-        of = [known.get(i, _Power(-1, 1.0)) for i in places] if code in _POWERS else []
+        results, places = f.instruction_output(k), f.instruction_input(k) if code in _POWERS else []
+        of = [known.get(i, _Power(-1, 1.0)) for i in places]
         power = _power(code, of, constants.get(places[-1])) if of else None
         if power is not None and power.exponent >= _STEEP:
             return True

@@ -85,7 +85,9 @@ class Examination:
     def of(cls, way: Way, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
         """Of a run with states x (m, n_x): at all its times, or evenly chosen ones if they are many."""
         some = _evenly(way.bodies.dae, _known(x))
-        return cls(way, p, t[some], x[some], work[some], is_close)
+        if len(some) < len(t):
+            t, x, work = t[some], x[some], work[some]
+        return cls(way, p, t, x, work, is_close)
 
     @cached_property
     def drift(self) -> Drift:
@@ -102,6 +104,12 @@ class Examination:
         G = dae.G(*(part[0] for part in at[:-2]), self.p, self.t[0]).full()[: dae.n_c]
         changes = np.abs(G * bodies.displacement_scales).max(axis=1)
         return np.abs(batch(dae.Phi, *at)[0] / np.where(changes > 0, changes, bodies.scales.length)).max(axis=1)
+
+    @cached_property
+    def switch_values(self) -> Array:
+        """What changes sign at the kinks and jumps of the equations (m, k)."""
+        kinks = self.way.bodies.kinks(self.way.times)
+        return np.empty((len(self.t), 0)) if kinks is None else kinks.values(self.x, self.p, self.t)
 
     @cached_property
     def _energy(self) -> Energy:
@@ -218,7 +226,7 @@ class Examination:
         if dae.impacts is not None:
             return self.t, self.x
         t, _ = refined(self.t[[0, -1]])
-        integration = self.way.bodies.remembered(_AGAIN.integration, t, self.way.longest_step)
+        integration = dae.remembered(_AGAIN.integration, t, self.way.longest_step)
         return t, integration.run(self.x[:1], self.p[None])[0].X
 
 

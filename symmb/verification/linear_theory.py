@@ -1,8 +1,7 @@
 """Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -35,8 +34,8 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
     X, t = X[known], t[known]
     some = attached_loads(scene) if len(t) else ()
     doubts = [*deformation_doubts(scene, dae, X, p, t)] if some else []
-    for loads in some:
-        f = output_function(dae, scene, loads.wrenches)
+    for k, loads in enumerate(some):
+        f = scene.remembered((_stretched, k), lambda: output_function(dae, scene, loads.wrenches))  # noqa: B023
         doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
     for lack in left_out(scene, dae, some, X, p, t) if some else ():
         if lack.share > MISSING:
@@ -50,9 +49,10 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
 
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
     """Which flexible bodies bend or spin too much for linear theory in such states."""
-    for body in scene.system.bodies:
+    for k, body in enumerate(scene.system.bodies):
         if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
-            f = output_function(dae, scene, ca.vertcat(body.eta, body.frame.omega))
+            moved = ca.vertcat(body.eta, body.frame.omega)
+            f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
             eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
             yield from (*_turned(body, eta, t), *_spun(body, omega, t))
 
@@ -66,20 +66,19 @@ class LinearTheory:
 
     scene: Scene | None
     way: Callable[[], Way]
-
-    @cached_property
-    def nominal_doubts(self) -> tuple[str, ...]:
-        """Those about the run at the nominal parameters."""
-        return self.doubts(self.way().formulation.dae.p_nominal) if self.scene else ()
+    told: dict[bytes, tuple[str, ...]] = field(default_factory=dict)
 
     def doubts(self, p: Array) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (n_p,)."""
+        """Those of `linear_theory_doubts` about a run with parameters p (n_p,), which is made at the first time."""
         if self.scene is None:
             return ()
-        way = self.way()
-        form = way.formulation
-        run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
-        return linear_theory_doubts(self.scene, *form.in_bodies(run.X, p), p, way.times)
+        if p.tobytes() not in self.told:
+            way = self.way()
+            form = way.formulation
+            run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
+            at = *form.in_bodies(run.X, p), p, way.times
+            self.told[p.tobytes()] = linear_theory_doubts(self.scene, *at)
+        return self.told[p.tobytes()]
 
 
 def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:

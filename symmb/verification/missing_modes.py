@@ -6,7 +6,7 @@ rotation that is missing at a weld moves the other end of the body, and one that
 nothing else. What outputs lack is told by their slopes.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -59,19 +59,29 @@ class AttachedLoads:
         modes, nodes = self.body.modes, list(self.nodes)
         return np.concatenate([modes.shapes[nodes], modes.rotations[nodes]], axis=1).reshape(6 * len(nodes), -1)
 
-    def carried(self, eta: Array) -> Array:
-        """Displacements and rotations of the nodes (6 m, r) by velocities of the frame in its own axes."""
-        return self.body.modes.carried(list(self.nodes), eta)[:, [0, 1, 5] if self.rigid == 3 else slice(6)]
+    def placed(self, eta: Array) -> Array:
+        """Displacements and rotations (N, m + 1, 6, n_v) of the nodes, and last of the frame, for modes (N, n).
+
+        They are along the body's velocities in its own axes.
+        """
+        places, own = np.zeros((len(eta), len(self.nodes) + 1, 6, len(self.columns))), slice(self.rigid)
+        planar = [0, 1, 5] if self.rigid == 3 else slice(6)
+        places[:, :-1, :, own] = self.body.modes.carried(list(self.nodes), eta)[..., planar]
+        places[:, :-1, :, self.rigid :] = self.shapes.reshape(len(self.nodes), 6, -1)
+        places[:, -1, :, own] = np.eye(6)[:, planar]
+        return places
 
 
 def attached_loads(scene: Scene) -> tuple[AttachedLoads, ...]:
     """The loads of all flexible bodies with modes, in the order of the bodies."""
+    return scene.remembered(attached_loads, lambda: tuple(_attached_loads(scene)))
+
+
+def _attached_loads(scene: Scene) -> Iterator[AttachedLoads]:
     numbers = {v.element_hash(): k for k, v in enumerate(ca.vertsplit(scene.system.v))}
-    return tuple(
-        _loads_of(scene, body, tuple(numbers[v.element_hash()] for v in ca.vertsplit(body.frame.v)))
-        for body in scene.system.bodies
-        if isinstance(body, FlexibleBody) and len(body.modes.stiffness)
-    )
+    for body in scene.system.bodies:
+        if isinstance(body, FlexibleBody) and len(body.modes.stiffness):
+            yield _loads_of(scene, body, tuple(numbers[v.element_hash()] for v in ca.vertsplit(body.frame.v)))
 
 
 def _loads_of(scene: Scene, body: FlexibleBody, columns: tuple[int, ...]) -> AttachedLoads:
@@ -149,35 +159,33 @@ def left_out(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...], X: Array, p: Array, t: Array
 ) -> Iterator[LeftOut]:
     """The largest share of an output for each body, in states X (m, n_x) of all bodies at times t (m,)."""
-    names, y = _judged(scene, some)
-    if not len(names) or all(loads.responses is None for loads in some):
+    if all(loads.responses is None for loads in some):
+        return
+    names, states, slopes = scene.remembered(left_out, lambda: _judged(scene, dae, some))
+    if not len(names):
         return
     few = np.unique(np.linspace(0, len(t) - 1, min(len(t), _TIMES)).round().astype(int))
     X, t = X[few], t[few]
-    states = output_function(dae, scene, ca.vertcat(y, *[ca.vertcat(loads.body.eta, loads.wrenches) for loads in some]))
     values = batch(states, X, p, t[:, None])[0].reshape(len(t), -1)
-    slopes = _slopes(scene, some, y)
+    numbers = batch(slopes, X, p, t[:, None])
+    M, G, J, *more = (part.reshape(len(t), *slopes.size_out(i)) for i, part in enumerate(numbers))
+    moved = _Moved(some, M, G)
     added = np.zeros((2, len(t), len(names)))  # by the modes as they are, and as they follow slow loads
     lacking = np.zeros((len(some), len(t), len(names)))
-    users: list[list[tuple[int, ...]]] = [[] for _ in some]
-    for i in range(len(t)):
-        M, G, J, *more = _numbers(slopes, X[i], p, t[i])
-        moved = _Moved(some, M, G)
-        at = len(names)
-        for k, loads in enumerate(some):
-            n, m = len(loads.body.modes.stiffness), 6 * len(loads.nodes)
-            eta, w = values[i, at : at + n], along(loads, values[i, at + n : at + n + m])
-            at += n + m
-            R, B = more[2 * k : 2 * k + 2]
-            own = J[:, list(loads.columns)]
-            own[:, : len(R)] = own[:, : len(R)] @ R
-            users[k] = users[k] or _users(loads, own, eta)
-            known = loads.responses
-            slow, left = (known.modal @ w, known.left @ w) if known else (eta, np.zeros(m))
-            lacking[k, i] = J @ moved.by(B.T @ left) + _direct(loads, own, eta, users[k]) @ left
-            for kind, modal in enumerate((eta, slow)):
-                bent = J @ moved.by(B.T @ (loads.shapes @ modal)) + own[:, loads.rigid :] @ modal
-                added[kind, i] += lacking[k, i] + bent
+    at = len(names)
+    for k, loads in enumerate(some):
+        n, m = len(loads.body.modes.stiffness), 6 * len(loads.nodes)
+        eta, w = values[:, at : at + n], along(loads, values[:, at + n : at + n + m])
+        at += n + m
+        R, B = more[2 * k], more[2 * k + 1].swapaxes(1, 2)
+        own = J[:, :, list(loads.columns)]
+        own[:, :, : R.shape[1]] = own[:, :, : R.shape[1]] @ R
+        known = loads.responses
+        slow, left = (w @ known.modal.T, w @ known.left.T) if known else (eta, np.zeros((len(t), m)))
+        lacking[k] = _times(J, moved.by(_times(B, left))) + _times(_direct(own, loads.placed(eta)), left)
+        for kind, modal in enumerate((eta, slow)):
+            bent = _times(J, moved.by(_times(B, modal @ loads.shapes.T))) + _times(own[:, :, loads.rigid :], modal)
+            added[kind] += lacking[k] + bent
     Y = values[:, : len(names)]
     floor = _NOTHING * (np.abs(Y).max(axis=0) + dae.scales.length)
     size = np.max([*(_rms(some) for some in added), _rms(Y - Y.mean(axis=0)), floor], axis=0)
@@ -191,11 +199,25 @@ def along(loads: AttachedLoads, w: Array) -> Array:
     return w @ np.kron(np.eye(len(loads.nodes)), loads.body.modes.lively)
 
 
+def _times(A: Array, x: Array) -> Array:
+    """The products (m, k) of matrices A (m, k, n) and vectors x (m, n)."""
+    return np.einsum("mkn,mn->mk", A, x)
+
+
 def _rms(values: Array) -> Array:
     return np.sqrt((values**2).mean(axis=0))
 
 
-def _judged(scene: Scene, some: tuple[AttachedLoads, ...]) -> tuple[tuple[str, ...], ca.SX]:
+def _judged(
+    scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...]
+) -> tuple[tuple[str, ...], ca.Function, ca.Function]:
+    """Names of outputs that follow from places; a Function (x, p, t) for these, modes and loads; and for slopes."""
+    names, y = _of_places(scene, some)
+    values = ca.vertcat(y, *[ca.vertcat(loads.body.eta, loads.wrenches) for loads in some])
+    return names, output_function(dae, scene, values), _slopes(scene, some, y)
+
+
+def _of_places(scene: Scene, some: tuple[AttachedLoads, ...]) -> tuple[tuple[str, ...], ca.SX]:
     """Names and expressions of outputs that follow from places; those of the loaded nodes if there are none."""
     system, solved = scene.system, ca.vertcat(ca.SX(scene.system.lam), scene.system.vdot)
     places = ca.which_depends(scene.y, system.q, 1, True) or []
@@ -219,62 +241,51 @@ def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Funct
     return common("slopes", states, [ca.densify(part) for part in parts])
 
 
-def _numbers(f: ca.Function, x: Array, p: Array, t: float) -> list[Array]:
-    """The results of a Function (x, p, t)."""
-    return [part.full() for part in f.call([ca.DM(x), ca.DM(p), ca.DM(t)])]
-
-
 class _Moved:
     """How bodies move, by least kinetic energy, where nodes are displaced against the rows of joints."""
 
     def __init__(self, some: tuple[AttachedLoads, ...], M: Array, G: Array) -> None:
-        W = M + np.diag(np.full(len(M), _REGULAR * np.abs(np.diag(M)).max(initial=1e-300)))
+        largest = np.abs(np.einsum("mii->mi", M)).max(axis=1, initial=1e-300)
+        W = M + _REGULAR * largest[:, None, None] * np.eye(M.shape[1])
         slowest = min(float(loads.body.modes.stiffness.min()) for loads in some)
         for loads in some:
             own = list(loads.columns)[loads.rigid :]
-            W[own, own] += _STIFF / slowest * loads.body.modes.stiffness
-        self._moving = np.linalg.solve(W, G.T) if len(G) else np.zeros((len(M), 0))
-        self._loose = np.linalg.pinv(G @ self._moving, rcond=_REDUNDANT, hermitian=True) if len(G) else np.zeros((0, 0))
+            W[:, own, own] += _STIFF / slowest * loads.body.modes.stiffness
+        self._moving = np.linalg.solve(W, G.swapaxes(1, 2))
+        self._loose = np.linalg.pinv(G @ self._moving, rcond=_REDUNDANT, hermitian=True)
 
     def by(self, gaps: Array) -> Array:
-        """Displacements along all velocities that close these gaps of the rows."""
-        return self._moving @ (self._loose @ gaps)
+        """Displacements (m, n_v) along all velocities that close these gaps of the rows (m, n_r)."""
+        return _times(self._moving, _times(self._loose, gaps))
 
 
-def _users(loads: AttachedLoads, own: Array, eta: Array) -> list[tuple[int, ...]]:
+def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
     """The nodes through which outputs with slopes (n_y, n_v) along the body's velocities depend on it, -1 its frame."""
-    frame_and_nodes = range(-1, len(loads.nodes))
-    units = np.linalg.norm(_placed(loads, range(len(loads.nodes)), eta), axis=0)
+    frame_and_nodes = range(-1, len(places) - 1)
+    units = np.linalg.norm(places[:-1], axis=(0, 1))
     units = np.where(units > 0, units, 1.0)
     slopes, chosen = own / units, [()] * len(own)
     best = np.linalg.norm(slopes, axis=1)
     enough = _EXPLAINED * best
     for some in [*combinations(frame_and_nodes, 1), *combinations(frame_and_nodes, 2)]:
-        A = _placed(loads, some, eta) / units
+        A = np.concatenate(places[list(some)]) / units
         off = np.linalg.norm(slopes - slopes @ np.linalg.pinv(A) @ A, axis=1)
         for k in np.flatnonzero((off < best) & (best > enough)):
             chosen[k], best[k] = some, off[k]
     return chosen
 
 
-def _placed(loads: AttachedLoads, some: Iterable[int], eta: Array) -> Array:
-    """Displacements of some nodes (6 k, n_v) along the body's velocities in its own axes."""
-    every = np.hstack([loads.carried(eta), loads.shapes]).reshape(len(loads.nodes), 6, -1)
-    frame = np.zeros((6, every.shape[2]))
-    frame[[0, 1, 5] if loads.rigid == 3 else range(6), range(loads.rigid)] = 1.0
-    return np.concatenate([frame if k < 0 else every[k] for k in some])
-
-
-def _direct(loads: AttachedLoads, own: Array, eta: Array, users: list[tuple[int, ...]]) -> Array:
-    """Slopes of outputs (n_y, 6 m) along displacements of nodes."""
-    slopes = np.zeros((len(own), 6 * len(loads.nodes)))
+def _direct(own: Array, places: Array) -> Array:
+    """Slopes of outputs (N, n_y, 6 m) along displacements of nodes, from those along the body's velocities."""
+    users = _users(own[0], places[0])
+    slopes = np.zeros((*own.shape[:2], *places.shape[1:3]))
     for some in set(users) - {()}:
         which = [k for k, chosen in enumerate(users) if chosen == some]
-        found = (own[which] @ np.linalg.pinv(_placed(loads, some, eta))).reshape(len(which), len(some), 6)
+        inverse = np.linalg.pinv(places[:, list(some)].reshape(len(own), 6 * len(some), -1))
+        found = (own[:, which] @ inverse).reshape(len(own), len(which), len(some), 6)
         for place, k in enumerate(some):
-            if k >= 0:
-                slopes[which, 6 * k : 6 * k + 6] = found[:, place]
-    return slopes
+            slopes[:, which, k] = found[:, :, place]
+    return slopes[:, :, :-1].reshape(*own.shape[:2], -1)
 
 
 _TIMES = 21

@@ -61,8 +61,7 @@ def test_scenes_tell_the_noise_of_their_runs():
     p = mb.Parameters(g=9.81)
     system = mb.System(body, mb.Gravity(0, -p.g), parameters=p)
     scene = mb.Scene(system, {"ball.y": 2.0}, T, {"y": body.y, "nothing": body.x * 1e-3})
-    noise = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-6)).noise
-    tighter = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-9)).noise
+    noise, tighter = (mb.prepare(scene, mb.DormandPrince(rtol=rtol)).noise for rtol in (1e-6, 1e-9))
     assert 0 < noise[0] < 1e-5 and noise[1] == 0
     assert_allclose(noise, 1e3 * tighter)
 

@@ -93,6 +93,15 @@ def test_solvers_are_chosen_when_a_simulator_is_made(monkeypatch):
     assert repr(simulator) == "DAESimulator('rod', DormandPrince())"
     assert simulator.solver == mb.DormandPrince() and "steps in a pilot run" in simulator.reason
     assert simulator.setup_seconds > 0
+    assert simulator.noise is None and not simulator.doubts
+
+
+def test_what_is_prepared_has_taken_its_second_look(monkeypatch):
+    prepared = mb.prepare(rod())
+    monkeypatch.setattr(mb.DAESimulator, "run", lambda *_: pytest.fail("a run is made"))
+    prepared.second_look()
+    assert prepared.noise.shape == (1,) and 0 < prepared.noise[0] < 1e-6 and not prepared.doubts
+    assert_array_equal(pickle.loads(pickle.dumps(prepared)).noise, prepared.noise)
 
 
 def test_nothing_keeps_a_scene_alive_that_was_prepared():

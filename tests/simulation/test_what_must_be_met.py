@@ -41,8 +41,9 @@ def test_values_that_are_rounding_are_on_no_side():
     kinks = Kinks(("fabs",), ca.Function("switches", [x, p, t], [x]), located, located)
     times = np.linspace(0, 1, 101)
     X = np.column_stack([np.where(np.arange(101) < 50, 1.0, 1e-9 * (-1.0) ** np.arange(101)), times - 0.7051])
-    assert kinks.passed_over(X, np.empty(0), times, np.empty(0)) == pytest.approx(0.70)
-    assert np.isnan(kinks.passed_over(X, np.empty(0), times, np.array([0.7051])))
+    values = kinks.values(X, np.empty(0), times)
+    assert kinks.passed_over(values, times, np.empty(0)) == pytest.approx(0.70)
+    assert np.isnan(kinks.passed_over(values, times, np.array([0.7051])))
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])

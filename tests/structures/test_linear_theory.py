@@ -82,7 +82,7 @@ def test_modes_without_static_shapes_are_told_with_what_they_lack(count: int | N
     assert told == (off > 0.05)
     assert not told or "of the deflections by the loads at its nodes 0, 10" in doubt
     assert not told or float(doubt.split("lack ")[1].split("%")[0]) == pytest.approx(100 * off, abs=1.1)
-    assert mb.DAESimulator(scene).doubts == run.doubts
+    assert mb.prepare(scene).doubts == run.doubts
 
 
 def test_a_study_tells_what_only_its_corners_ask() -> None:

@@ -23,7 +23,7 @@ def test_outputs_that_are_zero_but_for_rounding_raise_no_doubt():
     scene = swing(lambda rod: {"x": rod.x, "aside": rod.y + 1e-16 * ca.sin(1e9 * rod.x)})
     run = mb.simulate(scene, mb.DormandPrince(), check=True)
     assert run.error is not None and run.error[:, 1].max() > 1e-3 * np.ptp(run["aside"])
-    assert run.doubts == () and mb.DAESimulator(scene, mb.DormandPrince()).doubts == ()
+    assert run.doubts == () and mb.prepare(scene, mb.DormandPrince()).doubts == ()
     assert mb.propagate(scene, mb.Scanning(3), BOX, mb.DormandPrince()).doubts == ()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.black_boxes import Noisy, Progress, Simulator, note_attained, run_blocks
+from symmb.black_boxes import Progress, Simulator, noise_from_runs, note_attained, run_blocks
 from symmb.bounds.adaptive.check_runs import FEW_SHAPES, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
@@ -94,7 +94,7 @@ class Runs:
         self._widths: Array | None = None
         self._scale = np.full(self.shape[1], np.inf)  # root mean square (n_y,) of the extremes
         with self.clock.of_runs():  # that of a scene takes runs, for which it is compiled
-            self._told = self.simulator.noise if isinstance(self.simulator, Noisy) else None
+            self._told = noise_from_runs(self.simulator)
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
         self.rounding = ROUNDING_WIDTH if self._told is None else ROUNDING_OF_VALUES
