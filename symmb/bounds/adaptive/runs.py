@@ -125,11 +125,20 @@ class Runs:
             self._blocks = [np.concatenate(self._blocks)]
         return self._blocks[0]
 
-    @property
-    def some_nodes(self) -> Array:
-        """(SHAPE_RUNS at most, n_s, n_y) responses at the first nodes and some times, by which shapes are counted."""
-        some = slice(None, None, max(1, self.shape[0] // SHAPE_RUNS))
-        return np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
+    def shapes(self) -> int:
+        """How many shapes of time the responses are made of."""
+        deviations = self._some_deviations()
+        return int(count_shapes(deviations.reshape(len(deviations), -1)))
+
+    def shapes_of_outputs(self) -> Indices:
+        """How many each output that varies is made of."""
+        return count_shapes(self._some_deviations()[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
+
+    def _some_deviations(self) -> Array:
+        """(SHAPE_RUNS at most, n_s, n_y) deviations of first nodes from their mean at some times, over the widths."""
+        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
+        Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
+        return (Y - Y.mean(axis=0)) / self.rms_widths()
 
     def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
         """Through the responses at nodes of these rows (N,), in named parameters."""
@@ -226,9 +235,7 @@ class Runs:
 
     def may_hide(self) -> bool:
         """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
-        return count_shapes(self.some_nodes, self.rms_widths()) <= FEW_SHAPES or rests_for_a_time(
-            *self.extremes, self.noise
-        )
+        return self.shapes() <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
     def measure_noise(self) -> None:
         """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
