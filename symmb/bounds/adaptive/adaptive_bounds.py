@@ -96,6 +96,7 @@ def adaptive_bounds(
         failed_region=failed_region(box, runs.tried, ~runs.ok),
         run_doubts=(*(cut if is_far else ()), *_of_noise(runs)),
         remarks=remarks,
+        range_of=estimated.surrogate,
     )
     del runs  # the expansion is as large
     expansion = estimated.expansion and estimated.expansion()

@@ -233,7 +233,7 @@ def corrected_bounds(
             break
         before = error
     error = np.maximum(spread_over_times(remaining, upper - lower), unattained().max(axis=0))
-    return EstimatedRange(lower, upper, error, corrected.expansion, extremes)
+    return EstimatedRange(lower, upper, error, corrected.expansion, "an interpolant on a sparse grid", extremes)
 
 
 def spread_over_times(error: Array, width: Array) -> Array:

@@ -61,9 +61,8 @@ class MonotoneCorners:
         if not base.runs.noise_is_known:
             base.runs.measure_noise()
         low, high = base.runs.extremes
-        return EstimatedRange(
-            low, high, error + MONOTONE_SHARE * base.tolerance * (high - low), base.continued, is_enough=True
-        )
+        error = error + MONOTONE_SHARE * base.tolerance * (high - low)
+        return EstimatedRange(low, high, error, base.continued, "runs at corners", is_enough=True)
 
     def refined(self) -> Surrogate:
         """The other surrogate."""

@@ -47,6 +47,7 @@ SEARCH_LINE = 17
 """Values of a parameter of which the best is looked for: a sine of a period has its extremes within 0.06 of them."""
 EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
 """Most polynomials of the expansion of a surface, and largest error of it, over the standard deviation."""
+_NAME = "a response surface"
 
 
 class ResponseSurface:
@@ -80,7 +81,7 @@ class ResponseSurface:
         runs, tolerance, d = self._runs, self._tolerance, self._nodes.shape[1]
         self._data = data = _Responses.of(runs, self._nodes)
         if not data.varies.any():
-            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, is_enough=True)
+            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
         if len(data.points) >= REFIT * self._n_fit:
             self._kernels, self._n_fit = _kernels(self._kernels, data), len(data.points)
         self._surface = surface = GaussianProcess(self._kernels[0], data.points, data.Y)
@@ -176,6 +177,7 @@ class _Responses:
             self.absolute(upper).reshape(runs.shape),
             (self.absolute(estimate) - self.mean).reshape(runs.shape),
             None if doubtful.any() else expansion,
+            _NAME,
             places.reshape(2, *runs.shape, -1),
         )
 

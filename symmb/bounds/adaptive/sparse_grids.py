@@ -176,9 +176,8 @@ class ExtremeSearch:
         error = STALLED_SHARE * (highest - lowest)
         error = np.maximum(SAFETY * np.max([0 * error, *self._gains[-2:]], axis=0), error)
         error = np.minimum(spread_over_times(error, highest - lowest), highest - lowest)
-        return EstimatedRange(
-            lowest, highest, error, None, is_enough=relative_rms(error, runs.rms_widths()) <= tolerance
-        )
+        is_enough = relative_rms(error, runs.rms_widths()) <= tolerance
+        return EstimatedRange(lowest, highest, error, None, "runs near extremes", is_enough=is_enough)
 
     def refined(self) -> "ExtremeSearch":
         """After one more search."""

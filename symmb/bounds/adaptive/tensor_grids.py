@@ -127,9 +127,10 @@ class TensorGrids:
         if doubtful[:, varies].any():
             estimate = np.maximum(estimate, expected)
         expansion = (lambda: pieces[0].expansion) if len(pieces) == 1 else None
+        name = "an interpolant on a tensor grid" if len(pieces) == 1 else f"interpolants on {len(pieces)} tensor grids"
         is_enough = max(error, TENSOR_RANGE) <= tolerance
         estimate = estimate + TENSOR_RANGE * width
-        return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
+        return EstimatedRange(union.lower, union.upper, estimate, expansion, name, union.places, is_enough)
 
     def refined(self) -> "TensorGrids":
         """With the worst piece refined or halved, or with measured noise."""
