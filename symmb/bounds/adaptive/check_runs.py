@@ -9,18 +9,22 @@ from symmb.bounds.time_windows import WINDOW, average_over_window
 from symmb.nodes import grid
 
 SAFETY = 2.5
-"""Factor on the errors of check runs: these are at a few of the extremes, and others may have larger errors."""
+"""Factor on errors that runs show, and on the deviation of noise: those elsewhere may be larger. Less misses more, more
+takes more runs."""
 CANDIDATES = 150
-"""Extremes among which check points are selected: the selection compares all pairs."""
+"""Extremes among which check points are selected: the selection compares all pairs, and fewer miss extremes."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Shapes of time that hide as much as single numbers do, and their least share of the largest one."""
+"""Shapes of time that hide as much as single numbers do, and their least share of the largest one: more of the first
+takes more check runs, more of the second as well."""
 SHAPE_RUNS = round(1 / WINDOW)
 """Most runs of which shapes are counted, and half the number of times: a window has two."""
 PROBES = 6
 """Quasi-random check points. Nodes lie at middles, ends and halves, where symmetric responses may be alike. More find
 narrower bumps."""
+PATIENCE = 30
+"""Runs for each parameter at which what does not converge is given up, as are corners: more take runs, fewer miss."""
 MOST_CORNERS = 32
-"""Most corners that are run because nothing else tells where a response varies."""
+"""Most corners that are run because nothing else tells where a response varies: more take runs, fewer miss."""
 
 
 def select_dispersed(places: Array, weights: Array, number: int) -> Array:

@@ -17,14 +17,10 @@ from symmb.bounds.adaptive.check_runs import (
     select_dispersed,
 )
 from symmb.bounds.adaptive.piece import TENSOR_RANGE, Part, Piece, nodes_of
-from symmb.bounds.adaptive.runs import CHEAP_RUNS, TRUST, Runs, relative_rms, typical_error
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import is_doubtful, is_doubtful_in_window
 
-FARTHEST_SCALING = 10.0
-"""Largest factor by which the error of a check run is scaled to the error expected elsewhere."""
-LEAST_COST = 15
-"""Runs of a refinement before which it is worth a few to measure noise."""
 MANY_VALUES = 1000
 """Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
 FIELD_TRUST = 0.15
@@ -118,11 +114,11 @@ class TensorGrids:
         ):
             self._worst = self._farthest(union)
         error = measure(left if is_field else estimate, widths)
+        if error > tolerance and self._can_refine():
+            return None
         width, varies = union.upper - union.lower, np.isfinite(widths)
         doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
         if doubtful[:, varies].any() and self._can_refine(CHEAP_RUNS - len(runs)):
-            return None
-        if error > tolerance and self._can_refine():
             return None
         if doubtful[:, varies].any():
             estimate = np.maximum(estimate, expected)
@@ -135,7 +131,8 @@ class TensorGrids:
     def refined(self) -> "TensorGrids":
         """With the worst piece refined or halved, or with measured noise."""
         runs = self._runs
-        if not runs.noise_is_known and (self._cost() >= LEAST_COST or len(runs) >= CHEAP_RUNS):
+        is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
+        if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
             self._pieces = [replace(piece, widths=runs.rms_widths()) for piece in self._pieces]  # with new errors
         else:
@@ -173,20 +170,20 @@ class TensorGrids:
     def _check(self, union: _Union) -> tuple[Array, Array]:
         """Check runs at some of the extremes, and at quasi-random points. The piece with the largest error is refined.
 
-        A run with the error e at a place where the estimate is E(x) suggests the error e E / E(x) where it is E.
+        A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E.
 
         Returns
         -------
         (n_t, n_y) array        the error that check runs show
         (n_y,) array            errors to expect over the estimate: the ratio of their root mean squares at check runs
         """
-        runs, widths, estimate = self._runs, self._runs.rms_widths(), union.errors.max(axis=0)
+        runs, widths = self._runs, self._runs.rms_widths()
         n_known, d = len(runs.points), len(runs.box)
         n_probes = PROBES if runs.shapes() <= FEW_SHAPES else 1
         probes = np.concatenate([evenly_spread_points(runs.probes, d), quasi_random_points(n_probes, d)])
         selected = select_dispersed(union.places, union.checkable_error / widths, max(2 * d, 4))
         runs.check(np.concatenate([probes, selected])[: runs.left])
-        squares, largest = np.zeros_like(estimate), -1.0
+        squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
         if len(union.pieces) > 1:  # near a jump, former check runs say nothing about the pieces that lie there now
@@ -195,10 +192,11 @@ class TensorGrids:
         for piece in union.pieces:
             own = rows[[each is piece for each in home]]
             points, errors = runs.points[own], piece.observed_errors(runs.points[own], runs.checks[own])
+            largest_expected = piece.errors.max(axis=0)
             for point, error in zip(points, np.maximum(np.square(errors) - np.square(runs.noise), 0.0), strict=True):
                 expected = piece.expected_error(point[None, None])
-                ratio = np.divide(estimate, expected, out=np.ones_like(estimate), where=expected > 0)
-                squares = np.maximum(squares, error * np.square(np.minimum(ratio, FARTHEST_SCALING)))
+                ratio = np.divide(largest_expected, expected, out=np.ones_like(expected), where=expected > 0)
+                squares = np.maximum(squares, error * np.square(ratio))
                 seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
                 if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
                     largest, self._worst = observed, piece
