@@ -13,9 +13,9 @@ from symmb.bounds.time_windows import LEAST_WIDTH
 from symmb.nodes import grid
 from symmb.polynomials import Expansion
 
-MONOTONE_SHARE = 0.1
+MONOTONE_SHARE = 0.2
 """Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
-their signs where no run was. Responses may lose as much at corners that are not quite theirs: less takes more runs."""
+their signs where no run was. Responses may lose half as much at corners that are not theirs: less takes more runs."""
 
 
 class Base(Protocol):
@@ -77,7 +77,8 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
     slope = lower_half + upper_half
     width = np.abs(slope).sum(axis=0)
-    allowed = MONOTONE_SHARE * tolerance * np.maximum(width, LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0)))
+    least = LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0))
+    allowed = MONOTONE_SHARE / 2 * tolerance * np.maximum(width, least)
     bulge = _bulge(lower_half, upper_half)
     against = bulge.copy()
 
