@@ -263,11 +263,14 @@ def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -
     numbers, width = numbers_of(P), len(simulator.parameters)
     if isinstance(P, np.ndarray) and P.dtype.kind == "b":
         numbers = None
-    got = shown(P)[:100]
-    if numbers is not None:
-        if numbers.ndim == 2 and numbers.shape[1] == width and np.isfinite(numbers).all():
-            return numbers
-        got = f"the shape {numbers.shape}" if np.isfinite(numbers).all() else "numbers that are not finite"
+    if numbers is None:
+        got = shown(P)[:100]
+    elif not np.isfinite(numbers).all():
+        got = "numbers that are not finite"
+    elif numbers.ndim == 2 and numbers.shape[1] == width:
+        return numbers
+    else:
+        got = f"the shape {numbers.shape}"
     raise DeclarationError(
         f"{simulator!r}: samples must be numbers of the shape (N, {width}), "
         f"one column for each of {', '.join(simulator.parameters)}; got {got}."

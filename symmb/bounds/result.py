@@ -78,6 +78,7 @@ class Bounds(Result, files.Saved):
     box : intervals of the parameters, or None where they are not known
     surrogate : the function whose range the method bounds, until it is checked; else None
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
+    range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
 
     Examples
     --------
@@ -107,6 +108,7 @@ class Bounds(Result, files.Saved):
     box: Box | None = None
     surrogate: Surrogate | None = None
     study: "Study | None" = None
+    range_of: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "study": None}
@@ -268,6 +270,7 @@ class Bounds(Result, files.Saved):
             "caution": self.caution,
             "run_doubts": self.run_doubts,
             "remarks": self.remarks,
+            "range_of": self.range_of,
             "units": self.units,
             "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
             "doubts": self.doubts,
@@ -328,6 +331,7 @@ class Bounds(Result, files.Saved):
         ]
         if self.failed:
             lines.append(failure_text(self.failed, 3, indent="    "))
+        lines += [f"  range of     {self.range_of}"] if self.range_of else []
         lines += [f"  doubtful     {doubt}" for doubt in self.doubts]
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 

@@ -48,6 +48,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "caution": record.text("caution", default=""),
         "run_doubts": record.texts("run_doubts", default=()),
         "remarks": record.texts("remarks", default=()),
+        "range_of": record.text("range_of", default=""),
         "units": record.texts("units", default=()),
         "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
     }
@@ -123,7 +124,7 @@ def labelled(
         own_names = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
         coordinates |= {name: (("sample",), column) for name, column in zip(own_names, values.values(), strict=True)}
     unit_of |= {name: unit_of["value"] for name in ("outer", "estimate", "inner", "noise") if "value" in unit_of}
-    attributes = {name: record[name] for name in ("method", "kind", "evaluations", "seconds", "caution")}
+    attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}
     return Labelled(coordinates, variables, {k: None if v == "" else v for k, v in attributes.items()}, unit_of)

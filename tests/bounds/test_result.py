@@ -1,5 +1,8 @@
 """Bounds: what they give, saving and loading; failed samples of sampling methods."""
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave
@@ -175,3 +178,25 @@ def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
     bounds.save(tmp_path / "b.json")
     assert Bounds.load(tmp_path / "b.json").remarks == bounds.remarks
     assert propagate(simulator, PolynomialChaos(tolerance=0.1), box).remarks == ()
+
+
+@pytest.mark.parametrize(
+    ("f", "d", "n_t", "name"),
+    [
+        (lambda x, t: np.exp(x[0] * x[1]) * t, 2, 5, "an interpolant on a tensor grid"),
+        (lambda x, t: (x[0] > 0.3) * t, 1, 5, r"interpolants on \d+ tensor grids"),
+        (lambda x, t: sum(x) * t, 5, 40, "runs at corners"),
+        (lambda x, t: np.cos(x[0] - x[1] + 3 * t) + x[2] * x[3], 4, 40, "an interpolant on a sparse grid"),
+        (lambda x, t: np.cos(2 * x[0] + x[1]) + x[2] * x[3] + 0 * t, 4, 1, "a response surface"),
+        (lambda x, t: np.abs(np.sin(9 * sum(x) + 5 * t)), 4, 40, "runs near extremes"),
+    ],
+)
+def test_bounds_tell_whose_range_they_are(tmp_path, f, d, n_t, name):
+    times, names = np.linspace(1.0, 2.0, n_t), [f"p{i}" for i in range(d)]
+    simulator = FunctionSimulator(lambda **p: f(list(p.values()), times), dict.fromkeys(names, 0.0), times, ["x"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        bounds = propagate(simulator, PolynomialChaos(), Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    assert re.fullmatch(name, bounds.range_of) and bounds.range_of in str(bounds)
+    bounds.save(tmp_path / "b.json")
+    assert Bounds.load(tmp_path / "b.json").range_of == bounds.range_of

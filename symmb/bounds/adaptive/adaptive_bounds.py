@@ -9,25 +9,20 @@ from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.adaptive.clock import Clock
-from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, ROUNDING_WIDTH, OutgrownError, Runs, rms
+from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import SparseGrids
 from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bounds.failures import failed_region
-from symmb.bounds.result import Bounds
+from symmb.bounds.result import ROUNDING, Bounds
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
+from symmb.polynomials.ranges import MOST_PARAMETERS
 
-FAR = 4.0
-"""Estimated error over the tolerance from which it is doubtful that a study was ended early."""
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
 """Without a budget, the most runs, and the most numbers that are kept of them: 0.3 GB, and as many coefficients."""
-TENSOR_PARAMETERS = 3
-"""Most parameters of tensor grids. Extremes lie at corners and edges, where sparse grids are least accurate."""
-UNKNOWN_SHARE = 1.5 * DOUBTFUL
-"""Least error over the width of a bound near failed runs: no check run tells how good the prediction is there."""
-NOISY_SHARE = 0.25
-"""Measured noise over the width from which bounds are doubtful: few runs of noise alone are six times as far apart."""
+NOISY_SHARE = 0.2
+"""Measured noise over the width from which bounds are doubtful: few runs of noise alone are five times as far apart."""
 NOISE_OF_SOLVERS = 1e-6
 """Noise over the values of an output up to which it is what solvers leave of one that parameters do not change."""
 
@@ -49,7 +44,7 @@ def adaptive_bounds(
     least the distance of the interpolant's range from what runs attained. Where it exceeds the width that runs
     attained, and of outputs that are noise, the bounds are those attained by runs.
     """
-    d, tensor = len(box), len(box) <= TENSOR_PARAMETERS
+    d, tensor = len(box), len(box) <= MOST_PARAMETERS
     first = max(5, 3**d) if tensor else 2 * d + 1
     numbers = max(len(simulator.times) * len(simulator.outputs), 1)
     first += probes
@@ -77,7 +72,7 @@ def adaptive_bounds(
     error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
     is_reached = estimated.is_enough and bool((runs.noise <= tolerance * runs.rms_widths()).all())
     cut = (_CUT.format(tolerance=tolerance),) if runs.clock.is_cut and not estimated.is_enough else ()
-    is_far = error > FAR * tolerance
+    is_far = error > DOUBTFUL
     remarks = () if is_reached else (_SHORT.format(tolerance=tolerance, error=error), *(() if is_far else cut))
     remarks = (*remarks, *_of_rounding(runs, is_noise))
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
@@ -96,6 +91,7 @@ def adaptive_bounds(
         failed_region=failed_region(box, runs.tried, ~runs.ok),
         run_doubts=(*(cut if is_far else ()), *_of_noise(runs)),
         remarks=remarks,
+        range_of=estimated.surrogate,
     )
     del runs  # the expansion is as large
     expansion = estimated.expansion and estimated.expansion()
@@ -135,10 +131,10 @@ def _of_noise(runs: Runs) -> tuple[str, ...]:
     low, high = runs.extremes
     scale = np.maximum(rms(low), rms(high))
     is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)
-    names = _listed(runs, is_large & (scale > ROUNDING_WIDTH * scale.max(initial=0.0)))
-    if not names or runs.rounding < ROUNDING_WIDTH:  # the simulator has told its noise
+    names = _listed(runs, is_large & (scale > ROUNDING * scale.max(initial=0.0)))
+    if not names or runs.rounding < ROUNDING:  # the simulator has told its noise
         return ()
-    return (f"The measured noise of runs is above a quarter of the width of {names}.",)
+    return (f"The measured noise of runs is above a fifth of the width of {names}.",)
 
 
 def _listed(runs: Runs, which: Mask) -> str:
@@ -150,7 +146,7 @@ def _listed(runs: Runs, which: Mask) -> str:
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
     """Which outputs vary by more than numbers are rounded, and yet by so little that it counts as rounding."""
     lowest, highest = runs.extremes
-    if runs.rounding < ROUNDING_WIDTH:  # the simulator has told its noise
+    if runs.rounding < ROUNDING:  # the simulator has told its noise
         return ()
     widths, sizes = highest - lowest, np.maximum(np.abs(lowest), np.abs(highest))
     listed = _listed(runs, is_noise & (widths > 16 * ROUNDING_OF_VALUES * sizes).any(axis=0))

@@ -4,23 +4,27 @@ from itertools import count
 
 import numpy as np
 
-from symmb._types import Array
-from symmb.bounds.time_windows import average_over_window
+from symmb._types import Array, Indices
+from symmb.bounds.time_windows import WINDOW, average_over_window
 from symmb.nodes import grid
 
 SAFETY = 2.5
-"""Factor on the errors of check runs: these are at a few of the extremes, and others may have larger errors."""
+"""Factor on errors that runs show, and on the deviation of noise: those elsewhere may be larger. Less misses more, more
+takes more runs."""
 CANDIDATES = 150
-"""Extremes among which check points are selected: the selection compares all pairs."""
+"""Extremes among which check points are selected: the selection compares all pairs, and fewer miss extremes."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Shapes of time that hide as much as single numbers do, and their least share of the largest one."""
-SHAPE_RUNS = 100
-"""Most runs and about as many times of which shapes are counted: a window is 2 % of all times."""
+"""Shapes of time that hide as much as single numbers do, and their least share of the largest one: more of the first
+takes more check runs, more of the second as well."""
+SHAPE_RUNS = round(1 / WINDOW)
+"""Most runs of which shapes are counted, and half the number of times: a window has two."""
 PROBES = 6
 """Quasi-random check points. Nodes lie at middles, ends and halves, where symmetric responses may be alike. More find
 narrower bumps."""
+PATIENCE = 30
+"""Runs for each parameter at which what does not converge is given up, as are corners: more take runs, fewer miss."""
 MOST_CORNERS = 32
-"""Most corners that are run because nothing else tells where a response varies."""
+"""Most corners that are run because nothing else tells where a response varies: more take runs, fewer miss."""
 
 
 def select_dispersed(places: Array, weights: Array, number: int) -> Array:
@@ -101,15 +105,14 @@ def screening_points(d: int) -> Array:
     return np.concatenate([corners, quasi_random_points(2 + PROBES, d)[2:]])
 
 
-def count_shapes(Y: Array, widths: Array) -> int:
-    """How many independent functions of time and output responses Y (N, n_t, n_y) are made of.
+def count_shapes(Y: Array) -> Indices:
+    """How many independent functions of time (...) deviations Y (..., N, m) from the mean of responses are made of.
 
     What few shapes hide, few numbers would: all times together may show no more than one. Shapes count from a share
     SHAPE_SHARE of the largest one on.
     """
-    relative = ((Y - Y.mean(axis=0)) / widths).reshape(len(Y), -1)
-    squares = np.linalg.eigvalsh(relative @ relative.T)
-    return int((squares > SHAPE_SHARE**2 * squares[-1]).sum())
+    squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
+    return np.asarray((squares > SHAPE_SHARE**2 * squares[..., -1:]).sum(axis=-1))
 
 
 def inflated_error(squares: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from symmb._limits import windows
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import inflated_error, select_dispersed
+from symmb.bounds.adaptive.gaussian_process import EXPECTED_NOISE
 from symmb.bounds.adaptive.runs import Runs, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.nodes import Grid, Index, below
@@ -16,16 +17,15 @@ from symmb.polynomials import Expansion, MultiIndices, basis_values
 from symmb.polynomials.ranges import Exact
 
 SPARSE_PROBES = 2
-"""Quasi-random check points. Runs along the axes cannot show products of parameters; runs at these points can."""
+"""Quasi-random check points: more take runs, fewer miss products of parameters, which runs along axes do not show."""
 REMAINING_SHARE = 0.2
 """Least share of the expected error that remains at places of check runs, since the continuation does not interpolate,
-and of the estimated error after them."""
+and of the estimated error after them: less misses more, more takes more runs."""
 SPARSE_RANGE = 0.02
-"""Accuracy of a range, over the tolerance."""
+"""Accuracy of a range, over the tolerance: less takes more time."""
 RANGE_WORK = 200_000
-"""Coefficients in all boxes that the search of a range may take, since many parameters leave it unproved anyway."""
-_NOISE = 1e-6
-"""Noise over the expected squares: it keeps the matrix regular for points that are close to each other or to nodes."""
+"""Coefficients in all boxes that the search of a range may take, since many parameters leave it unproved anyway: more
+take time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ class Continuation:
 
     def _products(self, free: Array) -> Array:
         """(C, C) expected products of the errors at points."""
-        noise = _NOISE * np.square(self.sizes).sum() or 1.0  # any, if none is expected
+        noise = EXPECTED_NOISE * np.square(self.sizes).sum() or 1.0  # any, if none is expected
         return free @ free.T + noise * np.eye(len(free))
 
 
@@ -233,7 +233,7 @@ def corrected_bounds(
             break
         before = error
     error = np.maximum(spread_over_times(remaining, upper - lower), unattained().max(axis=0))
-    return EstimatedRange(lower, upper, error, corrected.expansion, extremes)
+    return EstimatedRange(lower, upper, error, corrected.expansion, "an interpolant on a sparse grid", extremes)
 
 
 def spread_over_times(error: Array, width: Array) -> Array:

@@ -12,7 +12,9 @@ DEVIATION = 4.0
 """Expected size of components of ridges and of logarithms of sizes: it keeps what does not matter in place."""
 MEAN_RATE, DEVIATION_RATE = float(np.log(0.3)), 1.5
 """Expected logarithm of other rates, and its standard deviation: more of it takes more runs of many parameters."""
-_LIMIT_RIDGE, _LIMITS_RATE, _LIMITS_SIZE = 15.0, (1e-3, 10.0), (1e-6, 1e4)
+LIMIT = 3.0
+"""Standard deviations from what is expected in which likely numbers are searched: farther ones overflow, nearer ones
+may be those of no response."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,8 @@ class Term(ABC):
     @property
     def limits(self) -> Array:
         """(d + 1, 2) of the vector."""
-        return np.log([_LIMITS_RATE] * len(self.rates) + [_LIMITS_SIZE])
+        mean, deviation = self.prior
+        return np.stack([mean - LIMIT * deviation, mean + LIMIT * deviation], axis=1)
 
     @property
     def prior(self) -> Array:
@@ -75,11 +78,6 @@ class Ridge(Term):
     def with_vector(self, vector: Array) -> Self:
         """With other numbers."""
         return replace(self, size=float(np.exp(vector[-1])), rates=vector[:-1])
-
-    @property
-    def limits(self) -> Array:
-        """Of w and log(a)."""
-        return np.array([(-_LIMIT_RIDGE, _LIMIT_RIDGE)] * len(self.rates) + [np.log(_LIMITS_SIZE)])
 
     @property
     def prior(self) -> Array:

@@ -13,15 +13,15 @@ from symmb.nodes import group_squares, line
 from symmb.polynomials import Expansion, MultiIndices
 
 SHELLS = 4
-"""Degree shells, of two degrees each, whose sizes give the decay."""
+"""Degree shells, of two degrees each, whose sizes give the decay: fewer trust a lucky pair, more take time."""
 DECAY_POWER, FAST_DECAY = 0.6, 0.8
-"""Power of the observed decay that is expected to continue: 1 trusts it, 0 expects none. On tensor grids the power is
-1 - decay / FAST_DECAY if that is more, because a fast decay goes on."""
+"""Power of the observed decay that is expected to continue: 1 trusts it, 0 expects none and takes more runs. On tensor
+grids the power is 1 - decay / FAST_DECAY if that is more, because a fast decay goes on: less trusts it less."""
 NODE_SHARE = 0.4
 """Share of the largest error that is expected even at nodes, over the degree (at most 4): places of extremes are known
-only nearly."""
+only nearly. Less misses more, more takes more runs."""
 SMOOTH_DECAY = 0.6
-"""Decay of coefficients in two degrees above which a response is not smooth."""
+"""Decay of coefficients in two degrees above which a response is not smooth: less cuts it into pieces sooner."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array
-from symmb.bounds.adaptive.covariances import DEVIATION, Ridge, Smooth, Sum, Term
+from symmb.bounds.adaptive.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
-_LEAST_NOISE, _MEAN_NOISE = 1e-10, float(np.log(1e-6))
-"""Least variance of the noise, over that of the responses: it keeps the covariance regular. Its expected logarithm."""
+EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
+"""Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
 _LIKELY = 1e-5
 """Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
 
@@ -30,7 +30,7 @@ class Kernel:
     @classmethod
     def of(cls, d: int) -> "Kernel":
         """One without further terms, to start from."""
-        return cls((Smooth(1.0, np.full(d, 0.3)),), 1e-4)
+        return cls((Smooth(1.0, np.full(d, np.exp(MEAN_RATE))),), 1e-4)
 
     def with_term(self, term: Term) -> "Kernel":
         """With one more term, which takes most of what the smooth one is."""
@@ -112,7 +112,8 @@ class GaussianProcess:
         A weak prior keeps numbers that do not matter in place.
         """
         kernel, m = self.kernel, self.Y.shape[1]
-        mean, deviation = np.concatenate([*(term.prior for term in kernel.terms), [[_MEAN_NOISE], [DEVIATION]]], axis=1)
+        of_noise = np.array([[np.log(EXPECTED_NOISE)], [DEVIATION]])
+        mean, deviation = np.concatenate([*(term.prior for term in kernel.terms), of_noise], axis=1)
         try:
             root, weights = self._inverse_root, self._weights
         except np.linalg.LinAlgError:

@@ -6,22 +6,16 @@ from typing import Protocol
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bounds.adaptive.check_runs import SAFETY, screening_points
+from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
 from symmb.bounds.adaptive.runs import Runs, relative_rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.time_windows import LEAST_WIDTH
 from symmb.nodes import grid
 from symmb.polynomials import Expansion
 
-PATIENCE = 30
-"""Corners for each parameter that are run, and nodes before growth may be given up: more take runs, fewer miss."""
-EDGES = 2
-"""Pairs of corners that differ in one parameter only from which on its effect is not looked for along other edges."""
-LOST_SHARE = 0.1
-"""Share of the tolerance that a response may lose at a corner which is not quite its own."""
 MONOTONE_SHARE = 0.2
 """Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
-their signs where no run was."""
+their signs where no run was. Responses may lose half as much at corners that are not theirs: less takes more runs."""
 
 
 class Base(Protocol):
@@ -62,7 +56,12 @@ class MonotoneCorners:
             base.runs.measure_noise()
         low, high = base.runs.extremes
         return EstimatedRange(
-            low, high, error + MONOTONE_SHARE * base.tolerance * (high - low), base.continued, is_enough=True
+            low,
+            high,
+            error + MONOTONE_SHARE * base.tolerance * (high - low),
+            base.continued,
+            "runs at corners",
+            is_enough=True,
         )
 
     def refined(self) -> Surrogate:
@@ -78,7 +77,8 @@ def _error(runs: Runs, tolerance: float) -> Array | None:
     lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
     slope = lower_half + upper_half
     width = np.abs(slope).sum(axis=0)
-    allowed = LOST_SHARE * tolerance * np.maximum(width, LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0)))
+    least = LEAST_WIDTH * np.sqrt(np.mean(np.square(width), axis=0))
+    allowed = MONOTONE_SHARE / 2 * tolerance * np.maximum(width, least)
     bulge = _bulge(lower_half, upper_half)
     against = bulge.copy()
 
@@ -148,15 +148,15 @@ def _against(slope: Array, effect: Array) -> Array:
 def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
     """For each parameter, points (n, d) and others that differ from them in this parameter only.
 
-    They are pairs of corners (K, d), or, if these are fewer than EDGES, halves of the edges at a corner and at that
-    opposite to it.
+    They are pairs of corners (K, d), or, without any, halves of the edges at a corner and at that opposite
+    to it.
     """
     row = {tuple(each): k for k, each in enumerate(corners.tolist())}
     for i in range(len(corner)):
         other = corners.copy()
         other[:, i] *= -1
         pairs = [k for k, each in enumerate(other.tolist()) if each[i] < 0 and tuple(each) in row]
-        if len(pairs) >= EDGES:
+        if pairs:
             yield corners[pairs], other[pairs]
         else:
             ends = np.stack([corner, -corner])

@@ -9,24 +9,22 @@ from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
 from symmb.bounds.adaptive.check_runs import inflated_error
 from symmb.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationError, decay_ratios, event_errors
-from symmb.bounds.adaptive.runs import Runs, relative_errors
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
 from symmb.codegen import with_compiler
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, MultiIndices
 from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
 
 REFINED_SHARE = 0.25
-"""Directions with at least this share of the largest error are refined together: more runs, and fewer rounds."""
-WHOLE_DEGREE, HALF_DEGREE = 16, 8
-"""Least degree at which smoothness is judged: on the whole box, and on halves, one of which is expected to be rough."""
-SMALL_HALF_WIDTH, SMALLEST_HALF_WIDTH = 0.05, 1e-6
-"""Half width of a rough piece at which a smooth response is nearly linear, and at which halving ends."""
-INHERITED_SHARE = 0.25
-"""Share of the error that is left after a rough piece was halved along every parameter."""
+"""Directions with at least this share of the largest error are refined together: less takes more runs and fewer rounds.
+So much of the error is left after a rough piece was halved along every parameter."""
+JUDGED_DEGREE = 16
+"""Least degree at which smoothness is judged, twice that on halves, one of which is expected to be rough: less cuts
+smooth responses into pieces, more takes more runs at kinks."""
+SMALL_HALF_WIDTH = 0.05
+"""Half width of a rough piece at which a smooth response is nearly linear: more misses more, less takes more runs."""
 TENSOR_RANGE = 1e-5
-"""Accuracy of a range, over its width."""
-MOST_SMOOTHED = 200
-"""Failed nodes of a piece that get the values of the smoothest interpolant: more of them are a region of their own."""
+"""Accuracy of a range, over its width, and half width of pieces at which halving ends: less takes more time."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and degrees of an interpolant on it."""
@@ -82,7 +80,7 @@ class Piece:
         grid = _grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, parent and parent.values)
         lost = rows[~runs.is_attained[rows]]
-        if 0 < len(lost) <= MOST_SMOOTHED:
+        if 0 < len(lost) <= CHEAP_RUNS:  # more of them are a region of their own
             runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
         expansion = runs.interpolant(grid, rows)
         return cls(centre, half, expansion, grid.nodes, runs, rows, runs.rms_widths(), parent and parent.inherited)
@@ -122,7 +120,8 @@ class Piece:
             errors = relative_errors(np.nan_to_num(self.event_errors), self.widths).max(axis=1, initial=0.0)
             if errors.max() >= largest:
                 return int(errors.argmax())
-        decay = decay_ratios(self.expansion, self.widths, WHOLE_DEGREE if self.inherited is None else HALF_DEGREE)
+        least = JUDGED_DEGREE if self.inherited is None else JUDGED_DEGREE // 2
+        decay = decay_ratios(self.expansion, self.widths, least)
         rough = np.where(decay > SMOOTH_DECAY, self._direction_errors, 0.0)
         return int(rough.argmax()) if rough.max() >= REFINED_SHARE * largest > 0 else None
 
@@ -188,11 +187,11 @@ class Piece:
             is_large = all_directions | (self._direction_errors >= REFINED_SHARE * self._direction_errors.max())
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
-        if self.half[rough] < SMALLEST_HALF_WIDTH:
+        if self.half[rough] < TENSOR_RANGE:
             return []
         is_along = np.arange(len(degrees)) == rough
         half = np.where(is_along, self.half / 2, self.half)
-        degrees = np.where(is_along, HALF_DEGREE, degrees)
+        degrees = np.where(is_along, JUDGED_DEGREE // 2, degrees)
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
     def replaced(self, parts: list[Part], runs: Runs) -> list["Piece"]:
@@ -203,7 +202,7 @@ class Piece:
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
             missed = inflated_error(np.square(np.maximum(excess, 0.0)))
             for piece in pieces:
-                share = INHERITED_SHARE ** (1 / len(self.half))
+                share = REFINED_SHARE ** (1 / len(self.half))
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
 

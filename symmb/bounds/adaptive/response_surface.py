@@ -7,46 +7,38 @@ from functools import partial
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.bounds.adaptive.check_runs import quasi_random_points, screening_corners
+from symmb.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bounds.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bounds.adaptive.covariances import Ridge, Sum
 from symmb.bounds.adaptive.gaussian_process import GaussianProcess, Kernel
-from symmb.bounds.adaptive.runs import CHEAP_RUNS, ROUNDING_WIDTH, Runs
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs
 from symmb.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bounds.result import ROUNDING
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion
 
-SURFACE_RUNS, SURFACE_RUNS_OF_PARAMETERS = 100, 20
-"""Runs after which a surface that does not converge is given up: in all, and for each parameter."""
-SLOPE_STEP = 0.1
-"""Distance from the middle at which slopes are taken."""
 RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
-"""Lengths of a ridge of which the most likely one is the start of a search."""
+"""Lengths of a ridge of which the most likely one is the start of a search: fewer may find none, more take time."""
 REFIT, UNLIKELY = 1.4, 20.0
-"""Growth of the runs after which the kernel is chosen anew: less takes more time. Logarithm of the ratio of likelihoods
-beyond which a kernel is given up."""
+"""Growth of the runs after which the kernel is chosen anew, and logarithm of the ratio of likelihoods beyond which one
+is given up: less of the first and more of the second take more time, and fewer runs."""
 DEVIATIONS, LATEST = 2.0, 10
 """Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
 show more: more is safer, and takes more runs."""
 OBSERVED_SHARE = 0.6
-"""Share of the error of the latest runs that extremes may have."""
-LEFT_OUT_SAFETY = 3.0
-"""Factor on the errors at runs that are left out, where a surface does not converge. Their root mean square over the
-width is 7 to 40 % where the response jumps, and at most 1.5 % where it is smooth (known_ranges.py, Genz)."""
+"""Share of the error of the latest runs that extremes may have: less misses more, more takes more runs."""
 SPREAD, FEWEST_SPREAD = 4, 12
-"""Runs of a round that are spread over the box, and fewest of all rounds. So many corners are the first of them: what
-acts for high values of some parameters together is seen nowhere else."""
-BESIDE = 0.15
-"""Distance in each parameter from an extreme of the surface at which a run shows whether the response is flat there."""
-PLATEAU = 3
-"""Runs inside the box that share an extreme where the response is constant."""
+"""Runs of a round that are spread over the box, and fewest of all rounds: more are safer. So many corners are the first
+of them: what acts for high values of some parameters together is seen nowhere else."""
+STEP = 0.15
+"""Distance from the middle at which slopes are taken, and in each parameter from an extreme of the surface at which a
+run shows whether the response is flat there: less shows less, more shows the slope elsewhere."""
 SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
-"""Points of the box, and as many corners, of which so many start local searches."""
+"""Points of the box, and as many corners, of which so many start searches: more take time, fewer miss extremes."""
 SEARCH_LINE = 17
 """Values of a parameter of which the best is looked for: a sine of a period has its extremes within 0.06 of them."""
-EXPANSION_SIZE, EXPANSION_SHARE = 300, 0.05
-"""Most polynomials of the expansion of a surface, and largest error of it, over the standard deviation."""
+_NAME = "a response surface"
 
 
 class ResponseSurface:
@@ -70,17 +62,17 @@ class ResponseSurface:
 
         d = nodes.shape[1]
         self._runs, self._nodes, self._tolerance = runs, nodes, tolerance
-        self._most = runs.most if is_patient else SURFACE_RUNS + SURFACE_RUNS_OF_PARAMETERS * d
+        self._most = runs.most if is_patient else PATIENCE * d
         self._latest, self._kernels, self._n_spread, self._n_fit = np.ones(1), list[Kernel](), 0, 0
         self._corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD)
-        runs.check(SLOPE_STEP * np.eye(d)[: runs.left])
+        runs.check(STEP * np.eye(d)[: runs.left])
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or there are no runs left."""
         runs, tolerance, d = self._runs, self._tolerance, self._nodes.shape[1]
         self._data = data = _Responses.of(runs, self._nodes)
         if not data.varies.any():
-            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, is_enough=True)
+            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
         if len(data.points) >= REFIT * self._n_fit:
             self._kernels, self._n_fit = _kernels(self._kernels, data), len(data.points)
         self._surface = surface = GaussianProcess(self._kernels[0], data.points, data.Y)
@@ -176,6 +168,7 @@ class _Responses:
             self.absolute(upper).reshape(runs.shape),
             (self.absolute(estimate) - self.mean).reshape(runs.shape),
             None if doubtful.any() else expansion,
+            _NAME,
             places.reshape(2, *runs.shape, -1),
         )
 
@@ -189,8 +182,8 @@ class _Responses:
 def _is_plateau(data: _Responses, attained: Array) -> Mask:
     """Which minima and maxima (2, m) several runs inside the box share: the response is constant there, as at steps."""
     inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
-    shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING_WIDTH * np.ptp(attained, axis=0)
-    return np.asarray(shared.sum(axis=1) >= PLATEAU)
+    shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING * np.ptp(attained, axis=0)
+    return np.asarray(shared.sum(axis=1) > 1)
 
 
 def _left_out(surface: GaussianProcess, noise: Array) -> Array:
@@ -199,7 +192,7 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
     The latest runs may all lie on one side of a jump, where the surface is right.
     """
     errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
-    return LEFT_OUT_SAFETY * np.sqrt(np.mean(np.square(errors), axis=0))
+    return SAFETY * np.sqrt(np.mean(np.square(errors), axis=0))
 
 
 def _rms(a: Array) -> float:
@@ -239,7 +232,7 @@ def _unlikeliness(process: GaussianProcess) -> float:
 def _slope(data: _Responses) -> Array:
     """Slope (d,) in the middle of the response for which it is largest."""
     is_near = (np.abs(data.points) > 0).sum(axis=1) == 1
-    is_near &= np.isclose(data.points.sum(axis=1), SLOPE_STEP)
+    is_near &= np.isclose(data.points.sum(axis=1), STEP)
     middle = data.Y[(data.points == 0).all(axis=1)]
     if not len(middle):
         return np.zeros(data.points.shape[1])
@@ -293,7 +286,7 @@ def _beside(places: Array, number: int) -> Array:
     Directions depend on the number of the round.
     """
     directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
-    return np.clip(places + BESIDE * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
+    return np.clip(places + STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
 
 
 def _distinct(points: list[Array], known: Array) -> Array:
@@ -318,9 +311,9 @@ def _expansion(surface: Callable[[Array], Array], runs: Runs) -> Expansion | Non
         expansion = Expansion(grid.alpha, coefficients.reshape(-1, *runs.shape), runs.box.names)
         errors = np.abs(expansion.values(points).reshape(expected.shape) - expected)
         widths = np.where(np.ptp(expected, axis=0) > 0, np.ptp(expected, axis=0), np.inf)
-        if (errors / widths).max() <= EXPANSION_SHARE:
+        if (errors / widths).max() <= DOUBTFUL:
             return expansion
-        if len(grid.row) >= EXPANSION_SIZE:
+        if len(grid.row) >= PATIENCE * d:
             return None
         sizes = extrapolated_sizes(grid, np.abs(coefficients / widths).max(axis=1))
         step = largest(sizes, len(grid.row) // 4)

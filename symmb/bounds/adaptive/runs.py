@@ -8,12 +8,13 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Progress, Simulator, noise_from_runs, note_attained, run_blocks
-from symmb.bounds.adaptive.check_runs import FEW_SHAPES, SHAPE_RUNS, count_shapes, quasi_random_points
+from symmb.bounds.adaptive.check_runs import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records
-from symmb.bounds.time_windows import average_over_window, rests_for_a_time
+from symmb.bounds.result import ROUNDING
+from symmb.bounds.time_windows import DOUBTFUL, rests_for_a_time
 from symmb.model import Box
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion, TotalDegree, basis_values
@@ -23,15 +24,14 @@ TRUST = 0.6
 CHEAP_RUNS = 60
 """Runs up to which doubtful bounds are refined further, and beyond which it is worth a few to measure noise."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
-"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there."""
-NOISE_SAFETY = 3.0
-"""Factor on the standard deviation of noise: as far as its values reach."""
-WINDOW_SHARE = 0.2
-"""Weight of the largest error in a window of time: what acts for a moment counts, but less than what stays."""
-ROUNDING_WIDTH = 1e-9
-"""Share of an output's scale below which its width is rounding, unless the simulator tells its noise."""
+"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there. Fewer
+runs are less certain."""
 ROUNDING_OF_VALUES = 4 * 2.0**-52
-"""The same where it tells it: the digits that numbers have."""
+"""Share of an output's scale below which its width is rounding where the simulator tells its noise: the digits that
+numbers have."""
+UNKNOWN_SHARE = 1.2 * DOUBTFUL
+"""Least error over the width near failed runs, and of what searches attain: nothing tells how large it is. Less misses
+silently, more doubts needlessly."""
 _ORDINARY = 300
 """Powers of two, 1e90, by which numbers may grow: they are squared. Half of it is not scaled by a power of two."""
 
@@ -97,7 +97,7 @@ class Runs:
             self._told = noise_from_runs(self.simulator)
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
-        self.rounding = ROUNDING_WIDTH if self._told is None else ROUNDING_OF_VALUES
+        self.rounding = ROUNDING if self._told is None else ROUNDING_OF_VALUES
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
 
@@ -125,11 +125,20 @@ class Runs:
             self._blocks = [np.concatenate(self._blocks)]
         return self._blocks[0]
 
-    @property
-    def some_nodes(self) -> Array:
-        """(SHAPE_RUNS at most, n_s, n_y) responses at the first nodes and some times, by which shapes are counted."""
-        some = slice(None, None, max(1, self.shape[0] // SHAPE_RUNS))
-        return np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
+    def shapes(self) -> int:
+        """How many shapes of time the responses are made of."""
+        deviations = self._some_deviations()
+        return int(count_shapes(deviations.reshape(len(deviations), -1)))
+
+    def shapes_of_outputs(self) -> Indices:
+        """How many each output that varies is made of."""
+        return count_shapes(self._some_deviations()[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
+
+    def _some_deviations(self) -> Array:
+        """(SHAPE_RUNS at most, n_s, n_y) deviations of first nodes from their mean at some times, over the widths."""
+        some = slice(None, None, max(1, self.shape[0] // (2 * SHAPE_RUNS)))
+        Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in self._blocks])[:SHAPE_RUNS]
+        return (Y - Y.mean(axis=0)) / self.rms_widths()
 
     def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
         """Through the responses at nodes of these rows (N,), in named parameters."""
@@ -226,9 +235,7 @@ class Runs:
 
     def may_hide(self) -> bool:
         """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
-        return count_shapes(self.some_nodes, self.rms_widths()) <= FEW_SHAPES or rests_for_a_time(
-            *self.extremes, self.noise
-        )
+        return self.shapes() <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
     def measure_noise(self) -> None:
         """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
@@ -242,7 +249,7 @@ class Runs:
         if (freedom := int(ok.sum()) - 2) > 0:
             line, _ = np.linalg.qr(np.vander(along[ok], 2))
             rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
-            self.noise = NOISE_SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
+            self.noise = SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
             self._widths = None
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
@@ -318,13 +325,8 @@ def typical_error(error: Array, widths: Array) -> float:
 
 
 def relative_errors(error: Array, widths: Array) -> Array:
-    """Root mean square of errors (..., n_t, n_y) over the rms width (n_y,) of each output.
-
-    It is at least a share WINDOW_SHARE of that in any window of time.
-    """
-    squares = np.square(error)
-    largest = WINDOW_SHARE**2 * average_over_window(squares).max(axis=-2, initial=0.0)
-    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-2), largest)) / widths)
+    """Root mean square over time of errors (..., n_t, n_y) over the rms width (n_y,) of each output."""
+    return np.asarray(np.sqrt(np.square(error).mean(axis=-2)) / widths)
 
 
 def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:

@@ -4,6 +4,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bounds.adaptive.check_runs import (
+    PATIENCE,
     SAFETY,
     evenly_spread_points,
     inflated_error,
@@ -21,9 +22,9 @@ from symmb.bounds.adaptive.continuation import (
     spread_over_times,
 )
 from symmb.bounds.adaptive.error_estimate import TruncationError
-from symmb.bounds.adaptive.monotone import PATIENCE, MonotoneCorners
+from symmb.bounds.adaptive.monotone import MonotoneCorners
 from symmb.bounds.adaptive.response_surface import ResponseSurface
-from symmb.bounds.adaptive.runs import NOISE_RUNS, Runs, relative_rms, rms
+from symmb.bounds.adaptive.runs import NOISE_RUNS, UNKNOWN_SHARE, Runs, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.nodes import Grid, Index
@@ -31,20 +32,15 @@ from symmb.nodes import grid as corners
 from symmb.polynomials import Expansion
 
 SURFACE_RESPONSES = 8
-"""Most outputs times times that are left to a response surface: each extreme of each is searched by itself."""
+"""Most outputs times times that are left to a response surface: each extreme of each takes a search."""
 GROWTH = 0.25
 """Share by which the grid grows at a time: less takes more searches, more takes more runs."""
-SURPRISE = 3.0
-"""Error at check points over the estimate above which any index ahead of the grid may have caused it."""
 EARLY = 5.0
-"""Estimated error over the tolerance at which check runs may show that it is enough."""
+"""Estimated error over the tolerance at which check runs may show that it is enough: more takes fewer nodes, and more
+check runs for nothing."""
 SLOW, SLOW_ERROR = 60, 0.25
-"""Nodes for each parameter at which an error above this share of the width takes more runs than it is worth."""
-CLOSE = 0.1
-"""Error at two runs over the width up to which an expansion through the others, and then through all, has moments:
-those of exp and 1 / (1.5 + tanh) of many parameters are then within 3 % of the width."""
-STALLED_SHARE = 1.2 * DOUBTFUL
-"""Least error over the width of what searches attain. Errors are 1 to 6 %, and nothing tells which."""
+"""Nodes for each parameter at which an error above this share of the width takes more runs than it is worth:
+less gives up responses that would converge."""
 
 
 class SparseGrids:
@@ -109,7 +105,7 @@ class SparseGrids:
         runs, continuation = self.runs, Continuation.of(self.grid, self.sizes)
         without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
         errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
-        if relative_rms(errors, runs.rms_widths()) > CLOSE:
+        if relative_rms(errors, runs.rms_widths()) > DOUBTFUL:
             return None
         return Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
 
@@ -135,7 +131,7 @@ class SparseGrids:
         estimate = TruncationError.of(self.grid.alpha, expansion.coefficients, runs.noise).least
         probes, values = runs.points[: self._n_probes], runs.checks[: self._n_probes]
         observed = np.maximum(np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0) - runs.noise, 0.0)
-        if relative_rms(observed, widths) > SURPRISE * relative_rms(estimate, widths):
+        if relative_rms(observed, widths) > SAFETY * relative_rms(estimate, widths):
             estimate = np.maximum(estimate, inflated_error(np.square(observed)))
             least = relative_rms(observed, widths) / len(sizes) ** 0.5
             sizes = {index: max(size, least) for index, size in sizes.items()}
@@ -173,12 +169,11 @@ class ExtremeSearch:
         if not (is_done or not runs.left or runs.clock.is_late):
             return None
         lowest, highest = runs.extremes
-        error = STALLED_SHARE * (highest - lowest)
+        error = UNKNOWN_SHARE * (highest - lowest)
         error = np.maximum(SAFETY * np.max([0 * error, *self._gains[-2:]], axis=0), error)
         error = np.minimum(spread_over_times(error, highest - lowest), highest - lowest)
-        return EstimatedRange(
-            lowest, highest, error, None, is_enough=relative_rms(error, runs.rms_widths()) <= tolerance
-        )
+        is_enough = relative_rms(error, runs.rms_widths()) <= tolerance
+        return EstimatedRange(lowest, highest, error, None, "runs near extremes", is_enough=is_enough)
 
     def refined(self) -> "ExtremeSearch":
         """After one more search."""

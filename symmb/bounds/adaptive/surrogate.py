@@ -12,12 +12,14 @@ class EstimatedRange(NamedTuple):
 
     The expansion is made on call: it is as large as the runs, which are not needed any more then. `places` are those of
     the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is reached.
+    `surrogate` names whose range it is.
     """
 
     lower: Array
     upper: Array
     estimate: Array
     expansion: Callable[[], Expansion | None] | None
+    surrogate: str
     places: Array | None = None
     is_enough: bool = False
 

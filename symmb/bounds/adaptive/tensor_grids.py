@@ -11,21 +11,16 @@ from symmb.bounds.adaptive.check_runs import (
     FEW_SHAPES,
     PROBES,
     SAFETY,
-    count_shapes,
     evenly_spread_points,
     inflated_error,
     quasi_random_points,
     select_dispersed,
 )
 from symmb.bounds.adaptive.piece import TENSOR_RANGE, Part, Piece, nodes_of
-from symmb.bounds.adaptive.runs import CHEAP_RUNS, TRUST, Runs, relative_rms, typical_error
+from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import is_doubtful, is_doubtful_in_window
 
-FARTHEST_SCALING = 10.0
-"""Largest factor by which the error of a check run is scaled to the error expected elsewhere."""
-LEAST_COST = 15
-"""Runs of a refinement before which it is worth a few to measure noise."""
 MANY_VALUES = 1000
 """Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
 FIELD_TRUST = 0.15
@@ -85,7 +80,7 @@ class TensorGrids:
         d = len(runs.box)
         self._runs, self._tolerance = runs, tolerance
         self._pieces = [Piece.of(runs, (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2)))]
-        self._worst, self._parts = self._pieces[0], list[Part]()
+        self._worst, self._parts, self._has_fields = self._pieces[0], list[Part](), False
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
@@ -94,10 +89,17 @@ class TensorGrids:
         leave. Bounds that are doubtful are refined further as long as that takes few runs.
         """
         runs, tolerance, pieces = self._runs, self._tolerance, self._pieces
-        union, widths = _Union.of(pieces), runs.rms_widths()
+        widths, is_field = runs.rms_widths(), self._is_field()
+        measure = typical_error if is_field else relative_rms
+        if len(pieces) == 1 and pieces[0].jumps is None:  # no range is needed where errors are large everywhere
+            self._worst = pieces[0]
+            least = (FIELD_TRUST if is_field else TRUST) * pieces[0].truncation.least
+            if measure(least, widths) > tolerance and self._can_refine():
+                return None
+        union = _Union.of(pieces)
+        trust = FIELD_TRUST if is_field else union.trust
         self._worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
-        expected, is_field = union.errors.max(axis=0), self._is_field()
-        measure, trust = (typical_error, FIELD_TRUST) if is_field else (relative_rms, union.trust)
+        expected = union.errors.max(axis=0)
         if measure(trust * expected, widths) > tolerance and self._can_refine():
             return None
         runs.tell(relative_rms(expected, widths))
@@ -112,23 +114,25 @@ class TensorGrids:
         ):
             self._worst = self._farthest(union)
         error = measure(left if is_field else estimate, widths)
+        if error > tolerance and self._can_refine():
+            return None
         width, varies = union.upper - union.lower, np.isfinite(widths)
         doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
         if doubtful[:, varies].any() and self._can_refine(CHEAP_RUNS - len(runs)):
             return None
-        if error > tolerance and self._can_refine():
-            return None
         if doubtful[:, varies].any():
             estimate = np.maximum(estimate, expected)
         expansion = (lambda: pieces[0].expansion) if len(pieces) == 1 else None
+        name = "an interpolant on a tensor grid" if len(pieces) == 1 else f"interpolants on {len(pieces)} tensor grids"
         is_enough = max(error, TENSOR_RANGE) <= tolerance
         estimate = estimate + TENSOR_RANGE * width
-        return EstimatedRange(union.lower, union.upper, estimate, expansion, union.places, is_enough)
+        return EstimatedRange(union.lower, union.upper, estimate, expansion, name, union.places, is_enough)
 
     def refined(self) -> "TensorGrids":
         """With the worst piece refined or halved, or with measured noise."""
         runs = self._runs
-        if not runs.noise_is_known and (self._cost() >= LEAST_COST or len(runs) >= CHEAP_RUNS):
+        is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
+        if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
             self._pieces = [replace(piece, widths=runs.rms_widths()) for piece in self._pieces]  # with new errors
         else:
@@ -150,11 +154,12 @@ class TensorGrids:
         """Whether each output of many values has many shapes of time: check runs then tell more of the error."""
         if math.prod(self._runs.shape) < MANY_VALUES:
             return False
-        Y, widths = self._runs.some_nodes, self._runs.rms_widths()
-        varying = np.flatnonzero(np.isfinite(widths))
-        if len(self._pieces) > 1 or self._pieces[0].jumps is not None or not varying.size:
+        if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
             return False
-        return all(count_shapes(Y[..., k : k + 1], widths[[k]]) > FEW_SHAPES for k in varying)
+        if not self._has_fields:
+            shapes = self._runs.shapes_of_outputs()
+            self._has_fields = bool(shapes.size and (shapes > FEW_SHAPES).all())
+        return self._has_fields
 
     def _farthest(self, union: _Union) -> Piece:
         """The piece that holds the check run which goes farthest beyond the range."""
@@ -165,33 +170,36 @@ class TensorGrids:
     def _check(self, union: _Union) -> tuple[Array, Array]:
         """Check runs at some of the extremes, and at quasi-random points. The piece with the largest error is refined.
 
-        A run with the error e at a place where the estimate is E(x) suggests the error e E / E(x) where it is E.
+        A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E.
 
         Returns
         -------
         (n_t, n_y) array        the error that check runs show
         (n_y,) array            errors to expect over the estimate: the ratio of their root mean squares at check runs
         """
-        runs, widths, estimate = self._runs, self._runs.rms_widths(), union.errors.max(axis=0)
+        runs, widths = self._runs, self._runs.rms_widths()
         n_known, d = len(runs.points), len(runs.box)
-        n_probes = PROBES if count_shapes(runs.some_nodes, widths) <= FEW_SHAPES else 1
+        n_probes = PROBES if runs.shapes() <= FEW_SHAPES else 1
         probes = np.concatenate([evenly_spread_points(runs.probes, d), quasi_random_points(n_probes, d)])
         selected = select_dispersed(union.places, union.checkable_error / widths, max(2 * d, 4))
         runs.check(np.concatenate([probes, selected])[: runs.left])
-        squares, largest = np.zeros_like(estimate), -1.0
+        squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
-        for k, point in enumerate(runs.points):
-            if len(union.pieces) > 1 and len(probes) <= k < n_known:
-                continue  # near a jump, errors of former check runs say nothing about the pieces that lie there now
-            piece = union.piece_at(point)
-            expected = piece.expected_error(point[None, None])
-            error = np.square(piece.observed_errors(point[None], runs.checks[[k]])[0])
-            error = np.maximum(error - np.square(runs.noise), 0.0)
-            ratio = np.divide(estimate, expected, out=np.ones_like(estimate), where=expected > 0)
-            squares = np.maximum(squares, error * np.square(np.minimum(ratio, FARTHEST_SCALING)))
-            seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
-            if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
-                largest, self._worst = observed, piece
+        rows = np.arange(len(runs.points))
+        if len(union.pieces) > 1:  # near a jump, former check runs say nothing about the pieces that lie there now
+            rows = rows[(rows < len(probes)) | (rows >= n_known)]
+        home = [union.piece_at(point) for point in runs.points[rows]]
+        for piece in union.pieces:
+            own = rows[[each is piece for each in home]]
+            points, errors = runs.points[own], piece.observed_errors(runs.points[own], runs.checks[own])
+            largest_expected = piece.errors.max(axis=0)
+            for point, error in zip(points, np.maximum(np.square(errors) - np.square(runs.noise), 0.0), strict=True):
+                expected = piece.expected_error(point[None, None])
+                ratio = np.divide(largest_expected, expected, out=np.ones_like(expected), where=expected > 0)
+                squares = np.maximum(squares, error * np.square(ratio))
+                seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
+                if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
+                    largest, self._worst = observed, piece
         return inflated_error(squares), np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
 
 
