@@ -70,6 +70,7 @@ def propagate(
             doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
         bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
-    bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, method, box))
+    nominal = getattr(simulator, "nominal", None)
+    bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, method, box), nominal=nominal)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds

@@ -18,7 +18,7 @@ from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.failures import Failure, failure_text
 from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
-from symmb.bounds.result_file import MEANING, Kind, attributes_of, labelled, record_of_table, widest_bounds
+from symmb.bounds.result_file import MEANING, Kind, attributes_of, extremes_of_bounds, labelled, record_of_table
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
@@ -53,7 +53,7 @@ class Surrogate:
 class Bounds(Result, files.Saved):
     """Lower and upper bounds of every output at every time.
 
-    `print` shows their kind and where they are widest, `plot` draws them, `save` and `load` keep them in a file.
+    `print` shows their kind, extremes and widths, `plot` draws them, `save` and `load` keep them in a file.
 
     Attributes
     ----------
@@ -78,6 +78,7 @@ class Bounds(Result, files.Saved):
     box : intervals of the parameters, or None where they are not known
     surrogate : the function whose range the method bounds, until it is checked; else None
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
+    nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
     range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
 
     Examples
@@ -109,6 +110,7 @@ class Bounds(Result, files.Saved):
     surrogate: Surrogate | None = None
     study: "Study | None" = None
     range_of: str = ""
+    nominal: Array | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "study": None}
@@ -271,6 +273,7 @@ class Bounds(Result, files.Saved):
             "run_doubts": self.run_doubts,
             "remarks": self.remarks,
             "range_of": self.range_of,
+            "nominal": self.nominal,
             "units": self.units,
             "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
             "doubts": self.doubts,
@@ -336,7 +339,7 @@ class Bounds(Result, files.Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        return widest_bounds(self.t, names, self.lower, self.upper, self.estimate)
+        return extremes_of_bounds(self.t, names, self.lower, self.upper, self.nominal, self.estimate)
 
     def __str__(self) -> str:
         return "\n".join([*self._head(), *(f"  {line}" for line in aligned(self._rows(self.names)))])

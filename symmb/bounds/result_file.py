@@ -49,6 +49,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "run_doubts": record.texts("run_doubts", default=()),
         "remarks": record.texts("remarks", default=()),
         "range_of": record.text("range_of", default=""),
+        "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
         "units": record.texts("units", default=()),
         "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
     }
@@ -110,6 +111,8 @@ def labelled(
         variables["estimate"] = (series, record["estimate"])
     if record["inner_lower"] is not None:
         variables["inner"] = (pair, np.stack([record["inner_lower"], record["inner_upper"]]))
+    if record["nominal"] is not None:
+        variables["nominal"] = (series, record["nominal"])
     if record["noise"] is not None:
         variables["noise"] = (("output",), record["noise"])
     if record["alpha"] is not None:
@@ -123,31 +126,40 @@ def labelled(
         values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
         own_names = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
         coordinates |= {name: (("sample",), column) for name, column in zip(own_names, values.values(), strict=True)}
-    unit_of |= {name: unit_of["value"] for name in ("outer", "estimate", "inner", "noise") if "value" in unit_of}
+    unit_of |= {
+        name: unit_of["value"] for name in ("outer", "estimate", "inner", "nominal", "noise") if "value" in unit_of
+    }
     attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}
     return Labelled(coordinates, variables, {k: None if v == "" else v for k, v in attributes.items()}, unit_of)
 
 
-def widest_bounds(
-    t: Array, names: Sequence[str], lower: Array, upper: Array, estimate: Array | None
+def extremes_of_bounds(
+    t: Array, names: Sequence[str], lower: Array, upper: Array, nominal: Array | None, estimate: Array | None
 ) -> list[list[str]]:
-    """One row of text for each output: the bounds where they are farthest apart, and the largest estimated error.
+    """One row of text for each output: its least and greatest bound, their times and the nominal values there, the
+    largest width, and the largest estimated error.
 
     Parameters
     ----------
     t : (n_t,) array                       times [s]
     names : n_y outputs
     lower, upper : (n_t, n_y) arrays
+    nominal : (n_t, n_y) array or None     the nominal run
     estimate : (n_t, n_y) array or None    estimated error of both
     """
-    rows = [["output", "widest at [s]", "lower", "upper", "width", "estimated error"]]
+    there = [] if nominal is None else ["nominal"]
+    rows = [["output", "least", "at [s]", *there, "greatest", "at [s]", *there, "width", "at [s]", "estimated error"]]
     with np.errstate(over="ignore"):
         width = upper - lower
-    widest = np.where(np.isnan(width), np.inf, width).argmax(axis=0)
-    for k, (name, i) in enumerate(zip(names, widest.tolist(), strict=True)):
-        numbers = [t[i], lower[i, k], upper[i, k], width[i, k]]
+    width = np.where(np.isnan(width), np.inf, width)
+    for k, name in enumerate(names):
+        places = int(lower[:, k].argmin()), int(upper[:, k].argmax())
+        cells = [name]
+        for values, i in zip((lower, upper), places, strict=True):
+            cells += [f"{values[i, k]:.6g}", f"{t[i]:.6g}", *([] if nominal is None else [f"{nominal[i, k]:.6g}"])]
+        widest = int(width[:, k].argmax())
         error = "–" if estimate is None else f"≤ {estimate[:, k].max():.1e}"
-        rows.append([name, *(f"{number:.6g}" for number in numbers), error])
+        rows.append([*cells, f"{width[widest, k]:.6g}", f"{t[widest]:.6g}", error])
     return rows

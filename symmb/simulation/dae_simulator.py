@@ -71,6 +71,7 @@ class DAESimulator:
                                    nominal parameters
     noise : (n_y,) array           how far outputs may be off, by errors of the solver's steps and as far as the nominal
                                    run is; None before `second_look`
+    nominal : (n_t, n_y) array     outputs of the nominal run; None before `second_look`
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -217,9 +218,11 @@ class DAESimulator:
         self._engines: dict[int, AnyEngine] = {}
         self._single: list[tuple[Integration, Array, Indices]] = []
         self._ways: dict[bytes, TwoWays] = {}
+        self._outputs: dict[bytes, Array] = {}
         self._longest_step: float | None = None
         self.doubts: tuple[str, ...] = self.start.doubts
         self.noise: Array | None = None
+        self.nominal: Array | None = None
         for of_another_solver in ("_other", "_in_bodies"):
             self.__dict__.pop(of_another_solver, None)
 
@@ -262,7 +265,7 @@ class DAESimulator:
         """
         other, key = self._other if values is None else self.another_way(self.times), p.tobytes() + bytes([finest])
         if values is not None or key not in self._ways:
-            Y = self.run(p[None]).Y[0] if values is None else values
+            Y = self._outputs_at(p) if values is None else values
             ways = TwoWays.of(self, self.another_way(other.times, finest=True) if finest else other, p, Y)
             if not finest and ways.lost.any():
                 ways = TwoWays.of(self, self.another_way(other.times, finest=True), p, Y)
@@ -273,6 +276,13 @@ class DAESimulator:
                 ways = ways if by_itself.message else replace(by_itself, unchecked=ways.unchecked)
             self._ways[key] = ways
         return self._ways[key]
+
+    def _outputs_at(self, p: Array) -> Array:
+        """Outputs (n_t, n_y) of the run with parameters p (n_p,), which is made once."""
+        key = p.tobytes()
+        if key not in self._outputs:
+            self._outputs[key] = self.run(p[None]).Y[0]
+        return self._outputs[key]
 
     @cached_property
     def _other(self) -> "DAESimulator":
@@ -289,7 +299,7 @@ class DAESimulator:
         if self.noise is None:
             p, rtol = self.dae.p_nominal, getattr(self.solver, "rtol", None)
             steps = noise_of_outputs(self.y, self.dae, self.start.states(p[None])[0][0], p, float(self.times[0]), rtol)
-            ways = self.two_ways(p)
+            ways, self.nominal = self.two_ways(p), self._outputs_at(p)
             self.doubts = (*self.start.doubts, *self.theory.doubts(p), *ways.doubts)
             self.noise = np.maximum(steps, ways.error.max(axis=0, initial=0.0))
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from oscillators import BOX, TIMES, Wave, wave
 
+import symmb as mb
 from symmb import (
     Bounds,
     Box,
@@ -81,19 +82,38 @@ def test_text_says_the_kind():
     assert "sampled (attained by runs" in str(bounds) and "evaluations  4, none failed" in str(bounds)
 
 
-def test_print_tells_kind_cost_and_where_each_output_is_widest():
+def test_print_tells_kind_cost_extremes_and_widths():
     bounds = propagate(Wave(), PolynomialChaos(), BOX)
     lines = str(bounds).splitlines()
     assert lines[0] == "Bounds by PolynomialChaos(), 61 times from 0 to 6 s"
     assert lines[1].split()[:2] == ["kind", "estimate"]
     assert lines[2].split() == ["evaluations", f"{bounds.evaluations},", "none", "failed"]
-    i = int(np.argmax((bounds.upper - bounds.lower)[:, 0]))
+    lower, upper = bounds["x"]
+    width = upper - lower
     name, *numbers = lines[-1].replace("≤", "").split()
     assert name == "x"
-    expected = [TIMES[i], bounds.lower[i, 0], bounds.upper[i, 0], (bounds.upper - bounds.lower).max()]
-    np.testing.assert_allclose([float(n) for n in numbers[:4]], expected, rtol=1e-5)
-    assert float(numbers[4]) == pytest.approx(bounds.estimate.max(), rel=0.05)
+    expected = [
+        lower.min(),
+        TIMES[lower.argmin()],
+        upper.max(),
+        TIMES[upper.argmax()],
+        width.max(),
+        TIMES[width.argmax()],
+    ]
+    np.testing.assert_allclose([float(n) for n in numbers[:6]], expected, rtol=1e-5)
+    assert float(numbers[6]) == pytest.approx(bounds.estimate.max(), rel=0.05)
     assert str(propagate(Wave(), Vertex(), BOX)).endswith("–")
+
+
+def test_print_tells_the_nominal_run_of_a_scene_beside_the_extremes():
+    p = mb.Parameters(speed=2.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    start, box = {"ball.vx": p.speed}, mb.Box(speed=(1.5, 3.0))
+    scene = mb.Scene(mb.System(ball, parameters=p), start, [0.0, 1.0, 2.0], {"x": ball.x}, box=box)
+    bounds = propagate(scene, Vertex())
+    np.testing.assert_allclose(bounds.nominal, [[0], [2], [4]], atol=1e-9)
+    assert [f"{float(n):g}" for n in str(bounds).splitlines()[-1].split()[1:9]] == "0 0 0 6 2 4 3 2".split()
+    assert bounds.to_xarray()["nominal"].dims == ("time", "output")
 
 
 def test_print_tells_the_first_failed_runs():
