@@ -135,7 +135,7 @@ class BlackBox(ABC):
                     begin += size
                     yield tasks[-1]
 
-        merging, arrived, following = Merging(reduction, progress, len(P)), dict[int, Ensemble](), 0
+        merging, arrived, following = Merging(reduction, progress, P), dict[int, Ensemble](), 0
         parts: list[Ensemble] = []  # of the next block
         for k, result in finished(partial(timed_runs, self), next_tasks(), executor):
             if isinstance(result, LostTask):

@@ -212,13 +212,13 @@ def stream(
     P = checked_samples(simulator, P, progress)
     tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
     work = partial(_reduce_block, simulator, reduction)
-    merging, arrived = Merging(reduction, progress, len(P)), dict[int, Any]()
+    merging, arrived = Merging(reduction, progress, P), dict[int, Any]()
     for k, result in finished(work, tasks, executor):
         if isinstance(result, LostTask):
             raise SimulationError(f"{simulator!r}: {result.reason}")
         arrived[k] = result
         while (part := arrived.pop(merging.count, None)) is not None:
-            merging.add(part, len(tasks[merging.count][1]))
+            merging.add(part, tasks[merging.count][1])
     return merging.state
 
 
@@ -231,24 +231,24 @@ class Merging(Generic[S]):
     count : how many blocks these are
     """
 
-    def __init__(self, reduction: Reduction[S], progress: Progress | None, samples: int) -> None:
+    def __init__(self, reduction: Reduction[S], progress: Progress | None, P: Array) -> None:
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
-        self.reduction, self.progress, self.samples = reduction, progress, samples
+        self.reduction, self.progress, self.P = reduction, progress, P
         self.state, self.count, self._done = reduction.init(), 0, 0
 
     def reduce(self, block: Samples, indices: Indices) -> None:
-        """Reduce and merge the next block."""
-        self.add(self.reduction.update(self.reduction.init(), block, indices), len(indices))
+        """Reduce and merge the next block, whose samples do not depend on each other."""
+        self.add(self.reduction.update(self.reduction.init(), block, indices), indices, block.Y)
 
-    def add(self, part: S, samples: int) -> None:
-        """Merge the state of the next block."""
+    def add(self, part: S, indices: Indices, Y: Array | None = None) -> None:
+        """Merge the state of the next block, with its outputs (n, n_t, n_y) if samples do not depend on each other."""
         self.state = self.reduction.merge(self.state, part)
         self.count += 1
-        self._done += samples
+        self._done += len(indices)
         if self.reduction.attained is not None:
-            note_attained(*self.reduction.attained(part), samples)
+            note_attained(*self.reduction.attained(part), self.P[indices], Y)
         if self.progress is not None:
-            self.progress(self._done, self.samples)
+            self.progress(self._done, len(self.P))
 
 
 def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -> Array:
@@ -316,13 +316,41 @@ def _chain(first: tuple[Ensemble, ...], second: tuple[Ensemble, ...]) -> tuple[E
 _GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append, merge=_chain)
 
 
-@dataclass
 class Attained:
-    """Smallest and largest values (n_t, n_y) of the runs so far, and their number."""
+    """What runs attain so far.
 
-    lower: Array
-    upper: Array
-    runs: int = 0
+    Attributes
+    ----------
+    lower, upper : (n_t, n_y) smallest and largest values
+    runs : number of runs
+    blocks : samples (n, d) that run together, some of which attain these values
+    lower_at, upper_at : (n_t, n_y) numbers of these blocks
+    """
+
+    def __init__(self, n_t: int, n_y: int) -> None:
+        self.lower, self.upper, self.runs = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf), 0
+        self.blocks: list[Array] = []
+        self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
+
+    def add(self, lower: Array, upper: Array, P: Array, Y: Array | None) -> None:
+        """Add values (n_t, n_y) of samples P (n, d). With outputs Y (n, n_t, n_y) each sample is a block of its own."""
+        for at, better, values in ((self.lower_at, lower < self.lower, Y), (self.upper_at, upper > self.upper, Y)):
+            if not better.any():
+                continue
+            if values is None:
+                at[better] = len(self.blocks)
+                self.blocks.append(P)
+                continue
+            unknown = np.inf if at is self.lower_at else -np.inf
+            some = np.where(np.isnan(values[:, better]), unknown, values[:, better])
+            rows, inverse = np.unique(
+                (some.argmin if at is self.lower_at else some.argmax)(axis=0), return_inverse=True
+            )
+            at[better] = len(self.blocks) + inverse
+            self.blocks += [P[row : row + 1] for row in rows]
+        np.minimum(self.lower, lower, out=self.lower)
+        np.maximum(self.upper, upper, out=self.upper)
+        self.runs += len(P)
 
 
 _STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
@@ -331,7 +359,7 @@ _STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
 @contextmanager
 def attained_by_runs(n_t: int, n_y: int) -> Iterator[Attained]:
     """What the runs of this block attain."""
-    attained = Attained(np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf))
+    attained = Attained(n_t, n_y)
     token = _STUDY.set(attained)
     try:
         yield attained
@@ -339,10 +367,8 @@ def attained_by_runs(n_t: int, n_y: int) -> Iterator[Attained]:
         _STUDY.reset(token)
 
 
-def note_attained(lower: Array, upper: Array, runs: int) -> None:
-    """Add values (n_t, n_y) of runs to those of the study, if there is one."""
+def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
+    """Add values of runs to those of the study, if there is one, see `Attained.add`."""
     study = _STUDY.get()
     if study is not None:
-        np.minimum(study.lower, lower, out=study.lower)
-        np.maximum(study.upper, upper, out=study.upper)
-        study.runs += runs
+        study.add(lower, upper, P, Y)

@@ -135,7 +135,7 @@ class StoredSimulator:
     ) -> S:
         """Run samples P (N, d) that the file lacks, and reduce all of them block by block."""
         P = checked_samples(self, P, progress)
-        merging = Merging(reduction, None, len(P))
+        merging = Merging(reduction, None, P)
         with open_run_database(self.path) as database:
             number = self._make(database, P, executor, progress)
             for indices in blocks(len(P), samples_of_block(len(P)) if isinstance(self.simulator, BlackBox) else BLOCK):

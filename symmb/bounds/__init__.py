@@ -13,4 +13,5 @@ from symmb.bounds.registry import METHODS, read_method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import box_coordinates, kind_of
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
-from symmb.bounds.study import Sample, Study
+from symmb.bounds.study import Study
+from symmb.bounds.worst_case import SIDES, AttainingRuns, Sample, row_of

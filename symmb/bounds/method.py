@@ -16,6 +16,7 @@ from symmb.black_boxes import Attained, Jets, Progress, Simulator, attained_by_r
 from symmb.bounds.interval import Interval, operate, parameter_intervals
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
+from symmb.bounds.worst_case import AttainingRuns
 from symmb.model import Box
 from symmb.simulation import DAESimulator
 from symmb.symbolic import interpret
@@ -77,7 +78,9 @@ class Method(ABC):
         if result.kind == "estimate":
             lower, upper = np.clip((lower, upper), *possible_values(simulator, box))
         seconds = time.perf_counter() - start
-        return replace(result, lower=lower, upper=upper, seconds=seconds, units=units_of(simulator), box=box)
+        attaining = AttainingRuns.of(simulator, attained)
+        details = {"seconds": seconds, "units": units_of(simulator), "box": box, "attaining": attaining}
+        return replace(result, lower=lower, upper=upper, **details)
 
     def planned_runs(self, d: int) -> int | None:
         """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""

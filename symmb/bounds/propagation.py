@@ -71,6 +71,6 @@ def propagate(
             raise PropagationError("\n".join((str(error), *doubts))) from error
         bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     nominal = getattr(simulator, "nominal", None)
-    bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, method, box), nominal=nominal)
+    bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, box), nominal=nominal)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds

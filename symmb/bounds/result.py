@@ -20,6 +20,7 @@ from symmb.bounds.failures import Failure, failure_text
 from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
 from symmb.bounds.result_file import MEANING, Kind, attributes_of, extremes_of_bounds, labelled, record_of_table
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
+from symmb.bounds.worst_case import SIDES, AttainingRuns, Worst, WorstCase, row_of, worst_cases
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
 
@@ -79,6 +80,8 @@ class Bounds(Result, files.Saved):
     surrogate : the function whose range the method bounds, until it is checked; else None
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
     nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
+    attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
+    worst_cases : those over all times, of bounds that were read from a file
     range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
 
     Examples
@@ -111,9 +114,11 @@ class Bounds(Result, files.Saved):
     study: "Study | None" = None
     range_of: str = ""
     nominal: Array | None = None
+    attaining: AttainingRuns | None = None
+    worst_cases: tuple[WorstCase, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "study": None}
+        return {**self.__dict__, "study": None, "attaining": None}
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -203,6 +208,40 @@ class Bounds(Result, files.Saved):
         column = self.names.index(name)
         return self.lower[:, column], self.upper[:, column]
 
+    def worst(self, output: str, time: float | None = None) -> Worst:
+        """Where an output is least and largest: values, times, and the parameters of the runs that attain them.
+
+        Parameters
+        ----------
+        output : name of an output
+        time : the output time [s] that is closest to this one; default: the extremes over all times
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such output or time, no runs were made, or a file holds the extremes over all times alone.
+        SimulationError
+            If the run does not come again.
+        """
+        k = self.names.index(output) if self[output] else 0
+        if self.attaining is None:
+            known = {case.side: case for case in self.worst_cases if case.output == output}
+            if time is None and len(known) == len(SIDES):
+                return Worst(**known)
+            raise DeclarationError(
+                "Bounds.worst: a file holds the worst cases over all times alone."
+                if known
+                else f"Bounds.worst: {self.method} makes no runs that attain its bounds, or these bounds were pickled. "
+                "Use PolynomialChaos() or Vertex()."
+            )
+        rows = self._extreme_rows(k) if time is None else [row_of("Bounds.worst", self.t, time)] * 2
+        places = [(side, row, k) for side, row in zip(SIDES, rows, strict=True)]
+        return Worst(*worst_cases(self.attaining, places, self.names, self.t, self.lower, self.upper))
+
+    def _extreme_rows(self, k: int) -> list[int]:
+        """Numbers of the times at which output number k is least and largest."""
+        return [int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())]
+
     def check(self, limits: Mapping[str, tuple[float | None, float | None]]) -> LimitCheck:
         """Whether outputs keep limits for all parameters of the box, at all times.
 
@@ -274,6 +313,7 @@ class Bounds(Result, files.Saved):
             "remarks": self.remarks,
             "range_of": self.range_of,
             "nominal": self.nominal,
+            "worst": [case.record() for case in self._all_worst()],
             "units": self.units,
             "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),
             "doubts": self.doubts,
@@ -281,6 +321,14 @@ class Bounds(Result, files.Saved):
             "alpha": self.expansion and self.expansion.alpha,
             "coefficients": self.expansion and self.expansion.coefficients,
         }
+
+    def _all_worst(self) -> Sequence[WorstCase]:
+        """Those over all times, for files."""
+        if self.attaining is None:
+            return self.worst_cases
+        rows = enumerate(map(self._extreme_rows, range(len(self.names))))
+        places = [(side, row, k) for k, both in rows for side, row in zip(SIDES, both, strict=True)]
+        return worst_cases(self.attaining, places, self.names, self.t, self.lower, self.upper)
 
     def _table(self) -> files.Table:
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}

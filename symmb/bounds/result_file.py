@@ -9,6 +9,7 @@ from symmb._errors import DeclarationError
 from symmb._labelled import BOUND, Labelled, Named, over_outputs, parameter_names, texts, unit_text
 from symmb._types import Array
 from symmb.bounds.failures import Failure
+from symmb.bounds.worst_case import WorstCase
 from symmb.files import Record
 from symmb.model import Box
 from symmb.polynomials import Expansion
@@ -50,6 +51,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "remarks": record.texts("remarks", default=()),
         "range_of": record.text("range_of", default=""),
         "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
+        "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
         "units": record.texts("units", default=()),
         "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),
     }

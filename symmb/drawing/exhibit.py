@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from numbers import Real
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
-from symmb._options import shown
 from symmb._types import Array, Indices
-from symmb.bounds import Bounds, Sample, Study, parameter_samples
+from symmb.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
 from symmb.drawing.draw import draw
 from symmb.drawing.shapes import Drawing
 from symmb.mechanics import Point
@@ -70,7 +68,7 @@ class Exhibit:
 
 def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
     """A run alone."""
-    row = 0 if time is None else _row(run.t, time)
+    row = 0 if time is None else row_of("view", run.t, time)
     drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
     return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
 
@@ -92,9 +90,14 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
         raise DeclarationError(f"view: no output {output!r}.{did_you_mean(output, bounds.names)}")
     column = bounds.names.index(output) if output else _widest(bounds)
     width = bounds.upper[:, column] - bounds.lower[:, column]
-    row = int(width.argmax()) if time is None else _row(bounds.t, time)
+    row = int(width.argmax()) if time is None else row_of("view", bounds.t, time)
     name, t = bounds.names[column], float(bounds.t[row])
-    samples = study.attaining(name, row)
+    if bounds.attaining is None:
+        raise DeclarationError(
+            f"{bounds.method} keeps no runs that attain its bounds, which view would draw. "
+            "Use PolynomialChaos() or Vertex()."
+        )
+    samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
     least, largest = attaining_runs(study, samples)
     also = [row, *_extremes(bounds.lower, bounds.upper)]
     drawing = draw(simulate(study.scene, study.simulator.solver), also=also)
@@ -229,19 +232,6 @@ def _widest(bounds: Bounds) -> int:
     width = (bounds.upper - bounds.lower).max(axis=0)
     extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
     return int(np.argmax(width / np.maximum(extent, 1e-300)))
-
-
-def _row(t: Array, time: float) -> int:
-    """Number of the output time that is closest.
-
-    Raises
-    ------
-    DeclarationError       if the time is no number, or outside of the run
-    """
-    slack = 1e-6 * (t[-1] - t[0])
-    if not (isinstance(time, Real) and t[0] - slack <= time <= t[-1] + slack):
-        raise DeclarationError(f"view: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
-    return int(np.abs(t - float(time)).argmin())
 
 
 def _extremes(lower: Array, upper: Array) -> list[int]:

@@ -223,6 +223,10 @@ class Scene:
         """A copy with other outputs."""
         return replace(self, outputs=outputs)
 
+    def with_nominal(self, values: Mapping[str, float]) -> "Scene":
+        """A copy with other nominal values of all parameters."""
+        return replace(self, system=self.system.with_elements((), self.system.parameters.with_nominal(values)))
+
     def starting_at(self, run: EndedRun) -> "Scene":
         """A copy that goes on from the end of a run, with the parameters of the run as its nominal ones.
 

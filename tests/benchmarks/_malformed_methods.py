@@ -15,10 +15,13 @@ import symmb as mb
 
 T = np.linspace(0.0, 0.2, 5)
 
-RESULTS = {"Bounds", "Comparison", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Stability", "Trajectory"}
+RESULTS = {
+    "Bounds", "Calibration", "Comparison", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
+    "Sweep", "Trajectory",
+}  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
 BETWEEN_ROOMS = {
-    "another_way", "around", "bounds", "carried", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "response", "retract",
+    "another_way", "around", "bounds", "carried", "crossings", "engine", "get", "inertial", "integration", "joint_space", "keeping", "kink", "march", "planned_runs", "position_rows", "positive", "remembered", "response", "retract",
     "run_seconds", "solve", "sign_faults", "solved_by", "tighter", "turns", "two_ways", "velocity_rows", "with_elements", "with_mass", "with_nominal", "with_states", "without",
 }  # fmt: skip
 """Methods that one room calls of another; the guide and the docstrings of public names do not mention them."""
@@ -26,6 +29,10 @@ INTERNAL = frozenset(RESULTS | BETWEEN_ROOMS | {"view", "stability"})
 """Names that are left out. `view` opens windows, and `stability` takes minutes where it is called rightly."""
 
 OF_OWNER: dict[str, dict[str, Any]] = {
+    "sweep": {"values": {"k": [4.0, 5.0]}},
+    "sensitivities": {"parameters": ["k"]},
+    "calibrate": {"data": {"x": np.full(5, 0.1)}, "parameters": ["k"], "noise": {"x": 0.1}},
+    "Box.plus_minus": {"parameters": {"l": 1.0}},
     "critical": {"range": (4.0, 6.0), "parameter": "k"},
     "root_locus": {"range": (4.0, 6.0), "parameter": "k"},
     "CommandSimulator": {"outputs": ["x"]},

@@ -105,6 +105,15 @@ CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
     (mb.Parameters, (), {"l": 1.0, "k": 2.0}),
     (mb.Box, (), {"l": (0.9, 1.1)}),
     (mb.Box.around, ({"l": 1.0}, 0.05), {"names": ["l"]}),
+    (mb.Box.plus_minus, ({"l": 0.04, "k": 1.0},), {"l": "40 H7", "k": (-1e-3, 2e-3)}),
+    (BOX.__or__, (mb.Box(k=(4.0, 6.0)),), {}),
+    (mb.simulate, (SCENE,), {"parameters": [{"l": 1.0}, {"k": 4.0}]}),
+    (mb.sweep, (DECAY, {"l": [0.9, 1.1]}), {"executor": None, "progress": None}),
+    (mb.sweep, (SCENE, {"l": [0.9, 1.1]}), {"solver": mb.CVODES(), "times": T, "outputs": {"x": ROD.x}}),
+    (mb.sensitivities, (SCENE, ["k"]), {"solver": mb.CVODES(), "times": T, "outputs": {"x": ROD.x}}),
+    (mb.calibrate, (SCENE, {"x": np.full(5, 0.1)}, ["k"]), {"solver": mb.CVODES(), "noise": {"x": 0.1}}),
+    (BOUNDS.check, ({"x": (0.1, None)},), {}),
+    (BOUNDS.worst, ("x",), {"time": 0.1}),
     (body_in_a_scene, ("rod", 1.0, 0.1), {"pose": mb.Planar(), "com": (0, 0)}),
     (in_a_scene(mb.Revolute), ("hinge", A, B), {"axis": (0, 0, 1)}),
     (in_a_scene(mb.Prismatic), ("slide", A, B), {"axis": (1, 0, 0)}),
@@ -217,7 +226,7 @@ RECEIVERS = {
 }  # fmt: skip
 CALLS += methods.calls(RECEIVERS, methods.arguments(PIECES), methods.INTERNAL)
 
-ANYTHING: set[tuple[Any, Any]] = set()
+ANYTHING: set[tuple[Any, Any]] = {(mb.Box.plus_minus, "l"), (mb.Box.plus_minus, "k")}
 """Places of calls where values of every kind are legal."""
 
 WORDS = [
@@ -225,9 +234,9 @@ WORDS = [
     "mc:0", "mc:1e3", "mc:999999999999", "scan:1", "vertex", "vertex:1", "cvodes", "cvodes:2", "cvodes:-1e-8", "idas:nan", "rk:0", "rk:1e-3",
     "dopri:1", "foo", "foo:1", "5%", "0%", "500%", "%", "five", "/nonexistent/x.json", "/", ".", "..", "x.txt", "x.npz", "x.png", "x.json", "x.csv",
     "scene.py", "broken.py", "empty.py", "double_pendulum", "no_such_scene", "--methods", "--solver", "--set", "--spread", "--json", "--csv", "--plot",
-    "--latex", "--urdf", "arm.urdf", "a.b=1", "arm.mass=1", "arm.mass=nan", "link.mass=-1", "--inputs", "-o", "--help", "\x00", "a\nb", "é", "*/",
+    "--latex", "--box", "--limit", "--tolerances", "l=0.9:1.1", "x=:1", "x=1:", "x=::", "l=:", "x=nan:1", "--urdf", "arm.urdf", "a.b=1", "arm.mass=1", "arm.mass=nan", "link.mass=-1", "--inputs", "-o", "--help", "\x00", "a\nb", "é", "*/",
 ]  # fmt: skip
-COMMANDS = ["simulate", "compare", "equations", "codegen", "cache", "stability", "linearize", "runs", "fly"]
+COMMANDS = ["simulate", "bound", "compare", "equations", "codegen", "cache", "stability", "linearize", "runs", "fly"]
 FILES = {
     "scene.py": Path(__file__).read_text(encoding="utf-8").split("def rod_scene")[1].split("\n\n\nSCENE")[0],
     "broken.py": "def scene(:\n",

@@ -1,0 +1,225 @@
+"""The runs that attain bounds: their parameters, values and times."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError, SimulationError
+from symmb._labelled import Labelled, Result, texts
+from symmb._options import is_finite_number, shown
+from symmb._table import aligned
+from symmb._types import Array, Indices
+from symmb.black_boxes import Attained, Simulator
+from symmb.files import Record
+from symmb.model import Scene
+from symmb.simulation import DAESimulator, Trajectory, simulate
+
+_TOGETHER = 64
+"""Samples of a block that is repeated: a multiple of those that share their steps."""
+SIDES: tuple[str, str] = ("lower", "upper")
+Place = tuple[str, int, int]
+"""A side, the number of a time, and that of an output."""
+_SHARE = 1e-3
+"""Share of the width by which a run may miss a bound without a word: pictures do not show it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A run of a study: its value of the output, and the parameters of itself and of those that ran beside it.
+
+    A simulator chooses its steps for some samples together, so that run `index` of the block P (n, d) is repeated to
+    the last bit only in its block.
+    """
+
+    value: float
+    P: Array
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class AttainingRuns:
+    """Where a study attained the least and largest values of its outputs.
+
+    Attributes
+    ----------
+    simulator : Simulator
+    blocks : tuple of (n, d)       samples that ran together
+    ends : dict                    "lower", "upper" -> these values (n_t, n_y)
+    at : dict                      "lower", "upper" -> (n_t, n_y) numbers of the blocks that attain them
+    """
+
+    simulator: Simulator
+    blocks: tuple[Array, ...]
+    ends: Mapping[str, Array]
+    at: Mapping[str, Indices]
+
+    @classmethod
+    def of(cls, simulator: Simulator, attained: Attained) -> "AttainingRuns | None":
+        """What a study noted; None if it noted nothing at some times."""
+        if not (attained.lower <= attained.upper).all():
+            return None
+        both = np.stack([attained.lower_at, attained.upper_at])
+        used, numbers = np.unique(both, return_inverse=True)
+        ends = dict(zip(SIDES, (attained.lower, attained.upper), strict=True))
+        at = dict(zip(SIDES, numbers.reshape(both.shape), strict=True))
+        return cls(simulator, tuple(attained.blocks[k] for k in used), ends, at)
+
+    def samples(self, places: Sequence[Place]) -> list[Sample]:
+        """The runs that attain bounds at places. Blocks of several samples are run again, each once.
+
+        Raises
+        ------
+        SimulationError     if a run does not come again
+        """
+        numbers = [int(self.at[side][time, output]) for side, time, output in places]
+        found: dict[int, Sample] = {}
+        for number in dict.fromkeys(numbers):
+            own = [n for n, place in enumerate(numbers) if place == number]
+            P = self.blocks[number]
+            Y = None if len(P) == 1 else self.simulator.run(P).Y
+            for n in own:
+                side, time, output = places[n]
+                found[n] = self._sample(
+                    side, P, float(self.ends[side][time, output]), Y if Y is None else Y[:, time, output]
+                )
+        return [found[n] for n in range(len(places))]
+
+    def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
+        """That of samples P (n, d) with values (n,), or the only one, which has attained a value."""
+        if values is None:
+            return Sample(value, P, 0)
+        if np.isnan(values).all():
+            raise SimulationError(f"{self.simulator!r}: the run that attained a bound fails when it is made again.")
+        index = int(np.nanargmin(values) if side == "lower" else np.nanargmax(values))
+        begin = index // _TOGETHER * _TOGETHER
+        return Sample(float(values[index]), P[begin : begin + _TOGETHER], index - begin)
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """A bound of an output, and the run that comes closest to it.
+
+    Attributes
+    ----------
+    output, side : str         side is "lower" or "upper"
+    value, time : float        the bound, and when it is reached [s]
+    parameters : dict          values of all parameters of the run
+    attained : float           value of the output in the run at this time
+    width : float              of the bounds at this time
+    simulator : Simulator      None if the bounds were read from a file
+    """
+
+    output: str
+    side: str
+    value: float
+    time: float
+    parameters: dict[str, float]
+    attained: float
+    width: float
+    simulator: Simulator | None = None
+
+    @property
+    def shortfall(self) -> float:
+        """How far the run stays inside of the bound."""
+        return self.attained - self.value if self.side == "lower" else self.value - self.attained
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with the parameters of this run as its nominal ones.
+
+        Raises
+        ------
+        DeclarationError    if the bounds are not of a scene, or were read from a file
+        """
+        scene = getattr(self.simulator, "scene", None)
+        if not isinstance(scene, Scene):
+            raise DeclarationError("This worst case holds no scene: its bounds were read from a file, or have none.")
+        return scene.with_nominal(self.parameters)
+
+    def run(self) -> Trajectory | Array:
+        """The trajectory of a scene, or the outputs (n_t, n_y) of another simulator.
+
+        Raises
+        ------
+        DeclarationError    if the bounds were read from a file
+        """
+        if self.simulator is None:
+            raise DeclarationError("This worst case holds no simulator: its bounds were read from a file.")
+        if isinstance(self.simulator, DAESimulator):
+            return simulate(self.scene, self.simulator.solver)
+        return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
+        word = "least" if self.side == "lower" else "greatest"
+        text = f"{word} {self.output} {self.value:.6g} at {self.time:g} s: {values}"
+        if self.shortfall > _SHARE * self.width:
+            text += f"; the run there attains {self.attained:.6g}"
+        return text
+
+    def __repr__(self) -> str:
+        return f"WorstCase({self})"
+
+    def record(self) -> dict[str, Any]:
+        """What files hold."""
+        return {name: value for name, value in vars(self).items() if name != "simulator"}
+
+    @classmethod
+    def of_record(cls, record: Record) -> "WorstCase":
+        value, time, attained, width = (record.number(name) for name in ("value", "time", "attained", "width"))
+        side, parameters = record.text("side", *SIDES), record.numbers("parameters")
+        return cls(record.text("output"), side, value, time, parameters, attained, width)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Worst(Result):
+    """The worst cases of an output, with `lower` and `upper`."""
+
+    lower: WorstCase
+    upper: WorstCase
+
+    def __str__(self) -> str:
+        rows = [["worst case", "bound", "at [s]", *self.lower.parameters, "attained"]]
+        for case, word in ((self.lower, "least"), (self.upper, "greatest")):
+            numbers = case.value, case.time, *case.parameters.values(), case.attained
+            rows.append([f"{word} {case.output}", *(f"{number:.6g}" for number in numbers)])
+        return "\n".join(aligned(rows))
+
+    def _labelled(self) -> Labelled:
+        cases = self.lower, self.upper
+        variables: dict[str, Any] = {
+            name: (("bound",), np.array([getattr(case, name) for case in cases]))
+            for name in ("value", "time", "attained")
+        }
+        names = [*self.lower.parameters]
+        values = np.array([[case.parameters[name] for name in names] for case in cases])
+        variables["parameters"] = (("bound", "parameter"), values)
+        coordinates = {"bound": (("bound",), texts(SIDES)), "parameter": (("parameter",), texts(names))}
+        return Labelled(coordinates, variables, {"output": self.lower.output})
+
+
+def row_of(owner: str, t: Array, time: object) -> int:
+    """Number of the output time that is closest.
+
+    Raises
+    ------
+    DeclarationError       if the time is no number, or outside of the run
+    """
+    slack = 1e-6 * (t[-1] - t[0])
+    if not is_finite_number(time) or not t[0] - slack <= time <= t[-1] + slack:
+        raise DeclarationError(f"{owner}: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
+    return int(np.abs(t - float(time)).argmin())
+
+
+def worst_cases(
+    runs: AttainingRuns, places: Sequence[Place], names: Sequence[str], t: Array, lower: Array, upper: Array
+) -> list[WorstCase]:
+    """The runs that attain bounds lower and upper (n_t, n_y) at places."""
+    cases = []
+    for (side, i, k), sample in zip(places, runs.samples(places), strict=True):
+        parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
+        value, width = float((lower if side == "lower" else upper)[i, k]), float(upper[i, k] - lower[i, k])
+        cases.append(WorstCase(names[k], side, value, float(t[i]), parameters, sample.value, width, runs.simulator))
+    return cases

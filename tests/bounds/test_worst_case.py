@@ -1,0 +1,100 @@
+"""Worst cases: their values, times and parameters against closed forms, and against runs with these parameters."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import double_pendulum
+
+T = np.linspace(0.0, 2.0, 21)
+BOX = mb.Box(a=(0.9, 1.1), b=(-0.5, 0.7))
+
+
+def waves(count: list[int] | None = None) -> mb.FunctionSimulator:
+    """y = a sin t + b^2 t: largest where a and b are, least at a = 0.9 and b = 0 while the sine is positive."""
+
+    def f(a: float, b: float) -> np.ndarray:
+        if count is not None:
+            count[0] += 1
+        return (a * np.sin(T) + b**2 * T)[:, None]
+
+    return mb.FunctionSimulator(f, {"a": 1.0, "b": 0.1}, T, ["y"])
+
+
+@pytest.mark.parametrize(
+    "method", [mb.PolynomialChaos(), mb.Scanning(7), mb.PolynomialChaos(order=3), mb.Swarm(20, 20)], ids=repr
+)
+def test_worst_cases_are_those_of_the_closed_form(method):
+    count = [0]
+    bounds = mb.propagate(waves(count), method, BOX)
+    made = count[0]
+    worst = bounds.worst("y")
+    assert count[0] == made  # what a black box attained is known
+    exact = 1.1 * np.sin(T) + 0.49 * T
+    assert worst.upper.time == pytest.approx(T[exact.argmax()])
+    assert worst.upper.attained == pytest.approx(exact.max(), rel=0.02)
+    for case in (worst.lower, worst.upper, bounds.worst("y", time=1.0).lower):
+        i = int(np.abs(T - case.time).argmin())
+        p = case.parameters
+        assert case.attained == pytest.approx(p["a"] * np.sin(T[i]) + p["b"] ** 2 * T[i], abs=1e-12)
+        assert case.run()[i, 0] == pytest.approx(case.attained, abs=1e-12)
+        assert -1e-9 <= case.shortfall <= 0.1 * case.width + 1e-9
+        assert case.value == bounds[case.output][case.side == "upper"][i]
+
+
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.MonteCarlo(3000), mb.Vertex()], ids=repr)
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_worst_cases_of_a_scene_are_runs_of_it(method):
+    scene = double_pendulum.scene().with_times(np.linspace(0, 3, 61))
+    bounds = mb.propagate(scene, method)
+    for name, time in (("y2", None), ("theta2", 2.2)):
+        worst = bounds.worst(name, time)
+        for case in (worst.lower, worst.upper):
+            run = case.run()
+            assert run.parameters == case.parameters
+            assert run[name][np.abs(run.t - case.time).argmin()] == pytest.approx(case.attained, abs=1e-6)
+            assert dict(case.scene.system.parameters) == case.parameters
+            assert abs(case.shortfall) <= 0.02 * case.width + 1e-9
+    assert "l1" in str(worst) and str(worst.upper).startswith("greatest theta2")
+    assert worst.to_xarray()["parameters"].dims == ("bound", "parameter")
+
+
+def test_files_hold_the_worst_cases_over_all_times(tmp_path):
+    bounds = mb.propagate(waves(), mb.PolynomialChaos(), BOX)
+    for name in ("a.npz", "a.json"):
+        bounds.save(tmp_path / name)
+        again = mb.Bounds.load(tmp_path / name)
+        assert str(again.worst("y")) == str(bounds.worst("y"))
+        again.save(tmp_path / name)
+        assert str(mb.Bounds.load(tmp_path / name).worst("y").upper) == str(bounds.worst("y").upper)
+        for call in (
+            lambda b=again: b.worst("y", 1.0),
+            again.worst("y").upper.run,
+            lambda b=again: b.worst("y").upper.scene,
+        ):
+            with pytest.raises(mb.DeclarationError, match="file"):
+                call()
+
+
+def test_a_run_that_falls_short_of_the_bound_says_so():
+    """The expansion of y = a is exact, and Gauss's points are inside of the box."""
+    line = mb.FunctionSimulator(lambda a: np.array([[a]]), {"a": 0.0}, [0.0], ["y"])
+    case = mb.propagate(line, mb.PolynomialChaos(order=2, nodes=mb.Gauss()), mb.Box(a=(-1, 1))).worst("y").upper
+    assert case.value == pytest.approx(1.0) and case.attained == pytest.approx(np.sqrt(0.6))
+    assert case.shortfall > 1e-3 * case.width and "the run there attains 0.7745" in str(case)
+
+
+def test_what_has_no_worst_case_is_told():
+    bounds = mb.propagate(waves(), mb.Scanning(3), BOX)
+    with pytest.raises(mb.DeclarationError, match="no output 'x'"):
+        bounds.worst("x")
+    for time in (3.0, np.nan, "1"):
+        with pytest.raises(mb.DeclarationError, match="from 0 to 2"):
+            bounds.worst("y", time)
+    with pytest.raises(mb.DeclarationError, match="makes no runs that attain its bounds, or these bounds were pickled"):
+        pickle.loads(pickle.dumps(bounds)).worst("y")
+    scene = double_pendulum.scene().with_times(np.linspace(0, 0.1, 3))
+    with pytest.raises(mb.DeclarationError, match="Taylor"):
+        mb.propagate(scene, mb.Taylor(2)).worst("y2")
