@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._errors import DeclarationError
 from symmb._types import Array
 
 GAUSS = 5  # exact to degree 9: cubic displacements twice, over a section whose area is quadratic
@@ -59,9 +60,18 @@ def properties(ends: Array, xi: Array) -> Array:
 
 
 def compliances(ends: Array, xi: Array, E: float, G: float) -> Array:
-    """(e, g, 6) strains per unit of axial force, both shear forces, torque and both bending moments."""
+    """(e, g, 6) strains per unit of axial force, both shear forces, torque and both bending moments.
+
+    Raises
+    ------
+    DeclarationError    if one is larger than numbers can be
+    """
     area, Iy, Iz, J, shear_y, shear_z = np.moveaxis(properties(ends, xi), -1, 0)
-    return 1 / np.stack([E * area, G * shear_y, G * shear_z, G * J, E * Iy, E * Iz], axis=-1)
+    with np.errstate(over="ignore", divide="ignore"):
+        strains = 1 / np.stack([E * area, G * shear_y, G * shear_z, G * J, E * Iy, E * Iz], axis=-1)
+    if not np.isfinite(strains).all():
+        raise DeclarationError("Beam: an area or a second moment of its section is too small to compute with.")
+    return strains
 
 
 def stretching(length: Array, whole: Array, nested: Array) -> tuple[Array, Array]:

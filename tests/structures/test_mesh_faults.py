@@ -28,10 +28,8 @@ FAULTS = {
     "negative area": (lambda: Section(-1.0, 1, 1, 1), "Section: area must be above 0, got -1"),
     "infinite area": (lambda: Section(np.inf, 1, 1, 1), "Section: area must be finite"),
     "shear area next to nothing": (
-        lambda: FiniteElements.beams(Beam(LINE, Section(1e-3, 1e-6, 1e-6, 2e-6, 1e-320), STEEL)).modes(
-            clamped=0, count=2
-        ),
-        "motions without strain energy besides the rigid ones",
+        lambda: FiniteElements.beams(Beam(LINE, Section(1e-3, 1e-6, 1e-6, 2e-6, 1e-320), STEEL)),
+        "too small to compute with",
     ),
     "tube without wall": (lambda: Section.circle(1.0, 1.0), "inner must lie between 0 and the radius 1, got 1"),
     "no nu and no G": (lambda: Material(E=1.0, density=1.0), "give either nu or G"),
