@@ -40,39 +40,44 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, csv_file = result_path(options.json, ".json"), result_path(options.csv, ".csv")
     picture, drawing = result_path(options.plot, *PICTURES), result_path(options.view, *FORMATS)
-    intervals, limits = _ranges("--box", options.box), _ranges("--limit", options.limit)
-    subject, box = load_subject(options.scene)
-    if options.tolerances is not None:
-        box = mb.Box.read(options.tolerances)
-    for name, (low, high) in intervals.items():
-        if low is None or high is None:
-            raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
-    if intervals:
-        given = mb.Box(**{name: (float(low or 0), float(high or 0)) for name, (low, high) in intervals.items()})
-        box = given if options.tolerances is None or box is None else box | given
-    if box is None:
-        raise DeclarationError(
-            f"{options.scene} has no box that says which parameters are uncertain. Give intervals: --box NAME=1:2."
-        )
+    limits = _ranges("--limit", options.limit)
+    subject, own = load_subject(options.scene)
+    box = _box(options, own)
     if drawing is not None and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
-    print(bounds)
-    if check is not None:
-        print(f"\n{check}")
+    print(*filter(None, (bounds, check)), sep="\n\n")
     if json_file:
         save_json(json_file, bounds.to_json())
     if csv_file:
         bounds.save(csv_file)
     if picture:
-        (bounds if check is None else check).plot(picture)
+        (check or bounds).plot(picture)
     if drawing is not None:
         mb.view(bounds, drawing)
-    if check is not None and check.kept is False:
-        return VIOLATED
-    undecided = ("A limit is not decided.",) if check is not None and check.kept is None else ()
-    return (*bounds.doubts, *undecided)
+    if check is None or check.kept:
+        return bounds.doubts
+    return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+
+
+def _box(options: argparse.Namespace, own: mb.Box | None) -> mb.Box:
+    """The intervals of --box and of --tolerances, or those of the scene where both are left out."""
+    given: dict[str, tuple[float, float]] = {}
+    for name, (low, high) in _ranges("--box", options.box).items():
+        if low is None or high is None:
+            raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
+        given[name] = low, high
+    if options.tolerances is not None:
+        table = mb.Box.read(options.tolerances)
+        return table | mb.Box(**given) if given else table
+    if given:
+        return mb.Box(**given)
+    if own is None:
+        raise DeclarationError(
+            f"{options.scene} has no box that says which parameters are uncertain. Give intervals: --box NAME=1:2."
+        )
+    return own
 
 
 def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[float | None, float | None]]:

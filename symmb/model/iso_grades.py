@@ -9,122 +9,49 @@ from bisect import bisect_left
 
 from symmb._errors import DeclarationError
 
-_SIZES = 3, 6, 10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500
+
+def _row(text: str) -> tuple[float, ...]:
+    return tuple(map(float, text.split()))
+
+
+_SIZES = _row("3 6 10 18 30 50 80 120 180 250 315 400 500")
 """Upper ends of the ranges of sizes [mm]: a size at the end of a range belongs to it."""
-_FINE_SIZES = (
-    3,
-    6,
-    10,
-    14,
-    18,
-    24,
-    30,
-    40,
-    50,
-    65,
-    80,
-    100,
-    120,
-    140,
-    160,
-    180,
-    200,
-    225,
-    250,
-    280,
-    315,
-    355,
-    400,
-    450,
-    500,
-)
+_FINE_SIZES = _row("3 6 10 14 18 24 30 40 50 65 80 100 120 140 160 180 200 225 250 280 315 355 400 450 500")
 _GRADES = {
-    1: (0.8, 1, 1, 1.2, 1.5, 1.5, 2, 2.5, 3.5, 4.5, 6, 7, 8),
-    2: (1.2, 1.5, 1.5, 2, 2.5, 2.5, 3, 4, 5, 7, 8, 9, 10),
-    3: (2, 2.5, 2.5, 3, 4, 4, 5, 6, 8, 10, 12, 13, 15),
-    4: (3, 4, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20),
-    5: (4, 5, 6, 8, 9, 11, 13, 15, 18, 20, 23, 25, 27),
-    6: (6, 8, 9, 11, 13, 16, 19, 22, 25, 29, 32, 36, 40),
-    7: (10, 12, 15, 18, 21, 25, 30, 35, 40, 46, 52, 57, 63),
-    8: (14, 18, 22, 27, 33, 39, 46, 54, 63, 72, 81, 89, 97),
-    9: (25, 30, 36, 43, 52, 62, 74, 87, 100, 115, 130, 140, 155),
-    10: (40, 48, 58, 70, 84, 100, 120, 140, 160, 185, 210, 230, 250),
-    11: (60, 75, 90, 110, 130, 160, 190, 220, 250, 290, 320, 360, 400),
-    12: (100, 120, 150, 180, 210, 250, 300, 350, 400, 460, 520, 570, 630),
-    13: (140, 180, 220, 270, 330, 390, 460, 540, 630, 720, 810, 890, 970),
-    14: (250, 300, 360, 430, 520, 620, 740, 870, 1000, 1150, 1300, 1400, 1550),
-    15: (400, 480, 580, 700, 840, 1000, 1200, 1400, 1600, 1850, 2100, 2300, 2500),
-    16: (600, 750, 900, 1100, 1300, 1600, 1900, 2200, 2500, 2900, 3200, 3600, 4000),
+    1: _row("0.8 1 1 1.2 1.5 1.5 2 2.5 3.5 4.5 6 7 8"),
+    2: _row("1.2 1.5 1.5 2 2.5 2.5 3 4 5 7 8 9 10"),
+    3: _row("2 2.5 2.5 3 4 4 5 6 8 10 12 13 15"),
+    4: _row("3 4 4 5 6 7 8 10 12 14 16 18 20"),
+    5: _row("4 5 6 8 9 11 13 15 18 20 23 25 27"),
+    6: _row("6 8 9 11 13 16 19 22 25 29 32 36 40"),
+    7: _row("10 12 15 18 21 25 30 35 40 46 52 57 63"),
+    8: _row("14 18 22 27 33 39 46 54 63 72 81 89 97"),
+    9: _row("25 30 36 43 52 62 74 87 100 115 130 140 155"),
+    10: _row("40 48 58 70 84 100 120 140 160 185 210 230 250"),
+    11: _row("60 75 90 110 130 160 190 220 250 290 320 360 400"),
+    12: _row("100 120 150 180 210 250 300 350 400 460 520 570 630"),
+    13: _row("140 180 220 270 330 390 460 540 630 720 810 890 970"),
+    14: _row("250 300 360 430 520 620 740 870 1000 1150 1300 1400 1550"),
+    15: _row("400 480 580 700 840 1000 1200 1400 1600 1850 2100 2300 2500"),
+    16: _row("600 750 900 1100 1300 1600 1900 2200 2500 2900 3200 3600 4000"),
 }
 """Widths of the zones IT1 to IT16, one for each range of sizes."""
 _ABOVE = {
-    "c": (
-        60,
-        70,
-        80,
-        95,
-        95,
-        110,
-        110,
-        120,
-        130,
-        140,
-        150,
-        170,
-        180,
-        200,
-        210,
-        230,
-        240,
-        260,
-        280,
-        300,
-        330,
-        360,
-        400,
-        440,
-        480,
-    ),
-    "d": (20, 30, 40, 50, 65, 80, 100, 120, 145, 170, 190, 210, 230),
-    "e": (14, 20, 25, 32, 40, 50, 60, 72, 85, 100, 110, 125, 135),
-    "f": (6, 10, 13, 16, 20, 25, 30, 36, 43, 50, 56, 62, 68),
-    "g": (2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 17, 18, 20),
-    "h": (0,) * 13,
+    "c": _row("60 70 80 95 95 110 110 120 130 140 150 170 180 200 210 230 240 260 280 300 330 360 400 440 480"),
+    "d": _row("20 30 40 50 65 80 100 120 145 170 190 210 230"),
+    "e": _row("14 20 25 32 40 50 60 72 85 100 110 125 135"),
+    "f": _row("6 10 13 16 20 25 30 36 43 50 56 62 68"),
+    "g": _row("2 4 5 6 7 9 10 12 14 15 17 18 20"),
+    "h": 13 * (0.0,),
 }
 """How far the zones of shafts end below the size; those of holes begin as far above it."""
 _BELOW = {
-    "k": (0, 1, 1, 1, 2, 2, 2, 3, 3, 4, 4, 4, 5),
-    "m": (2, 4, 6, 7, 8, 9, 11, 13, 15, 17, 20, 21, 23),
-    "n": (4, 8, 10, 12, 15, 17, 20, 23, 27, 31, 34, 37, 40),
-    "p": (6, 12, 15, 18, 22, 26, 32, 37, 43, 50, 56, 62, 68),
-    "r": (10, 15, 19, 23, 23, 28, 28, 34, 34, 41, 43, 51, 54, 63, 65, 68, 77, 80, 84, 94, 98, 108, 114, 126, 132),
-    "s": (
-        14,
-        19,
-        23,
-        28,
-        28,
-        35,
-        35,
-        43,
-        43,
-        53,
-        59,
-        71,
-        79,
-        92,
-        100,
-        108,
-        122,
-        130,
-        140,
-        158,
-        170,
-        190,
-        208,
-        232,
-        252,
-    ),
+    "k": _row("0 1 1 1 2 2 2 3 3 4 4 4 5"),
+    "m": _row("2 4 6 7 8 9 11 13 15 17 20 21 23"),
+    "n": _row("4 8 10 12 15 17 20 23 27 31 34 37 40"),
+    "p": _row("6 12 15 18 22 26 32 37 43 50 56 62 68"),
+    "r": _row("10 15 19 23 23 28 28 34 34 41 43 51 54 63 65 68 77 80 84 94 98 108 114 126 132"),
+    "s": _row("14 19 23 28 28 35 35 43 43 53 59 71 79 92 100 108 122 130 140 158 170 190 208 232 252"),
 }
 """How far the zones of shafts begin above the size: k of the grades 4 to 7."""
 _GENERAL_SIZES = 3, 6, 30, 120, 400, 1000, 2000, 4000
@@ -182,19 +109,25 @@ def _deviations(text: str, size: float, letters: str, grade: int) -> tuple[float
         known = ", ".join([*_ABOVE, "js", *_BELOW])
         raise DeclarationError(f"{text!r}: known are the letters {known} of ISO 286, and capitals for holes.")
     begin = _entry(_BELOW[letter], size)
-    if not is_hole:
-        begin = begin if letter != "k" or 4 <= grade <= 7 else 0
-        return begin, begin + width
-    if letter == "k" and grade > 8 and size > _SIZES[0]:
+    if is_hole:
+        upper = _upper_end_of_hole(text, size, letter, grade, begin)
+        return upper - width, upper
+    begin = begin if letter != "k" or 4 <= grade <= 7 else 0.0
+    return begin, begin + width
+
+
+def _upper_end_of_hole(text: str, size: float, letter: str, grade: int, begin: float) -> float:
+    """Of holes from K on [um], from where the zone of the shaft begins."""
+    k = bisect_left(_SIZES, size)
+    if size > _SIZES[0] and grade > 8 and letter in "kn":
+        if letter == "n":
+            return 0.0
         raise DeclarationError(f"{text!r}: ISO 286 has K up to K8.")
-    if letter == "n" and grade > 8 and size > _SIZES[0]:
-        return -width, 0.0
-    # A hole of a grade and a shaft of the next finer one shall fit as tightly as with exchanged letters.
-    finer = grade <= (8 if letter in "kmn" else 7) and size > _SIZES[0] and grade > 2
-    upper = -begin + (width - _GRADES[grade - 1][k] if finer else 0.0)
     if (letter, grade) == ("m", 6) and 250 < size <= 315:
-        upper = -9.0  # the standard's only exception
-    return upper - width, upper
+        return -9.0  # the standard's only exception
+    # A hole of a grade and a shaft of the next finer one shall fit as tightly as with exchanged letters.
+    finer = size > _SIZES[0] and 2 < grade <= (8 if letter in "kmn" else 7)
+    return -begin + (_GRADES[grade][k] - _GRADES[grade - 1][k] if finer else 0.0)
 
 
 def _entry(values: tuple[float, ...], size: float) -> float:
