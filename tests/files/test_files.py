@@ -67,7 +67,7 @@ def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
             assert same(value, getattr(result, name)), name
     if suffix != "csv":
         assert str(again) == str(result) and again.__class__ is result.__class__
-        assert kind != "Bounds" or again.attaining is None and str(again.worst("x")) == str(result.worst("x"))
+        assert kind != "Bounds" or (again.attaining is None and str(again.worst("x")) == str(result.worst("x")))
         second = tmp_path / f"second.{suffix}"
         again.save(second)
         assert suffix != "json" or second.read_text() == path.read_text()
