@@ -10,10 +10,11 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.black_boxes import Simulator, noise_from_runs
 from symmb.bounds.method import parameter_samples
 from symmb.bounds.reductions import failure_records, gathered, which_failed
-from symmb.bounds.result import ROUNDING, Bounds, Surrogate
+from symmb.bounds.result import ROUNDING, Bounds
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
 from symmb.nodes import grid
+from symmb.polynomials.ranges import Piecewise
 
 _RUNS = 13
 """Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as the
@@ -198,7 +199,7 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
     return predicted[: len(chosen)], np.concatenate([candidates, predicted])
 
 
-def _reached(surrogate: Surrogate, points: Array) -> tuple[Array, Array]:
+def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
     parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // _AT_ONCE))]
     return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

@@ -32,7 +32,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     """
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
     told = (f"{n} further runs checked these bounds: evaluations leave them out.",) if n else ()
-    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told), surrogate=None)
+    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *told))
 
 
 def _doubts_of_proofs(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:

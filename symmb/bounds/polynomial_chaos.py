@@ -17,16 +17,16 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.black_boxes import March, Progress, Simulator, noise_from_runs
-from symmb.bounds.adaptive import adaptive_bounds
+from symmb.bounds.adaptive import TruncationError, adaptive_bounds
 from symmb.bounds.failures import Failure, failed_region, failure_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together, which_failed
-from symmb.bounds.result import Bounds, Surrogate
+from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
-from symmb.polynomials.ranges import Exact, LegendreInclusion, Range
+from symmb.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 
@@ -156,7 +156,8 @@ class PolynomialChaos(Method):
         lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
         lower, upper = np.where(is_noise, inner[0], lower), np.where(is_noise, inner[1], upper)
         details = {"inner": inner, "failed": failed, "expansion": expansion, "noise": noise}
-        details["surrogate"] = Surrogate(expansion.values, exact=isinstance(self.range, Exact))
+        error = TruncationError.of(expansion.alpha, expansion.coefficients).least
+        details["surrogate"] = Piecewise.whole(expansion, error, exact=isinstance(self.range, Exact))
         details["failed_region"] = failed_region(box, fit.nodes, ~ok)
         return self._result(simulator, lower, upper, len(P), **details)
 

@@ -1,6 +1,6 @@
 """The result of every bounding method."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_wind
 from symmb.bounds.worst_case import SIDES, AttainingRuns, Worst, WorstCase, row_of, worst_cases
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
+from symmb.polynomials.ranges import Piecewise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,20 +35,6 @@ ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
 _NAMED_WINDOWS = 3
 """Doubtful windows of an output that a sentence names."""
-
-
-@dataclass(frozen=True, eq=False)
-class Surrogate:
-    """A polynomial or another function that stands for the responses over the unit box.
-
-    Attributes
-    ----------
-    values : points (N, d) of [-1, 1]^d -> responses (N, n_t, n_y)
-    exact : whether the bounds are its range; without it they may be wider
-    """
-
-    values: Callable[[Array], Array]
-    exact: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,7 +64,8 @@ class Bounds(Result, files.Saved):
     remarks : what else is known about the bounds, in sentences: a tolerance that was not reached
     units : n_y units of the outputs, '' where they are not known; empty if none is known
     box : intervals of the parameters, or None where they are not known
-    surrogate : the function whose range the method bounds, until it is checked; else None
+    surrogate : polynomials in the place of the responses, with their error; None if the method has none, or a file
+        was read that does not hold them
     study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
     nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
     attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
@@ -110,7 +98,7 @@ class Bounds(Result, files.Saved):
     remarks: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     box: Box | None = None
-    surrogate: Surrogate | None = None
+    surrogate: Piecewise | None = None
     study: "Study | None" = None
     range_of: str = ""
     nominal: Array | None = None

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -13,12 +12,14 @@ from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
 from symmb.black_boxes import Kinked, Progress, Simulator
+from symmb.bounds.adaptive import TruncationError
 from symmb.bounds.method import Method, parameter_samples, unit_jets
-from symmb.bounds.result import Bounds, Surrogate
+from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
-from symmb.nodes import grid
-from symmb.polynomials import MultiIndices, homogeneous
+from symmb.nodes import Grid, grid
+from symmb.polynomials import Expansion, MultiIndices, homogeneous
+from symmb.polynomials.ranges import Piecewise
 
 _MOST_EVALUATIONS = 100_000
 """Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""
@@ -116,7 +117,7 @@ class Taylor(Method):
                 kinks += [kink for kink in at_ends if kink]
             if progress is not None:
                 progress(done, len(centers))
-        surrogate = Surrogate(partial(_values, parts, self.subintervals), exact=False) if kept else None
+        surrogate = _polynomials(parts, centers, radius, box) if kept else None
         details = {"caution": _caution(kinks), "surrogate": surrogate}
         return self._result(simulator, lower, upper, self.planned_runs(d), **details)
 
@@ -137,18 +138,20 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
     return f"not valid from t = {time + 0.0:g} s on: derivatives leave out the {which} that are met there"
 
 
-def _values(parts: Sequence[Sequence[Array]], subintervals: int, points: Array) -> Array:
-    """Values (N, n_t, n_y) at points (N, d) of the expansions of all parts, in the order of `grid`."""
-    d = points.shape[1]
-    which = np.clip(np.floor((points + 1.0) * subintervals / 2), 0, subintervals - 1)
-    own = (points + 1.0) * subintervals - 2 * which - 1.0
-    number = np.ravel_multi_index(tuple(which.astype(int).T), (subintervals,) * d)
-    values = np.zeros((len(points), *parts[0][0].shape[1:]))
-    for k in np.unique(number):
-        for degree, c in enumerate(parts[k]):
-            x = own[number == k][:, None, :]
-            values[number == k] += np.tensordot(np.prod(x ** np.array(homogeneous(d, degree)), axis=2), c, axes=1)
-    return values
+def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:
+    """The expansions of all parts, with these centres (k, d) and half widths, as Legendre expansions.
+
+    Their error is expected to be as large as what Legendre polynomials of higher degree would add.
+    """
+    d, order = len(box), len(parts[0]) - 1
+    beta = np.concatenate([np.array(homogeneous(d, degree), dtype=np.intp) for degree in range(order + 1)])
+    lattice = Grid(d)
+    lattice.add(set(map(tuple, beta.tolist())))
+    change = lattice.coefficients(np.prod(lattice.nodes[:, None] ** beta, axis=2))
+    coefficients = [np.tensordot(change, np.concatenate(part), axes=1) for part in parts]
+    expansions = tuple(Expansion(lattice.alpha, each, box.names) for each in coefficients)
+    error = np.max([TruncationError.of(own.alpha, own.coefficients).least for own in expansions], axis=0)
+    return Piecewise(centers, np.full_like(centers, radius), expansions, error, exact=False)
 
 
 def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:

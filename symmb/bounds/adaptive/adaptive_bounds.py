@@ -17,6 +17,7 @@ from symmb.bounds.failures import failed_region
 from symmb.bounds.result import ROUNDING, Bounds
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.model import Box
+from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import MOST_PARAMETERS
 
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
@@ -93,12 +94,17 @@ def adaptive_bounds(
         remarks=remarks,
         range_of=estimated.surrogate,
     )
-    del runs  # the expansion is as large
-    expansion = estimated.expansion and estimated.expansion()
-    if expansion is None:
+    del runs  # the polynomials are as large
+    found = estimated.polynomials and estimated.polynomials()
+    if found is None:
         return bounds
-    expansion = expansion.without(box.lower == box.upper, is_noise)
-    return replace(bounds, expansion=replace(expansion, coefficients=_scaled(expansion.coefficients, power)))
+
+    def in_units(own: Expansion) -> Expansion:
+        own = own.without(box.lower == box.upper, is_noise)
+        return replace(own, coefficients=_scaled(own.coefficients, power))
+
+    found = found.changed(in_units, np.maximum(_scaled(found.error, power), estimate))
+    return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
 
 
 def _bounded(surrogate: Surrogate) -> EstimatedRange:

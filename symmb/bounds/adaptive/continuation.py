@@ -14,7 +14,7 @@ from symmb.bounds.adaptive.runs import Runs, relative_rms, rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.nodes import Grid, Index, below
 from symmb.polynomials import Expansion, MultiIndices, basis_values
-from symmb.polynomials.ranges import Exact
+from symmb.polynomials.ranges import Exact, Piecewise
 
 SPARSE_PROBES = 2
 """Quasi-random check points: more take runs, fewer miss products of parameters, which runs along axes do not show."""
@@ -207,7 +207,8 @@ def corrected_bounds(
         lowest, highest = runs.extremes
         return doubted * np.maximum(np.stack([lowest - lower, upper - highest]) - runs.noise, 0.0)
 
-    remaining, before, doubted = estimate, np.inf, np.ones(runs.shape[1])
+    remaining = observed = estimate
+    before, doubted = np.inf, np.ones(runs.shape[1])
     unconfirmed, foreseen = np.zeros((2, runs.shape[1]))
     while True:
         known, (lowest, highest) = runs.points, runs.extremes
@@ -233,7 +234,11 @@ def corrected_bounds(
             break
         before = error
     error = np.maximum(spread_over_times(remaining, upper - lower), unattained().max(axis=0))
-    return EstimatedRange(lower, upper, error, corrected.expansion, "an interpolant on a sparse grid", extremes)
+
+    def polynomials() -> Piecewise:
+        return Piecewise.whole(corrected.expansion(), spread_over_times(observed, upper - lower))
+
+    return EstimatedRange(lower, upper, error, polynomials, "an interpolant on a sparse grid", extremes)
 
 
 def spread_over_times(error: Array, width: Array) -> Array:

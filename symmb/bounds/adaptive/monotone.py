@@ -11,7 +11,7 @@ from symmb.bounds.adaptive.runs import Runs, relative_rms
 from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.time_windows import LEAST_WIDTH
 from symmb.nodes import grid
-from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import Piecewise
 
 MONOTONE_SHARE = 0.2
 """Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
@@ -19,14 +19,14 @@ their signs where no run was. Responses may lose half as much at corners that ar
 
 
 class Base(Protocol):
-    """What corners are tried for: another surrogate, its runs and tolerance, and its expansion through all runs."""
+    """What corners are tried for: another surrogate, its runs and tolerance, and its polynomials through all runs."""
 
     runs: Runs
     tolerance: float
 
     def refined(self) -> Surrogate: ...
 
-    def continued(self) -> Expansion | None: ...
+    def continued(self) -> Piecewise | None: ...
 
 
 class MonotoneCorners:

@@ -1,7 +1,7 @@
 """A part of the box with its own interpolant on a tensor grid, and the range of this interpolant."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -10,10 +10,9 @@ from symmb._types import Array, Indices, Mask
 from symmb.bounds.adaptive.check_runs import inflated_error
 from symmb.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationError, decay_ratios, event_errors
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
-from symmb.codegen import with_compiler
 from symmb.nodes import Grid
-from symmb.polynomials import Expansion, MultiIndices
-from symmb.polynomials.ranges import HIGHEST_DEGREE, Exact, dense_extremes
+from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import HIGHEST_DEGREE, attained_extremes
 
 REFINED_SHARE = 0.25
 """Directions with at least this share of the largest error are refined together: less takes more runs and fewer rounds.
@@ -138,7 +137,10 @@ class Piece:
     @cached_property
     def range(self) -> tuple[Array, Array, Array]:
         """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d) in the unit box."""
-        lower, upper, places = _extremes(self.expansion.alpha, self.expansion.coefficients)
+        alpha, c = self.expansion.alpha, self.expansion.coefficients
+        lower, upper, *at = attained_extremes(alpha, c.reshape(len(alpha), -1))
+        lower, upper = lower.reshape(c.shape[1:]), upper.reshape(c.shape[1:])
+        places = np.stack(at).reshape(2, *lower.shape, -1)
         if self.jumps is not None:
             Y = self.Y
             lower, upper = np.where(self.jumps, Y.min(axis=0), lower), np.where(self.jumps, Y.max(axis=0), upper)
@@ -166,6 +168,12 @@ class Piece:
         if self.jumps is None or self.inherited is None:
             return smooth
         return np.where(self.jumps, self.inherited, smooth)
+
+    @property
+    def largest_error(self) -> Array:
+        """Expected error (n_t, n_y) at any point."""
+        smooth = self.truncation.directions.sum(axis=0) + self.truncation.least
+        return smooth if self.jumps is None else np.where(self.jumps, self.errors.max(axis=0), smooth)
 
     def values(self, points: Array) -> Array:
         """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""
@@ -217,16 +225,3 @@ def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:
     of_lost = grid.coefficients((rows[:, None] == lost).astype(float))
     change = np.linalg.lstsq(weights * of_lost, -weights * c)[0]
     return change.reshape(-1, *Y.shape[1:])
-
-
-def _extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array]:
-    """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d), of polynomials (n_b, n_t, n_y)."""
-    shape, flat = coefficients.shape[1:], coefficients.reshape(len(alpha), -1)
-    lower, upper, *at = with_compiler(partial(dense_extremes, alpha, flat), partial(_branch_and_bound, alpha, flat))
-    return lower.reshape(shape), upper.reshape(shape), np.stack(at).reshape(2, *shape, -1)
-
-
-def _branch_and_bound(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
-    """The range as `dense_extremes` gives it, without a compiler."""
-    extremes = Exact(TENSOR_RANGE, budget=300).attained(alpha, coefficients)
-    return extremes.lower, extremes.upper, extremes.at_lower, extremes.at_upper

@@ -17,6 +17,7 @@ from symmb.bounds.result import ROUNDING
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.nodes import Grid
 from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import Piecewise
 
 RIDGE_LENGTHS = (0.7, 1.4, 2.8, 5.6)
 """Lengths of a ridge of which the most likely one is the start of a search: fewer may find none, more take time."""
@@ -162,12 +163,13 @@ class _Responses:
         doubtful = estimate > DOUBTFUL * np.ptp(attained, axis=0)
         lower, upper = np.where(doubtful, attained, ends[:, 0])
         estimate = np.where(doubtful, np.maximum(estimate, np.abs(ends[:, 1] - attained).max(axis=0)), estimate)
-        expansion = partial(_expansion, lambda points: self.absolute(surface.mean(points)), runs)
+        error = (self.absolute(estimate) - self.mean).reshape(runs.shape)
+        polynomials = partial(_polynomials, lambda points: self.absolute(surface.mean(points)), runs, error)
         return EstimatedRange(
             self.absolute(lower).reshape(runs.shape),
             self.absolute(upper).reshape(runs.shape),
-            (self.absolute(estimate) - self.mean).reshape(runs.shape),
-            None if doubtful.any() else expansion,
+            error,
+            None if doubtful.any() else polynomials,
             _NAME,
             places.reshape(2, *runs.shape, -1),
         )
@@ -298,8 +300,8 @@ def _distinct(points: list[Array], known: Array) -> Array:
     return distinct[len(known) :]
 
 
-def _expansion(surface: Callable[[Array], Array], runs: Runs) -> Expansion | None:
-    """Interpolant of a surface (N, d) -> (N, n_t n_y) on a sparse grid; None if it is not close to the surface."""
+def _polynomials(surface: Callable[[Array], Array], runs: Runs, error: Array) -> Piecewise | None:
+    """Interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not close."""
     d = len(runs.box)
     # Degree 2 does not tell x^3 from x.
     grid, step = Grid(d), {tuple(4 * (i == j) for j in range(d)) for i in range(d)}
@@ -312,7 +314,7 @@ def _expansion(surface: Callable[[Array], Array], runs: Runs) -> Expansion | Non
         errors = np.abs(expansion.values(points).reshape(expected.shape) - expected)
         widths = np.where(np.ptp(expected, axis=0) > 0, np.ptp(expected, axis=0), np.inf)
         if (errors / widths).max() <= DOUBTFUL:
-            return expansion
+            return Piecewise.whole(expansion, error + errors.max(axis=0).reshape(runs.shape))
         if len(grid.row) >= PATIENCE * d:
             return None
         sizes = extrapolated_sizes(grid, np.abs(coefficients / widths).max(axis=1))

@@ -29,7 +29,7 @@ from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
 from symmb.bounds.time_windows import DOUBTFUL
 from symmb.nodes import Grid, Index
 from symmb.nodes import grid as corners
-from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import Piecewise
 
 SURFACE_RESPONSES = 8
 """Most outputs times times that are left to a response surface: each extreme of each takes a search."""
@@ -100,14 +100,16 @@ class SparseGrids:
             self._grow(self._step)
         return self
 
-    def continued(self) -> Expansion | None:
+    def continued(self) -> Piecewise | None:
         """The expansion continued through all check runs; None if it would not be close to the first without them."""
         runs, continuation = self.runs, Continuation.of(self.grid, self.sizes)
         without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
         errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
         if relative_rms(errors, runs.rms_widths()) > DOUBTFUL:
             return None
-        return Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
+        expansion = Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
+        lowest, highest = runs.extremes
+        return Piecewise.whole(expansion, spread_over_times(SAFETY * errors, highest - lowest))
 
     @property
     def _left(self) -> int:

@@ -4,21 +4,21 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from symmb._types import Array
-from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import Piecewise
 
 
 class EstimatedRange(NamedTuple):
-    """Range of an interpolant, its estimated error, each (n_t, n_y), and its expansion over the box if it is whole.
+    """Range of a surrogate, its estimated error, each (n_t, n_y), and polynomials that are close to it everywhere.
 
-    The expansion is made on call: it is as large as the runs, which are not needed any more then. `places` are those of
-    the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is reached.
-    `surrogate` names whose range it is.
+    The polynomials are made on call: they are as large as the runs, which are not needed any more then. `places` are
+    those of the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is
+    reached. `surrogate` names whose range it is.
     """
 
     lower: Array
     upper: Array
     estimate: Array
-    expansion: Callable[[], Expansion | None] | None
+    polynomials: Callable[[], Piecewise | None] | None
     surrogate: str
     places: Array | None = None
     is_enough: bool = False

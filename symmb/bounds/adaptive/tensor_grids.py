@@ -20,6 +20,7 @@ from symmb.bounds.adaptive.piece import TENSOR_RANGE, Part, Piece, nodes_of
 from symmb.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
 from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.time_windows import is_doubtful, is_doubtful_in_window
+from symmb.polynomials.ranges import Piecewise
 
 MANY_VALUES = 1000
 """Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
@@ -62,6 +63,12 @@ class _Union:
         return cls(
             pieces, lower, upper, _select(places, extreme[..., None]), beyond, _select(checkable, extreme), trust
         )
+
+    def polynomials(self) -> Piecewise:
+        """Those of all pieces."""
+        centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
+        error = np.max([piece.largest_error for piece in self.pieces], axis=0)
+        return Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
 
     def piece_at(self, point: Array) -> Piece:
         """A piece that holds the point."""
@@ -122,11 +129,10 @@ class TensorGrids:
             return None
         if doubtful[:, varies].any():
             estimate = np.maximum(estimate, expected)
-        expansion = (lambda: pieces[0].expansion) if len(pieces) == 1 else None
         name = "an interpolant on a tensor grid" if len(pieces) == 1 else f"interpolants on {len(pieces)} tensor grids"
         is_enough = max(error, TENSOR_RANGE) <= tolerance
         estimate = estimate + TENSOR_RANGE * width
-        return EstimatedRange(union.lower, union.upper, estimate, expansion, name, union.places, is_enough)
+        return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
 
     def refined(self) -> "TensorGrids":
         """With the worst piece refined or halved, or with measured noise."""

@@ -1,0 +1,142 @@
+"""Polynomials that stand for responses, each on a part of the box, and their ranges over parts and faces of it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from symmb._types import Array, Mask
+from symmb.codegen import with_compiler
+from symmb.polynomials.expansion import Expansion
+from symmb.polynomials.legendre import MultiIndices, basis_values
+from symmb.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS, dense_extremes
+from symmb.polynomials.ranges.exact import Exact
+
+_TOLERANCE = 1e-5
+"""Accuracy of a range over its width, by branch and bound."""
+_WORK = 200_000
+"""Coefficients in all boxes that such a search may take. The best values that were found count then."""
+
+
+def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
+    """Minima and maxima (m,), and their points (m, d), of polynomials with Legendre coefficients (n_b, m)."""
+    d, degrees = alpha.shape[1], alpha.max(axis=0, initial=0)
+    if d == 0:
+        point = np.zeros((coefficients.shape[1], 0))
+        return coefficients[0], coefficients[0], point, point
+
+    def searched() -> tuple[Array, Array, Array, Array]:
+        found = Exact(_TOLERANCE, min(300, _WORK // len(alpha) + 1)).attained(alpha, coefficients)
+        return found.lower, found.upper, found.at_lower, found.at_upper
+
+    if d > MOST_PARAMETERS or degrees.max() > HIGHEST_DEGREE or len(alpha) < np.prod(degrees + 1):
+        return searched()
+    return with_compiler(partial(dense_extremes, alpha, coefficients), searched)
+
+
+@dataclass(frozen=True, eq=False)
+class Piecewise:
+    """Polynomials in the place of responses over the box [-1, 1]^d.
+
+    Attributes
+    ----------
+    centres, halves : (k, d)       centres and half widths of the parts
+    expansions : k Expansions      in coordinates of the parts, on sets of degrees with all smaller ones
+    error : (n_t, n_y)             how far they are expected to be off at any point
+    exact : bool                   whether bounds are their range; else these may be wider
+    """
+
+    centres: Array
+    halves: Array
+    expansions: tuple[Expansion, ...]
+    error: Array
+    exact: bool = True
+
+    @classmethod
+    def whole(cls, expansion: Expansion, error: Array, exact: bool = True) -> "Piecewise":
+        """One polynomial on the whole box."""
+        d = expansion.alpha.shape[1]
+        return cls(np.zeros((1, d)), np.ones((1, d)), (expansion,), error, exact)
+
+    def changed(self, change: Callable[[Expansion], Expansion], error: Array) -> "Piecewise":
+        """With other expansions, and another error."""
+        return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
+
+    def output(self, k: int) -> "Piecewise":
+        """That of output number k alone."""
+        return self.changed(
+            lambda own: replace(own, coefficients=own.coefficients[:, :, k : k + 1]), self.error[:, k : k + 1]
+        )
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d)."""
+        if len(self.expansions) == 1:
+            return self.expansions[0].values((points - self.centres[0]) / self.halves[0])
+        home = np.abs((points[:, None] - self.centres) / self.halves).max(axis=2).argmin(axis=1)
+        values = np.empty((len(points), *self.error.shape))
+        for k in np.unique(home):
+            own = home == k
+            values[own] = self.expansions[k].values((points[own] - self.centres[k]) / self.halves[k])
+        return values
+
+    def range(self, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
+        """Minima and maxima (n_t, n_y), and their points (2, n_t, n_y, d), over lower <= x <= upper, each (d,).
+
+        Parameters with equal ends are fixed.
+        """
+        found = [self._part_range(*part) for part in self._parts(lower, upper)]
+        lows, highs, places = (np.stack(each) for each in zip(*found, strict=True))
+        best = np.stack([lows.argmin(axis=0), highs.argmax(axis=0)])
+        return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
+
+    def _parts(self, lower: Array, upper: Array) -> Iterator[tuple[int, Array, Array]]:
+        """Numbers of the parts that meet a box, with the ends of what they share."""
+        for k, (centre, half) in enumerate(zip(self.centres, self.halves, strict=True)):
+            low, high = np.maximum(lower, centre - half), np.minimum(upper, centre + half)
+            if (np.where(lower < upper, low < high, low <= high)).all():
+                yield k, low, high
+
+    def _part_range(self, k: int, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
+        """Range over a box inside of part k: that of its polynomial in coordinates of the box."""
+        own, centre, half = self.expansions[k], (lower + upper) / 2, (upper - lower) / 2
+        free = half > 0
+        alpha = own.alpha[(own.alpha[:, ~free] == 0).all(axis=1)]
+        change = np.ones((len(alpha), len(own.alpha)))
+        for i, degrees in enumerate(own.alpha.T):
+            line = _in_other_coordinates(
+                int(degrees.max()), (centre[i] - self.centres[k, i]) / self.halves[k, i], half[i] / self.halves[k, i]
+            )
+            change *= line[alpha[:, i]][:, degrees]
+        shape = own.coefficients.shape[1:]
+        low, high, *at = attained_extremes(alpha[:, free], change @ own.coefficients.reshape(len(own.alpha), -1))
+        places = np.empty((2, *shape, len(free)))
+        places[:] = centre
+        places[..., free] += half[free] * np.stack(at).reshape(2, *shape, -1)
+        return low.reshape(shape), high.reshape(shape), places
+
+    def ranges(self, points: Array, free: Mask) -> tuple[Array, Array]:
+        """Minima and maxima (N, n_t, n_y) over the free parameters (d,), where others are those of points (N, d)."""
+        low, high = np.full((2, len(points), *self.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
+        for centre, half, own in zip(self.centres, self.halves, self.expansions, strict=True):
+            x = (points[:, ~free] - centre[~free]) / half[~free]
+            inside = (np.abs(x) <= 1).all(axis=1)
+            if not inside.any():
+                continue
+            alpha, which = np.unique(own.alpha[:, free], axis=0, return_inverse=True)
+            fixed = basis_values(own.alpha[:, ~free], x[inside])
+            sums = np.empty((len(alpha), len(fixed), *self.error.shape))
+            for j in range(len(alpha)):
+                rows = which.ravel() == j
+                sums[j] = np.tensordot(fixed[:, rows], own.coefficients[rows], axes=1)
+            found = attained_extremes(alpha, sums.reshape(len(alpha), -1))
+            low[inside] = np.minimum(low[inside], found[0].reshape(sums.shape[1:]))
+            high[inside] = np.maximum(high[inside], found[1].reshape(sums.shape[1:]))
+        return low, high
+
+
+def _in_other_coordinates(degree: int, centre: float, half: float) -> Array:
+    """(degree + 1, degree + 1) Legendre coefficients, as columns, of P_k(centre + half x), k = 0, ..., degree."""
+    x = np.polynomial.legendre.leggauss(degree + 1)[0]
+    P = np.polynomial.legendre.legvander
+    return np.asarray(np.linalg.solve(P(x, degree), P(centre + half * x, degree)), dtype=float)
