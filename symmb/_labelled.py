@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 Named = tuple[tuple[str, ...], Any]
 """Names of the dimensions of an array, and the array."""
-_ROWS = ("method", "sample", "time", "output")
-"""Dimensions that are rows of a table."""
 BOUND = ("lower", "upper")
 
 
@@ -28,12 +26,14 @@ class Labelled:
     coordinates, variables : dict      name -> (names of its dimensions, array)
     attributes : dict                  name -> text or number; those that are None are left out
     units : dict                       variable or coordinate -> unit
+    rows : tuple of str                dimensions that are rows of a table
     """
 
     coordinates: Mapping[str, Named]
     variables: Mapping[str, Named]
     attributes: Mapping[str, str | float | None] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    rows: Sequence[str] = ("method", "sample", "time", "output")
 
     def to_xarray(self) -> "Dataset":
         """A Dataset whose attributes are texts and numbers, so that every NetCDF engine can write it."""
@@ -47,7 +47,7 @@ class Labelled:
     def to_pandas(self) -> "DataFrame":
         """A table with one row a time and output, and method if there are several; bounds are columns."""
         pandas = optional_package("pandas", "to_pandas", "data")
-        dims = [name for name in _ROWS if self.coordinates.get(name, ((),))[0] == (name,)]  # not a parameter's name
+        dims = [name for name in self.rows if self.coordinates.get(name, ((),))[0] == (name,)]  # not a parameter's name
         sizes = [len(self.coordinates[name][1]) for name in dims]
         columns: dict[str, Any] = {}
         for name, (own, values) in {**self.coordinates, **self.variables}.items():

@@ -10,7 +10,7 @@ from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.doubts import checked, doubted
 from symmb.bounds.method import Method, require_method
 from symmb.bounds.result import Bounds
-from symmb.bounds.study import study_of
+from symmb.bounds.study import Study
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator, prepare_equations, simulator_of
@@ -70,7 +70,7 @@ def propagate(
             doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
         bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
-    nominal = getattr(simulator, "nominal", None)
-    bounds = replace(bounds, study=study_of(scene_or_simulator, simulator, box), nominal=nominal)
+    nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
+    bounds = replace(bounds, study=Study(simulator, box), nominal=nominal, nominal_parameters=values)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds

@@ -1,7 +1,7 @@
 """The result of every bounding method."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,10 @@ from symmb._names import did_you_mean
 from symmb._options import require_positive
 from symmb._table import aligned
 from symmb._types import Array
+from symmb.bounds.contributions import Contributions, contributions_of
 from symmb.bounds.failures import Failure, failure_text
 from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
+from symmb.bounds.responses import Responses
 from symmb.bounds.result_file import MEANING, Kind, attributes_of, extremes_of_bounds, labelled, record_of_table
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.bounds.worst_case import SIDES, AttainingRuns, Worst, WorstCase, row_of, worst_cases
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
+_GOOD = 0.25
+"""Largest error of a surrogate over the widths at which it is asked: its answers stand beside their errors."""
 _NAMED_WINDOWS = 3
 """Doubtful windows of an output that a sentence names."""
 
@@ -66,8 +70,9 @@ class Bounds(Result, files.Saved):
     box : intervals of the parameters, or None where they are not known
     surrogate : polynomials in the place of the responses, with their error; None if the method has none, or a file
         was read that does not hold them
-    study : scene, simulator, method and box, for `view`; None if they were read, pickled, or are not of a scene
+    study : simulator and box, for more runs; None if they were read or pickled
     nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
+    nominal_parameters : nominal values of all parameters; empty if they are not known
     attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
     worst_cases : those over all times, of bounds that were read from a file
     range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
@@ -102,6 +107,7 @@ class Bounds(Result, files.Saved):
     study: "Study | None" = None
     range_of: str = ""
     nominal: Array | None = None
+    nominal_parameters: Mapping[str, float] = field(default_factory=dict)
     attaining: AttainingRuns | None = None
     worst_cases: tuple[WorstCase, ...] = ()
 
@@ -256,6 +262,58 @@ class Bounds(Result, files.Saved):
             found.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
         return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None))
 
+    def contributions(self) -> Contributions:
+        """What each parameter contributes to the widths and to the variance.
+
+        They are those of polynomials that stand for the responses, which take no runs. A method that has none, or none
+        that is good enough, is followed by a study with PolynomialChaos(). Where that has none either, widths come from
+        studies with fewer parameters, and Sobol's indices are not known.
+
+        Raises
+        ------
+        DeclarationError
+            If there are no such polynomials, and bounds that were read or pickled cannot make runs.
+        PropagationError
+            If too many of these runs fail.
+        """
+        return contributions_of(self._responses("Bounds.contributions"))
+
+    def _responses(self, owner: str) -> Responses:
+        """What questions about the responses are put to."""
+        if self.box is None:
+            raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
+        if self._has_good_surrogate or self.study is None:
+            if self.surrogate is None:
+                raise DeclarationError(
+                    f"{owner}: {self.method} leaves no polynomials, and bounds that were read from a file or pickled "
+                    "make no runs. Ask the bounds that propagate returns."
+                )
+            return self._asked(self.surrogate)
+        adaptive = self if self.range_of else self.study.adaptive
+        adaptive = replace(adaptive, study=self.study, nominal_parameters=self.nominal_parameters)
+        return adaptive._asked(adaptive.surrogate if adaptive._has_good_surrogate else None)
+
+    @property
+    def _has_good_surrogate(self) -> bool:
+        """Whether the surrogate's error is small beside the widths of all outputs."""
+        if self.surrogate is None:
+            return False
+        return not is_doubtful(*self._scaled(self.surrogate.error), _GOOD).any()
+
+    def _asked(self, surrogate: Piecewise | None) -> Responses:
+        assert self.box is not None
+        values = [
+            self.nominal_parameters.get(name, middle)
+            for name, middle in zip(self.box.names, self.box.center, strict=True)
+        ]
+        nominal = np.clip(self.box.to_unit(np.array(values)), -1.0, 1.0)
+        if self.estimate is not None:
+            estimate = self.estimate
+        else:
+            estimate = np.zeros_like(self.lower) if surrogate is None else surrogate.error
+        own = self.t, self.names, self.units, self.box, nominal, self.lower, self.upper, estimate
+        return Responses(*own, surrogate, self.study, self.method)
+
     def moments(self) -> Moments:
         """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
 
@@ -301,6 +359,7 @@ class Bounds(Result, files.Saved):
             "remarks": self.remarks,
             "range_of": self.range_of,
             "nominal": self.nominal,
+            "nominal_parameters": dict(self.nominal_parameters),
             "worst": [case.record() for case in self._all_worst()],
             "units": self.units,
             "box": self.box and dict(zip(self.box.names, map(list, self.box.bounds), strict=True)),

@@ -51,6 +51,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
         "remarks": record.texts("remarks", default=()),
         "range_of": record.text("range_of", default=""),
         "nominal": record.array("nominal", *shape, finite=False) if "nominal" in record else None,
+        "nominal_parameters": record.numbers("nominal_parameters") if "nominal_parameters" in record else {},
         "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
         "units": record.texts("units", default=()),
         "box": box and Box(**{name: tuple(box.array(name, 2).tolist()) for name in box.plain}),

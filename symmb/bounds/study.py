@@ -1,23 +1,71 @@
-"""What bounds are made from: kept with them, so that views can make more runs."""
+"""What bounds are made from: kept with them, so that more runs can be made."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
+from symmb._errors import DeclarationError, PropagationError
+from symmb._types import Array
 from symmb.black_boxes import Simulator
+from symmb.bounds.method import parameter_samples
+from symmb.bounds.polynomial_chaos import PolynomialChaos
+from symmb.bounds.reductions import gathered, which_failed
+from symmb.bounds.result import Bounds
+from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.simulation import DAESimulator
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """The scene, its simulator and the box of bounds."""
+    """The simulator and the box of bounds."""
 
-    scene: Scene
-    simulator: DAESimulator
+    simulator: Simulator
     box: Box
 
+    @property
+    def scene(self) -> Scene:
+        """The scene.
 
-def study_of(subject: Scene | Simulator, simulator: Simulator, box: Box) -> Study | None:
-    """The study of a scene; None for other simulators, which have no mechanism."""
-    if isinstance(subject, Scene) and isinstance(simulator, DAESimulator):
-        return Study(subject, simulator, box)
-    return None
+        Raises
+        ------
+        DeclarationError       if the simulator is another one, which has no mechanism
+        """
+        return self._prepared.scene
+
+    @property
+    def solver(self) -> Solver:
+        """That of the scene."""
+        return self._prepared.solver
+
+    @property
+    def _prepared(self) -> DAESimulator:
+        if isinstance(self.simulator, DAESimulator) and self.simulator.scene is not None:
+            return self.simulator
+        raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
+
+    @cached_property
+    def adaptive(self) -> Bounds:
+        """Bounds over the box by PolynomialChaos()."""
+        return PolynomialChaos().bounds(self.simulator, self.box)
+
+    def range(self, box: Box) -> tuple[Array, Array, Array, int]:
+        """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.
+
+        Parameters that are not in the box have their nominal values.
+        """
+        found = PolynomialChaos().bounds(self.simulator, box)
+        assert found.estimate is not None
+        return found.lower, found.upper, found.estimate, found.evaluations
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box.
+
+        Raises
+        ------
+        PropagationError       if a run fails
+        """
+        P = parameter_samples(self.simulator, self.box, points)
+        Y, bad = gathered(self.simulator, P, None)
+        if which_failed(bad, len(P)).any():
+            raise PropagationError(f"{len(bad)} of {len(P)} runs failed: {bad[0][2]}.")
+        return Y

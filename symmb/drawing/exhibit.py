@@ -83,9 +83,9 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     study = bounds.study
     if study is None:
         raise DeclarationError(
-            "These bounds hold no scene: they were read from a file, or are of a simulator. "
-            "Draw those that propagate(scene, method) returns."
+            "These bounds hold no scene: they were read from a file. Draw those that propagate(scene, method) returns."
         )
+    scene = study.scene
     if output is not None and output not in bounds.names:
         raise DeclarationError(f"view: no output {output!r}.{did_you_mean(output, bounds.names)}")
     column = bounds.names.index(output) if output else _widest(bounds)
@@ -100,7 +100,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
     least, largest = attaining_runs(study, samples)
     also = [row, *_extremes(bounds.lower, bounds.upper)]
-    drawing = draw(simulate(study.scene, study.simulator.solver), also=also)
+    drawing = draw(simulate(scene, study.solver), also=also)
 
     ghosts = [
         Ghost(
@@ -128,7 +128,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
 
     Their states are outputs of a second simulator, as studies keep only the outputs of the scene.
     """
-    scene, solver = study.scene, study.simulator.solver
+    scene, solver = study.scene, study.solver
     system = scene.system
     states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
     named = {f"x{i}": x for i, x in enumerate(states)}
@@ -147,7 +147,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
 def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     """Positions of a point for samples of the box, and what it sweeps."""
     scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
-    simulator = simulator_with(scene, study.simulator.solver)
+    simulator = simulator_with(scene, study.solver)
     d = len(study.box)
     unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))

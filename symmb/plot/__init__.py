@@ -6,6 +6,7 @@ Results of the rooms above draw themselves with these functions.
 from symmb.plot.bounds import add_limits, plot_bounds
 from symmb.plot.colours import COLOURS, colour_of
 from symmb.plot.comparison import plot_comparison
+from symmb.plot.contributions import plot_contributions
 from symmb.plot.curve_family import plot_family
 from symmb.plot.curves import Band, PlottedBounds, family
 from symmb.plot.fit import plot_fit
