@@ -74,10 +74,3 @@ class Responses:
             value = self.runs.values(self.nominal[None])[0]
             return value, value, np.zeros_like(value), 1
         return self.runs.range(Box(**part))
-
-    def values(self, points: Array, k: int) -> Array:
-        """Responses (N, n_t) of output number k at points (N, d)."""
-        if self.surrogate is not None:
-            return self.surrogate.output(k).values(points)[:, :, 0]
-        assert self.runs is not None
-        return self.runs.values(points)[:, :, k]

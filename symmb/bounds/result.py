@@ -19,13 +19,23 @@ from symmb._types import Array
 from symmb.bounds.contributions import Contributions, contributions_of
 from symmb.bounds.failures import Failure, failure_text
 from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
+from symmb.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bounds.responses import Responses
-from symmb.bounds.result_file import MEANING, Kind, attributes_of, extremes_of_bounds, labelled, record_of_table
+from symmb.bounds.result_file import (
+    MEANING,
+    Kind,
+    attributes_of,
+    extremes_of_bounds,
+    labelled,
+    record_of_table,
+    surrogate_entries,
+)
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.bounds.worst_case import SIDES, AttainingRuns, Worst, WorstCase, row_of, worst_cases
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
 from symmb.polynomials.ranges import Piecewise
+from symmb.simulation import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -278,6 +288,61 @@ class Bounds(Result, files.Saved):
         """
         return contributions_of(self._responses("Bounds.contributions"))
 
+    def quantiles(
+        self,
+        output: str,
+        levels: float | Sequence[float] | Array,
+        laws: Mapping[str, Any],
+        correlation: Sequence[Sequence[float]] | Array | None = None,
+    ) -> Quantiles:
+        """Quantiles of an output over time, for parameters that have distributions.
+
+        A parameter without a law may be anything in its interval, in each sample something else: there is then a least
+        and a greatest quantile. They are those of the polynomials that `contributions` uses, or of runs.
+
+        Parameters
+        ----------
+        output : str
+        levels : float or list         probabilities between 0 and 1
+        laws : mapping                 name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It
+                                       is cut to the interval of the box
+        correlation : (n, n)           correlations of a Gaussian copula, in the order of the laws; default: independent
+
+        Raises
+        ------
+        DeclarationError
+            If an output or a parameter is unknown, a law or a level is none, or lies outside of the box, or the
+            correlations are not positive definite.
+        PropagationError
+            If no polynomials are good enough, and some parameters have no law.
+        """
+        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, laws, correlation)
+
+    def probability(
+        self,
+        output: str,
+        *,
+        above: float | None = None,
+        below: float | None = None,
+        laws: Mapping[str, Any],
+        correlation: Sequence[Sequence[float]] | Array | None = None,
+    ) -> Probability:
+        """Probability that an output is above or below a value, at each time and ever; see `quantiles`."""
+        return probability_of(self._responses("Bounds.probability"), output, above, below, laws, correlation)
+
+    def samples(
+        self,
+        n: int,
+        laws: Mapping[str, Any],
+        correlation: Sequence[Sequence[float]] | Array | None = None,
+        seed: int = 0,
+    ) -> Sweep:
+        """Responses for n random samples of parameters that all have laws; see `quantiles`.
+
+        They are those of the polynomials that `contributions` uses, or of runs.
+        """
+        return samples_of(self._responses("Bounds.samples"), n, laws, correlation, seed, self.nominal_parameters)
+
     def _responses(self, owner: str) -> Responses:
         """What questions about the responses are put to."""
         if self.box is None:
@@ -367,6 +432,7 @@ class Bounds(Result, files.Saved):
             "parameters": self.expansion and self.expansion.parameters,
             "alpha": self.expansion and self.expansion.alpha,
             "coefficients": self.expansion and self.expansion.coefficients,
+            **surrogate_entries(self.surrogate),
         }
 
     def _all_worst(self) -> Sequence[WorstCase]:

@@ -13,6 +13,7 @@ from symmb.bounds.worst_case import WorstCase
 from symmb.files import Record
 from symmb.model import Box
 from symmb.polynomials import Expansion
+from symmb.polynomials.ranges import Piecewise
 
 Kind = Literal["enclosure", "estimate", "sampled"]
 MEANING = {
@@ -28,6 +29,7 @@ def attributes_of(record: Record) -> dict[str, Any]:
     shape = len(t), len(names)
     lower, upper = record.pair("lower", "upper", *shape)
     box = record.record("box") if "box" in record else None
+    expansion = _expansion(record, *shape) if "alpha" in record else None
     return {
         "t": t,
         "names": names,
@@ -45,7 +47,8 @@ def attributes_of(record: Record) -> dict[str, Any]:
         ),
         "failed_region": record.text("failed_region", default=""),
         "seconds": record.number("seconds"),
-        "expansion": _expansion(record, *shape) if "alpha" in record else None,
+        "expansion": expansion,
+        "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
         "caution": record.text("caution", default=""),
         "run_doubts": record.texts("run_doubts", default=()),
         "remarks": record.texts("remarks", default=()),
@@ -79,10 +82,34 @@ def kind_of(record: Record) -> Kind:
     return cast(Kind, record.text("kind", *MEANING))
 
 
-def _expansion(record: Record, n_t: int, n_y: int) -> Expansion:
-    parameters = record.names("parameters")
+def _expansion(record: Record, n_t: int, n_y: int, names: tuple[str, ...] | None = None) -> Expansion:
+    parameters = record.names("parameters") if names is None else names
     alpha = record.size("alpha", None, len(parameters))
     return Expansion(alpha.astype(np.intp), record.array("coefficients", len(alpha), n_t, n_y), parameters)
+
+
+def surrogate_entries(surrogate: Piecewise | None) -> dict[str, Any]:
+    """Entries of polynomials: their error, and, if they are several, the pieces; a single one is the expansion."""
+    if surrogate is None:
+        return {"surrogate_error": None}
+    entries: dict[str, Any] = {"surrogate_error": surrogate.error}
+    if len(surrogate.expansions) > 1:
+        parts = zip(surrogate.centres, surrogate.halves, surrogate.expansions, strict=True)
+        entries["piece_parameters"] = surrogate.expansions[0].parameters
+        entries["pieces"] = [
+            {"centre": centre, "half": half, "alpha": own.alpha, "coefficients": own.coefficients}
+            for centre, half, own in parts
+        ]
+    return entries
+
+
+def _surrogate(record: Record, expansion: Expansion | None, n_t: int, n_y: int) -> Piecewise | None:
+    error = record.size("surrogate_error", n_t, n_y)
+    if "pieces" not in record:
+        return None if expansion is None else Piecewise.whole(expansion, error)
+    pieces, names = record.records("pieces"), record.names("piece_parameters")
+    centres, halves = (np.stack([p.array(name, len(names)) for p in pieces]) for name in ("centre", "half"))
+    return Piecewise(centres, halves, tuple(_expansion(p, n_t, n_y, names) for p in pieces), error)
 
 
 def box_coordinates(box: Box | None) -> dict[str, Named]:

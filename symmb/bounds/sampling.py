@@ -1,15 +1,18 @@
 """Bounds by the extremes of many samples: attained, not proved."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
+from symmb._errors import DeclarationError
 from symmb._limits import require_memory, require_runs
-from symmb._options import constructor_text, require_kind, require_whole
+from symmb._options import constructor_text, require_instance, require_kind, require_whole
 from symmb._types import Array, Executor
 from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.failures import failed_region
+from symmb.bounds.laws import Laws, laws_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bounds.result import Bounds
@@ -32,11 +35,14 @@ class MonteCarlo(Method):
     samples : number of runs
     seed : of the random numbers; the same seed gives the same samples
     sampler : Random(), Sobol() or LatinHypercube()
+    laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3), which is cut to its
+        interval; parameters without one are spread evenly
+    correlation : correlations of a Gaussian copula, in the order of the laws; default: independent
 
     Raises
     ------
     DeclarationError
-        If samples is not a positive integer or the seed is negative.
+        If samples is not a positive integer or the seed is negative. From `bounds`: as `Bounds.quantiles`.
 
     Examples
     --------
@@ -47,6 +53,8 @@ class MonteCarlo(Method):
     samples: int = 10_000
     seed: int = 0
     sampler: Sampler = _RANDOM
+    laws: Mapping[str, Any] | None = field(default=None, hash=False)
+    correlation: Sequence[Sequence[float]] | Array | None = field(default=None, hash=False)
 
     kind: ClassVar[Kind] = "sampled"
     doubtful_miss: ClassVar[float] = 0.1  # it is known that random samples end before the extremes
@@ -54,6 +62,10 @@ class MonteCarlo(Method):
     def __post_init__(self) -> None:
         require_whole(self, "samples", 1)
         require_whole(self, "seed", 0)
+        if self.laws is not None:
+            require_instance("MonteCarlo: laws", self.laws, Mapping, 'distributions by name, as {"k": norm(40, 1.3)}')
+        elif self.correlation is not None:
+            raise DeclarationError("MonteCarlo: correlation is one of laws, and there are none.")
         require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
     def planned_runs(self, d: int) -> int:
@@ -62,11 +74,19 @@ class MonteCarlo(Method):
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         require_runs(self, self.samples, "Use fewer samples.")
         require_memory(self, "the samples", self.samples * (2 * len(box) + len(simulator.parameters)))
-        points = self.sampler.points(self.samples, len(box), self.seed)
-        return _sampled(self, points, simulator, box, executor, progress)
+        points, laws = self.sampler.points(self.samples, len(box), self.seed), None
+        if self.laws is not None:
+            laws = Laws.of(repr(self), self.laws, self.correlation, box)
+            points[:, laws.columns] = laws.unit_points((points[:, laws.columns] + 1) / 2, box)
+        bounds = _sampled(self, points, simulator, box, executor, progress)
+        return bounds if laws is None else replace(bounds, remarks=laws.remarks)
 
     def __repr__(self) -> str:
-        return constructor_text(self, str(self.samples))
+        if self.laws is None:
+            return constructor_text(self, str(self.samples))
+        text = constructor_text(replace(self, laws=None, correlation=None), str(self.samples))
+        correlated = "" if self.correlation is None else f", correlation={np.asarray(self.correlation).tolist()}"
+        return f"{text[:-1]}, laws={laws_text(self.laws)}{correlated})"
 
 
 @dataclass(frozen=True)

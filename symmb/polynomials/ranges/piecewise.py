@@ -63,10 +63,10 @@ class Piecewise:
         """With other expansions, and another error."""
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
-    def output(self, k: int) -> "Piecewise":
-        """That of output number k alone."""
+    def output(self, k: int, times: slice = slice(None)) -> "Piecewise":
+        """That of output number k alone, at some times."""
         return self.changed(
-            lambda own: replace(own, coefficients=own.coefficients[:, :, k : k + 1]), self.error[:, k : k + 1]
+            lambda own: replace(own, coefficients=own.coefficients[:, times, k : k + 1]), self.error[times, k : k + 1]
         )
 
     def values(self, points: Array) -> Array:

@@ -1,0 +1,137 @@
+"""Laws of parameters: distributions, cut to the box, and dependent by a Gaussian copula."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._names import did_you_mean
+from symmb._options import numbers_of, shown
+from symmb._types import Array, Indices
+from symmb.model import Box
+
+_LEAST_MASS = 1e-6
+"""Probability of the box below which a law lies outside of it: its quantiles there have few digits."""
+_TOLD_MASS = 1e-4
+"""Probability outside of the box from which it is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """Distributions of some parameters of a box.
+
+    Attributes
+    ----------
+    names : n_l names
+    columns : (n_l,)           their numbers in the box
+    distributions : n_l        with `cdf` and `ppf`, as frozen distributions of SciPy have
+    masses : (n_l, 2)          distribution functions at the ends of the intervals
+    factor : (n_l, n_l)        Cholesky factor of the correlations of the copula; None for independent parameters
+    """
+
+    names: tuple[str, ...]
+    columns: Indices
+    distributions: tuple[Any, ...]
+    masses: Array
+    factor: Array | None
+
+    @classmethod
+    def of(cls, owner: str, laws: object, correlation: object, box: Box) -> "Laws":
+        """From distributions by name, and a matrix of correlations in their order.
+
+        Raises
+        ------
+        DeclarationError       if a parameter is not in the box, a law is none or lies outside of its interval, or the
+                               correlations are none
+        """
+        if not isinstance(laws, Mapping) or not laws:
+            raise DeclarationError(
+                f'{owner}: laws must be distributions by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '
+                f"got {shown(laws)}."
+            )
+        masses = []
+        for name, law in laws.items():
+            if name not in box.names:
+                raise DeclarationError(f"{owner}: {name!r} is not in the box.{did_you_mean(str(name), box.names)}")
+            masses.append(_masses(owner, name, law, box))
+        names = tuple(laws)
+        columns = np.array([box.names.index(name) for name in names], dtype=np.intp)
+        factor = None if correlation is None else _cholesky(owner, correlation, names)
+        return cls(names, columns, tuple(laws.values()), np.array(masses), factor)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Which laws lose a part outside of the box."""
+        cut = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
+        return tuple(
+            f"The law of {name} is cut to its interval, outside of which it has a probability of {mass:.2g}."
+            for name, mass in zip(self.names, cut.tolist(), strict=True)
+            if mass > _TOLD_MASS
+        )
+
+    def unit_points(self, uniform: Array, box: Box) -> Array:
+        """Values (N, n_l) in the unit box from independent uniform numbers (N, n_l) of [0, 1]."""
+        u = uniform
+        if self.factor is not None:
+            from scipy.special import ndtr, ndtri
+
+            tiny = np.finfo(float).tiny
+            u = ndtr(ndtri(np.clip(u, tiny, 1.0 - 2.0**-53)) @ self.factor.T)
+        low, high = self.masses.T
+        P = np.tile(box.center, (len(u), 1))
+        for k, (column, law) in enumerate(zip(self.columns, self.distributions, strict=True)):
+            P[:, column] = np.clip(law.ppf(low[k] + u[:, k] * (high[k] - low[k])), *box.bounds[column])
+        return np.clip(box.to_unit(P)[:, self.columns], -1.0, 1.0)
+
+    def __repr__(self) -> str:
+        return laws_text(dict(zip(self.names, self.distributions, strict=True)))
+
+
+def laws_text(laws: Mapping[str, Any]) -> str:
+    """Laws by name, as they were called."""
+    return "{" + ", ".join(f"{name!r}: {_law_text(law)}" for name, law in laws.items()) + "}"
+
+
+def _law_text(law: Any) -> str:
+    name = getattr(getattr(law, "dist", None), "name", type(law).__name__)
+    arguments = [f"{value:g}" for value in getattr(law, "args", ())]
+    arguments += [f"{key}={value:g}" for key, value in getattr(law, "kwds", {}).items()]
+    return f"{name}({', '.join(arguments)})"
+
+
+def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
+    if not all(callable(getattr(law, part, None)) for part in ("cdf", "ppf")):
+        raise DeclarationError(
+            f"{owner}: the law of {name!r} must be a distribution with cdf and ppf, such as scipy.stats.norm(40, 1.3), "
+            f"got {shown(law)}."
+        )
+    low, high = box.bounds[box.names.index(name)]
+    try:
+        below, above = float(law.cdf(low)), float(law.cdf(high))
+    except (TypeError, ValueError) as error:
+        raise DeclarationError(f"{owner}: the law of {name!r} has no values: {error}.") from error
+    if not above - below >= _LEAST_MASS:
+        raise DeclarationError(
+            f"{owner}: the law of {name!r} has a probability of {above - below:.1g} in its interval from {low:g} to "
+            f"{high:g}."
+        )
+    return below, above
+
+
+def _cholesky(owner: str, correlation: object, names: tuple[str, ...]) -> Array:
+    matrix, n = numbers_of(correlation), len(names)
+    if matrix is None or matrix.shape != (n, n):
+        raise DeclarationError(
+            f"{owner}: correlation must be a {n} x {n} matrix in the order of the laws ({', '.join(names)}), "
+            f"got {shown(correlation)}."
+        )
+    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T) or not np.allclose(np.diag(matrix), 1.0):
+        raise DeclarationError(
+            f"{owner}: correlation must be symmetric with 1 on its diagonal, got {shown(correlation)}."
+        )
+    try:
+        return np.asarray(np.linalg.cholesky(matrix), dtype=float)
+    except np.linalg.LinAlgError:
+        raise DeclarationError(f"{owner}: correlation is not positive definite: {shown(correlation)}.") from None

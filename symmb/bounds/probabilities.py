@@ -1,0 +1,302 @@
+"""Quantiles and probabilities of outputs, for parameters with laws, and parameters that stay intervals."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, PropagationError
+from symmb._labelled import Labelled, Named, Result
+from symmb._limits import require_memory
+from symmb._options import is_finite_number, numbers_of, shown, whole
+from symmb._table import aligned
+from symmb._types import Array
+from symmb.bounds.laws import Laws
+from symmb.bounds.responses import Responses
+from symmb.nodes import Random, Sobol
+from symmb.simulation import Sweep
+
+_REPLICATES = 8
+"""Independent sets of samples: their scatter is the sampling error."""
+_SAMPLES, _FEWER = 512, 128
+"""Samples of a set from polynomials, and where each takes a search for extremes or a run: more take more time."""
+_AT_ONCE = 2**23
+"""Values that are computed at once: 64 MB."""
+_FEW = 8
+"""Samples beyond a quantile below which it is told that these are few."""
+_NONE = 3.0
+"""Expected number of events of which none is seen in one of 20 samples: the least sampling error of a probability."""
+_DEVIATIONS = 2.5
+"""Standard errors of the mean of the sets that are told as sampling error: 96 % of Student's t with 7 degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Figures:
+    """What quantiles and probabilities share.
+
+    Attributes
+    ----------
+    output, unit : str
+    t : (n_t,)             times [s]
+    laws : str             of the parameters that have one
+    intervals : names      of the parameters that have none
+    samples : int
+    remarks : sentences
+    """
+
+    output: str
+    unit: str
+    t: Array
+    laws: str
+    intervals: tuple[str, ...]
+    samples: int
+    remarks: tuple[str, ...]
+
+    def _head(self, title: str) -> str:
+        lines = [title, f"  laws         {self.laws}, {self.samples} samples"]
+        if self.intervals:
+            lines.append(
+                f"  intervals    {', '.join(self.intervals)}: anything in the box, so that there are two values"
+            )
+        return "\n".join([*lines, *(f"  remark       {remark}" for remark in self.remarks)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Quantiles(Figures, Result):
+    """Quantiles of an output over time.
+
+    Attributes
+    ----------
+    levels : (n_q,)                probabilities
+    lower, upper : (n_q, n_t)      least and greatest quantile, whatever the parameters without a law are in each
+                                   sample; they are the same if all have laws
+    estimate : (n_q, n_t)          estimated error: that of the polynomials and of sampling
+    """
+
+    levels: Array
+    lower: Array
+    upper: Array
+    estimate: Array
+
+    def _rows(self) -> list[list[str]]:
+        ends = ["least", "at [s]", "greatest", "at [s]", "estimated error"]
+        rows = [["quantile", *ends]]
+        for q, lower, upper, error in zip(self.levels, self.lower, self.upper, self.estimate, strict=True):
+            i, j = int(lower.argmin()), int(upper.argmax())
+            values = f"{lower[i]:.6g}", f"{self.t[i]:.6g}", f"{upper[j]:.6g}", f"{self.t[j]:.6g}"
+            rows.append([f"{q:g}", *values, f"≤ {error.max():.1e}"])
+        return rows
+
+    def __str__(self) -> str:
+        head = self._head(f"Quantiles of {self.output}, {len(self.t)} times")
+        return "\n".join([head, *(f"  {line}" for line in aligned(self._rows()))])
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(self._head(f"Quantiles of {self.output}")), html.table(self._rows()))
+
+    def _labelled(self) -> Labelled:
+        coordinates: dict[str, Named] = {"time": (("time",), self.t), "level": (("level",), self.levels)}
+        variables: dict[str, Named] = {
+            name: (("level", "time"), getattr(self, name)) for name in ("lower", "upper", "estimate")
+        }
+        return Labelled(
+            coordinates, variables, {"output": self.output, "laws": self.laws}, {"time": "s"}, ("level", "time")
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Probability(Figures, Result):
+    """How probable it is that an output is beyond a value.
+
+    Attributes
+    ----------
+    event : str                the event
+    lower, upper : (n_t,)      least and greatest probability at each time; the same if all parameters have laws
+    estimate : (n_t,)          estimated error: that of the polynomials and of sampling
+    ever : (lower, upper, estimate)    of the event at any output time
+    """
+
+    event: str
+    lower: Array
+    upper: Array
+    estimate: Array
+    ever: tuple[float, float, float]
+
+    def _rows(self) -> list[list[str]]:
+        i = int(self.upper.argmax())
+        largest = f"greatest, at {self.t[i]:g} s", self.lower[i], self.upper[i], self.estimate[i]
+        rows = [["", "probability", "estimated error"]]
+        for name, low, high, error in (("at any output time", *self.ever), largest):
+            value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+            rows.append([name, value, f"≤ {error:.1e}"])
+        return rows
+
+    def __str__(self) -> str:
+        head = self._head(f"Probability of {self.event}")
+        return "\n".join([head, *(f"  {line}" for line in aligned(self._rows()))])
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(self._head(f"Probability of {self.event}")), html.table(self._rows()))
+
+    def _labelled(self) -> Labelled:
+        variables: dict[str, Named] = {
+            name: (("time",), getattr(self, name)) for name in ("lower", "upper", "estimate")
+        }
+        about = dict(zip(("ever_lower", "ever_upper", "ever_estimate"), self.ever, strict=True))
+        return Labelled({"time": (("time",), self.t)}, variables, {"event": self.event, **about}, {"time": "s"})
+
+
+def quantiles_of(responses: Responses, output: object, levels: object, laws: object, correlation: object) -> Quantiles:
+    """Quantiles of an output; see `Bounds.quantiles`."""
+    owner = "Bounds.quantiles"
+    k = responses.column(owner, output)
+    q = numbers_of([levels] if is_finite_number(levels) else levels)
+    if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
+        raise DeclarationError(f"{owner}: levels must be probabilities between 0 and 1, got {shown(levels)}.")
+    samples = _Samples(owner, responses, k, laws, correlation)
+    parts = []
+    for _, low, high in samples.over_time():
+        found = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
+        parts.append((found[0][0], found[-1][0], np.maximum(found[0][1], found[-1][1])))
+    lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    return Quantiles(*samples.about(q), q, lower, upper, sampling + samples.error)
+
+
+def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
+    """Quantiles (n_q, n_t) of values (replicates, n, n_t), and their sampling error."""
+    sets = np.ascontiguousarray(values.transpose(0, 2, 1))
+    whole = np.ascontiguousarray(values.transpose(2, 0, 1)).reshape(values.shape[2], -1)
+    return _quantiles(whole, q), _scatter(np.stack([_quantiles(own, q) for own in sets]))
+
+
+def _quantiles(values: Array, q: Array) -> Array:
+    """(n_q, n_t) quantiles of values (n_t, n), which are sorted in place: np.quantile takes five times as long."""
+    values.sort(axis=1)
+    place = q * (values.shape[1] - 1)
+    first = np.minimum(place.astype(int), values.shape[1] - 2)
+    share = (place - first)[:, None]
+    return (1 - share) * values[:, first].T + share * values[:, first + 1].T
+
+
+def probability_of(
+    responses: Responses, output: object, above: object, below: object, laws: object, correlation: object
+) -> Probability:
+    """Probability that an output is above or below a value; see `Bounds.probability`."""
+    owner = "Bounds.probability"
+    k = responses.column(owner, output)
+    given = [value for value in (above, below) if value is not None]
+    if len(given) != 1 or not is_finite_number(given[0]):
+        raise DeclarationError(f"{owner}: give a number for above or for below, got {shown(above)} and {shown(below)}.")
+    value, sign = float(given[0]), 1.0 if above is not None else -1.0
+    samples = _Samples(owner, responses, k, laws, correlation)
+    at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
+    for window, low, high in samples.over_time():
+        if sign < 0:
+            low, high = -high, -low
+        e = samples.error[window]
+        beyond = np.stack([each > sign * value for each in (low, high, low - e, high + e)])
+        at_times.append(beyond.mean(axis=2))
+        ever |= beyond.any(axis=3)
+    sets = np.concatenate([*at_times, ever.mean(axis=2)[..., None]], axis=2)  # (4, replicates, n_t + 1)
+    lower, upper, least, greatest = sets.mean(axis=1)
+    sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _NONE / samples.number)
+    estimate = sampling + np.maximum(lower - least, greatest - upper)
+    event = f"{responses.names[k]} {'above' if sign > 0 else 'below'} {value:g}"
+    last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
+    return Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
+
+
+def samples_of(
+    responses: Responses, n: object, laws: object, correlation: object, seed: object, nominal: Mapping[str, float]
+) -> Sweep:
+    """Random samples; see `Bounds.samples`."""
+    owner, box = "Bounds.samples", responses.box
+    number, seed = whole(owner, "n", n, 1), whole(owner, "seed", seed, 0)
+    require_memory(owner, "the samples", number * responses.lower.size)
+    own = Laws.of(owner, laws, correlation, box)
+    lacking = [name for name, r in zip(box.names, box.radius, strict=True) if r > 0 and name not in own.names]
+    if lacking:
+        raise DeclarationError(
+            f"{owner}: samples need a law of every parameter, and {', '.join(lacking)} have none. "
+            "scipy.stats.uniform(low, width) spreads evenly."
+        )
+    points = np.zeros((number, len(box)))
+    points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)
+    if responses.surrogate is not None:
+        Y = responses.surrogate.values(points)
+    else:
+        assert responses.runs is not None
+        Y = responses.runs.values(points)
+    parameters = {name: np.full(number, value) for name, value in nominal.items()}
+    parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
+    units = responses.units or ("",) * len(responses.names)
+    name = f"samples by {responses.method}"
+    return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
+
+
+class _Samples:
+    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a law.
+
+    Attributes
+    ----------
+    number : int           of all samples
+    error : (n_t,)         of the polynomials
+    """
+
+    def __init__(self, owner: str, responses: Responses, k: int, laws: object, correlation: object) -> None:
+        box = responses.box
+        self._responses, self._k, self._laws = responses, k, Laws.of(owner, laws, correlation, box)
+        self._free = box.radius > 0
+        self._free[self._laws.columns] = False
+        surrogate = responses.surrogate
+        if surrogate is None and self._free.any():
+            raise PropagationError(
+                f"{owner}: no polynomials are good enough for parameters that stay intervals: give all of them laws."
+            )
+        n = _SAMPLES if surrogate is not None and not self._free.any() else _FEWER
+        self.number = _REPLICATES * n
+        self.error = np.zeros(len(responses.t)) if surrogate is None else surrogate.error[:, k]
+        sets = [Sobol().points(n, len(self._laws.names), seed) for seed in range(_REPLICATES)]
+        self._points = np.zeros((self.number, len(box)))
+        self._points[:, self._laws.columns] = self._laws.unit_points((np.concatenate(sets) + 1) / 2, box)
+
+    def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Windows of time, and the least and greatest values (replicates, n, n_t) there."""
+        responses, k = self._responses, self._k
+        n_t = len(responses.t)
+        step = n_t if responses.surrogate is None else max(_AT_ONCE // self.number, 1)
+        for start in range(0, n_t, step):
+            window = slice(start, min(start + step, n_t))
+            if responses.surrogate is None:
+                assert responses.runs is not None
+                low = high = responses.runs.values(self._points)[:, :, k : k + 1]
+            else:
+                own = responses.surrogate.output(k, window)
+                if self._free.any():
+                    low, high = own.ranges(self._points, self._free)
+                else:
+                    low = high = own.values(self._points)
+            ends = responses.lower[window, k, None], responses.upper[window, k, None]
+            shape = _REPLICATES, -1, len(responses.t[window])
+            if low is high:
+                low = high = np.clip(low, *ends).reshape(shape)
+            else:
+                low, high = np.clip(low, *ends).reshape(shape), np.clip(high, *ends).reshape(shape)
+            yield window, low, high
+
+    def about(self, levels: Array | None = None) -> tuple[str, str, Array, str, tuple[str, ...], int, tuple[str, ...]]:
+        """The attributes of `Figures`."""
+        responses = self._responses
+        intervals = tuple(name for name, free in zip(responses.box.names, self._free, strict=True) if free)
+        remarks = self._laws.remarks
+        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW).any():
+            text = ", ".join(f"{q:g}" for q in levels[few])
+            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
+        unit = responses.units[self._k] if responses.units else ""
+        return responses.names[self._k], unit, responses.t, repr(self._laws), intervals, self.number, remarks
+
+
+def _scatter(sets: Array) -> Array:
+    """Sampling error of the mean of figures of all sets (replicates, ...)."""
+    return _DEVIATIONS * sets.std(axis=0, ddof=1) / np.sqrt(_REPLICATES)
