@@ -138,6 +138,7 @@ from .study.root_locus import RootLocus as RootLocus
 from .study.root_locus import root_locus as root_locus
 from .study.stability import Stability as Stability
 from .study.stability import stability as stability
+from .study.tolerances import tolerances as tolerances
 from .symbolic.symbols import ddt as ddt
 from .symbolic.symbols import initial as initial
 from .symbolic.symbols import t as t

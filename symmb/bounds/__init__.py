@@ -4,14 +4,15 @@ The method that chooses its own runs is in `bounds.adaptive`.
 """
 
 from symmb.bounds.doubts import checked, doubted
+from symmb.bounds.limits import LimitCheck
 from symmb.bounds.method import Method, parameter_samples, require_method, units_of
 from symmb.bounds.optimization import Optimization
 from symmb.bounds.polynomial_chaos import PolynomialChaos
-from symmb.bounds.propagation import propagate
+from symmb.bounds.propagation import finished, propagate
 from symmb.bounds.reductions import gathered
 from symmb.bounds.registry import METHODS, read_method
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import box_coordinates, kind_of
 from symmb.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bounds.study import Study
-from symmb.bounds.worst_case import SIDES, AttainingRuns, Sample, row_of
+from symmb.bounds.worst_case import SIDES, AttainingRuns, Sample, WorstCase, row_of

@@ -195,7 +195,7 @@ def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:
     first, total = np.empty((2, d, *surrogate.error.shape))
     variance = np.empty(surrogate.error.shape)
     for k in range(surrogate.error.shape[1]):
-        own = surrogate.output(k)
+        own = surrogate.part(slice(None), [k])
         at_a, at_b = (own.values(points)[:, :, 0] for points in (A, B))
         mean, variance[:, k] = np.concatenate([at_a, at_b]).mean(axis=0), np.concatenate([at_a, at_b]).var(axis=0)
         for i in range(d):

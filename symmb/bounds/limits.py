@@ -1,6 +1,6 @@
 """Whether bounds keep limits: kept, violated, or not decided by the bounds."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -147,18 +147,23 @@ class LimitCheck(Result):
         return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]})
 
 
-def limit_pairs(limits: Mapping[str, tuple[float | None, float | None]]) -> dict[str, tuple[float, float]]:
+def limit_pairs(
+    owner: str, limits: Mapping[str, tuple[float | None, float | None]], names: Sequence[str]
+) -> dict[str, tuple[float, float]]:
     """Limits as numbers, infinite where there is none.
 
     Raises
     ------
-    DeclarationError    if they are no pairs of numbers or None by output, or cross
+    DeclarationError    if an output is unknown, or they are no pairs of numbers or None, or cross
     """
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
-            f'Bounds.check: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
+            f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
         )
-    return {name: _ends(name, pair) for name, pair in limits.items()}
+    for name in limits:
+        if not isinstance(name, str) or name not in names:
+            raise DeclarationError(f"{owner}: no output {shown(name)}.{did_you_mean(str(name), names)}")
+    return {name: _ends(owner, name, pair) for name, pair in limits.items()}
 
 
 def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBounds) -> KeptLimit:
@@ -193,16 +198,15 @@ def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> t
     return None, f"The estimated error is up to {error:.1e}: a smaller tolerance decides."
 
 
-def _ends(name: str, pair: object) -> tuple[float, float]:
+def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:
     if not isinstance(pair, list | tuple) or len(pair) != 2 or not any(end is not None for end in pair):
         raise DeclarationError(
-            f"Bounds.check: the limit of {name!r} must be a pair (low, high), of which one may be None, "
-            f"got {shown(pair)}."
+            f"{owner}: the limit of {name!r} must be a pair (low, high), of which one may be None, got {shown(pair)}."
         )
     for end in pair:
         if end is not None and (not is_real(end) or np.isnan(end)):
-            raise DeclarationError(f"Bounds.check: the limit of {name!r} must be numbers or None, got {shown(pair)}.")
+            raise DeclarationError(f"{owner}: the limit of {name!r} must be numbers or None, got {shown(pair)}.")
     low, high = (-np.inf if pair[0] is None else float(pair[0])), (np.inf if pair[1] is None else float(pair[1]))
     if low > high:
-        raise DeclarationError(f"Bounds.check: the limits of {name!r} cross: {low:g} is above {high:g}.")
+        raise DeclarationError(f"{owner}: the limits of {name!r} cross: {low:g} is above {high:g}.")
     return low, high

@@ -31,9 +31,12 @@ class Method(ABC):
     kind: ClassVar[Kind]
     requires: ClassVar[str] = ""
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
-    doubtful_miss: ClassVar[float] = 0.05
-    """Share of the width above which a disagreement with check runs is a doubt: half of the estimated error that is
-    doubtful, as a few runs see only a part of it."""
+
+    @property
+    def doubtful_miss(self) -> float:
+        """Share of the width above which a disagreement with check runs is a doubt: half of the estimated error that is
+        doubtful, as a few runs see only a part of it."""
+        return 0.05
 
     def bounds(
         self, simulator: Simulator, box: Box, *, executor: Executor | None = None, progress: Progress | None = None

@@ -272,7 +272,7 @@ class _Samples:
                 assert responses.runs is not None
                 low = high = responses.runs.values(self._points)[:, :, k : k + 1]
             else:
-                own = responses.surrogate.output(k, window)
+                own = responses.surrogate.part(window, [k])
                 if self._free.any():
                     low, high = own.ranges(self._points, self._free)
                 else:

@@ -69,8 +69,15 @@ def propagate(
                 raise
             doubts = prepare_equations(replace(simulator.scene, box=box)).start.doubts  # they may tell why runs fail
             raise PropagationError("\n".join((str(error), *doubts))) from error
-        bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
-    nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
-    bounds = replace(bounds, study=Study(simulator, box), nominal=nominal, nominal_parameters=values)
+        bounds = finished(method, simulator, bounds, executor)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
+
+
+def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
+    """The bounds that a method gives, with what is doubtful about them, and with what they were made from."""
+    box = bounds.box
+    assert box is not None
+    bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
+    nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
+    return replace(bounds, study=Study(simulator, box), nominal=nominal, nominal_parameters=values)

@@ -15,7 +15,7 @@ from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean
 from symmb._options import require_positive
 from symmb._table import aligned
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.bounds.contributions import Contributions, contributions_of
 from symmb.bounds.failures import Failure, failure_text
 from symmb.bounds.limits import LimitCheck, OutputBounds, kept_limit, limit_pairs
@@ -262,13 +262,16 @@ class Bounds(Result, files.Saved):
         DeclarationError
             If an output is unknown, or limits cross.
         """
-        found, doubted = [], bool(self.doubts)
-        for name, ends in limit_pairs(limits).items():
+        found, doubtful = [], self.doubtful()
+        is_doubted = bool(self.run_doubts or self.failed or self.caution)
+        for name, ends in limit_pairs("Bounds.check", limits, self.names).items():
             lower, upper = self[name]
             k = self.names.index(name)
             estimate = None if self.estimate is None else self.estimate[:, k]
             inner = None if self.inner is None else (self.inner[0][:, k], self.inner[1][:, k])
-            own = OutputBounds(self.kind, lower, upper, estimate, inner, self.evaluations, doubted)
+            own = OutputBounds(
+                self.kind, lower, upper, estimate, inner, self.evaluations, is_doubted or name in doubtful
+            )
             found.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
         return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None))
 
@@ -347,7 +350,8 @@ class Bounds(Result, files.Saved):
         """What questions about the responses are put to."""
         if self.box is None:
             raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
-        if self._has_good_surrogate or self.study is None:
+        good = self.good_surrogate()
+        if good is not None or self.study is None:
             if self.surrogate is None:
                 raise DeclarationError(
                     f"{owner}: {self.method} leaves no polynomials, and bounds that were read from a file or pickled "
@@ -356,14 +360,15 @@ class Bounds(Result, files.Saved):
             return self._asked(self.surrogate)
         adaptive = self if self.range_of else self.study.adaptive
         adaptive = replace(adaptive, study=self.study, nominal_parameters=self.nominal_parameters)
-        return adaptive._asked(adaptive.surrogate if adaptive._has_good_surrogate else None)
+        return adaptive._asked(adaptive.good_surrogate())
 
-    @property
-    def _has_good_surrogate(self) -> bool:
-        """Whether the surrogate's error is small beside the widths of all outputs."""
+    def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
+        """The surrogate, if its error is small beside the widths of outputs, by their numbers; default: all."""
         if self.surrogate is None:
-            return False
-        return not is_doubtful(*self._scaled(self.surrogate.error), _GOOD).any()
+            return None
+        is_large: Mask = np.any(is_doubtful(*self._scaled(self.surrogate.error), _GOOD), axis=0)
+        asked = range(len(self.names)) if outputs is None else outputs
+        return None if any(is_large[k] for k in asked) else self.surrogate
 
     def _asked(self, surrogate: Piecewise | None) -> Responses:
         assert self.box is not None

@@ -57,7 +57,10 @@ class MonteCarlo(Method):
     correlation: Sequence[Sequence[float]] | Array | None = field(default=None, hash=False)
 
     kind: ClassVar[Kind] = "sampled"
-    doubtful_miss: ClassVar[float] = 0.1  # it is known that random samples end before the extremes
+
+    @property
+    def doubtful_miss(self) -> float:  # it is known that random samples end before the extremes, and laws far before
+        return 0.1 if self.laws is None else np.inf
 
     def __post_init__(self) -> None:
         require_whole(self, "samples", 1)

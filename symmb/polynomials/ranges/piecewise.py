@@ -1,12 +1,12 @@
 """Polynomials that stand for responses, each on a part of the box, and their ranges over parts and faces of it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from symmb._types import Array, Mask
+from symmb._types import Array, Indices, Mask
 from symmb.codegen import with_compiler
 from symmb.polynomials.expansion import Expansion
 from symmb.polynomials.legendre import MultiIndices, basis_values
@@ -63,11 +63,13 @@ class Piecewise:
         """With other expansions, and another error."""
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
-    def output(self, k: int, times: slice = slice(None)) -> "Piecewise":
-        """That of output number k alone, at some times."""
-        return self.changed(
-            lambda own: replace(own, coefficients=own.coefficients[:, times, k : k + 1]), self.error[times, k : k + 1]
-        )
+    def part(self, rows: slice | Indices, outputs: Sequence[int]) -> "Piecewise":
+        """Those of some outputs alone, at some times."""
+
+        def of(values: Array) -> Array:
+            return values[..., rows, :][..., outputs]
+
+        return self.changed(lambda own: replace(own, coefficients=of(own.coefficients)), of(self.error))
 
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d)."""

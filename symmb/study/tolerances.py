@@ -1,0 +1,352 @@
+"""How loose tolerances may be: the largest box of a shape, or the cheapest one, that keeps limits of outputs."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, PropagationError, warn_of
+from symmb._interrupts import kept_interrupts
+from symmb._labelled import Labelled, Result, texts
+from symmb._names import did_you_mean
+from symmb._options import is_finite_number, shown
+from symmb._progress import shown_runs
+from symmb._table import aligned
+from symmb._types import Array, Executor, Indices
+from symmb.black_boxes import Progress, Simulator
+from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, WorstCase, finished
+from symmb.bounds.limits import limit_pairs
+from symmb.integrate import Solver
+from symmb.model import Box, Scene
+from symmb.polynomials.ranges import Piecewise
+from symmb.simulation import simulator_of
+
+_OWNER = "tolerances"
+_TOLERANCES = 1e-2, 1e-3
+"""Tolerance of the first study and of the others: the error of a factor is about as large."""
+_SETTLED = 2e-3
+"""Change of the factors over them at which a search ends."""
+_MOST = 16.0
+"""Largest factor that is looked for: the box that is given is meant to be of the right size."""
+_STUDIES = 6
+"""Most studies: three are usual."""
+_WIDER, _NARROWER = 1.6, 0.25
+"""Factors that an allocation may change at once, on the polynomials of a study over the wider box."""
+_ROUNDS = 12
+"""Most allocations on one study, each with the times at which limits were broken before."""
+Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tolerances(Result):
+    """Tolerances that keep limits. `print` shows them.
+
+    Attributes
+    ----------
+    box : Box
+    factor : float             of the box that was given, by which all its intervals are stretched about the nominal
+                               values; of an allocation the least of `factors`
+    factors : dict             that of each parameter
+    cost : float               of an allocation; None of others
+    binding : WorstCase        the run that comes closest to a limit; None if none binds, up to 16 times the box
+    check : LimitCheck         of `bounds`
+    bounds : Bounds            those over the box, from a last study
+    evaluations : int          runs of all studies
+    nominal : dict             nominal values of the parameters of the box
+    remarks : sentences        why no larger box was found, if no limit is near
+    """
+
+    box: Box
+    factor: float
+    factors: dict[str, float]
+    cost: float | None
+    binding: WorstCase | None
+    check: LimitCheck
+    bounds: Bounds
+    evaluations: int
+    nominal: dict[str, float]
+    remarks: tuple[str, ...] = ()
+
+    def _head(self) -> str:
+        kind = "The cheapest" if self.cost is not None else "The largest"
+        lines = [f"{kind} box that keeps the limits, from {self.evaluations} runs"]
+        if self.cost is not None:
+            lines.append(f"  cost      {self.cost:.6g}")
+        lines += [f"  remark    {remark}" for remark in self.remarks]
+        if self.binding is None:
+            lines.append("  binding   no limit")
+        else:
+            lines.append(f"  binding   {self.check[self.binding.output].text}; {self.binding}")
+        return "\n".join(lines)
+
+    def _rows(self) -> list[list[str]]:
+        rows = [["parameter", "nominal", "lower", "upper", "factor"]]
+        for name, (low, high) in zip(self.box.names, self.box.bounds, strict=True):
+            p = self.nominal[name]
+            rows.append([name, f"{p:.6g}", f"{low - p:+.4g}", f"{high - p:+.4g}", f"{self.factors[name]:.4g}"])
+        return rows
+
+    def __str__(self) -> str:
+        rows = "\n".join(f"  {line}" for line in aligned(self._rows()))
+        return "\n\n".join([f"{self._head()}\n{rows}", str(self.check)])
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(self._head()), html.table(self._rows()), html.text(str(self.check)))
+
+    def _labelled(self) -> Labelled:
+        names = texts(self.box.names)
+        ends = np.stack([self.box.lower, self.box.upper], axis=1)
+        variables = {
+            "interval": (("parameter", "bound"), ends),
+            "nominal": (("parameter",), np.array([self.nominal[name] for name in self.box.names])),
+            "factor": (("parameter",), np.array([self.factors[name] for name in self.box.names])),
+        }
+        coordinates = {"parameter": (("parameter",), names), "bound": (("bound",), texts(("lower", "upper")))}
+        return Labelled(
+            coordinates, variables, {"binding": str(self.binding or ""), "cost": self.cost}, {}, ("parameter",)
+        )
+
+
+def tolerances(
+    scene: Scene | Simulator,
+    limits: Mapping[str, tuple[float | None, float | None]],
+    box: Box | None = None,
+    costs: Costs | None = None,
+    solver: Solver | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Tolerances:
+    """The largest tolerances that keep limits of outputs at all times, or the cheapest ones.
+
+    All deviations of the box from the nominal values are multiplied by one factor, up to 16, or, with costs, each by
+    its own. The factors are searched on the polynomials of a study with PolynomialChaos(), and a last study over the
+    box that is found checks the limits. Where a study leaves no good polynomials, more studies are made.
+
+    Parameters
+    ----------
+    scene : Scene or simulator
+    limits : mapping       output -> (low, high), of which one may be None
+    box : Box              shape of the intervals, which hold the nominal values; default: that of the scene
+    costs : mapping        parameter -> function of its half width, whose sum is least; those that are left out cost
+                           the half width in the box over their own. {} is that for all of them. A function is the same
+                           for all
+    solver : of a Scene
+    executor, progress : as of `propagate`
+
+    Raises
+    ------
+    DeclarationError       if an output or a parameter is unknown, limits cross, or an interval lacks the nominal value
+    PropagationError       if the nominal run breaks a limit, or too many runs fail
+
+    Examples
+    --------
+    >>> import numpy as np, symmb as mb
+    >>> chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["gap"])
+    >>> mb.tolerances(chain, {"gap": (2.7, 3.3)}, mb.Box(a=(0.9, 1.1), b=(1.9, 2.1))).box
+    Box(a=(0.85, 1.15), b=(1.85, 2.15))
+    """
+    with kept_interrupts(), shown_runs(progress, _OWNER) as progress:
+        simulator, shape = simulator_of(scene, box, solver)
+        search = _Search(simulator, shape, limit_pairs(_OWNER, limits, simulator.outputs), executor, progress)
+        if costs is None:
+            factors, bounds = search.largest(np.ones(len(shape)))
+            cost = None
+        else:
+            total = _total_cost(costs, shape)
+            factors, bounds = search.cheapest(total)
+            cost = total(factors)
+        bounds = finished(PolynomialChaos(tolerance=_TOLERANCES[1]), simulator, bounds, executor)
+    warn_of((*bounds.doubts, *search.remarks), _OWNER)
+    check = bounds.check(limits)
+    closest = min(check.limits, key=lambda limit: float(limit.margin.min()))
+    i, (lower, upper) = int(closest.margin.argmin()), bounds[closest.output]
+    worst = bounds.worst(closest.output, float(bounds.t[i]))
+    binding = worst.lower if lower[i] - closest.low < closest.high - upper[i] else worst.upper
+    by_name = dict(zip(shape.names, factors.tolist(), strict=True))
+    nominal = {name: float(simulator.parameters[name]) for name in shape.names}
+    factor = float(factors[shape.radius > 0].min(initial=_MOST))
+    assert bounds.box is not None
+    binding = None if factor >= _MOST else binding
+    return Tolerances(
+        bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, search.remarks
+    )
+
+
+def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
+    """Sum of the costs as a function of the factors (d,)."""
+    if not isinstance(costs, Mapping):
+        if not callable(costs):
+            raise DeclarationError(f"{_OWNER}: costs must be functions of half widths by name, got {shown(costs)}.")
+        costs = dict.fromkeys(shape.names, costs)
+    for name, own in costs.items():
+        if name not in shape.names:
+            raise DeclarationError(
+                f"{_OWNER}: costs: {name!r} is not in the box.{did_you_mean(str(name), shape.names)}"
+            )
+        if not callable(own):
+            raise DeclarationError(f"{_OWNER}: the cost of {name!r} must be a function of its half width.")
+    varied = [(k, costs.get(name)) for k, name in enumerate(shape.names) if shape.radius[k] > 0]
+
+    def total(factors: Array) -> float:
+        parts = [1 / factors[k] if own is None else own(factors[k] * shape.radius[k]) for k, own in varied]
+        if not all(map(is_finite_number, parts)):
+            raise DeclarationError(f"{_OWNER}: a cost is no finite number at the factors {factors.tolist()}.")
+        return float(sum(map(float, parts)))
+
+    return total
+
+
+class _Search:
+    """Studies over boxes that are stretched about the nominal values, and margins on their polynomials."""
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        shape: Box,
+        limits: dict[str, tuple[float, float]],
+        executor: Executor | None,
+        progress: Progress | None,
+    ) -> None:
+        self._simulator, self._shape, self._executor, self._progress = simulator, shape, executor, progress
+        self._columns = [tuple(simulator.outputs).index(name) for name in limits]
+        self._low, self._high = np.array([*limits.values()]).T
+        self._nominal = np.array([simulator.parameters[name] for name in shape.names], dtype=float)
+        for name, p, (low, high) in zip(shape.names, self._nominal, shape.bounds, strict=True):
+            if not low <= p <= high:
+                raise DeclarationError(
+                    f"{_OWNER}: the nominal value {name} = {p:g} is outside of its interval from {low:g} to {high:g}."
+                )
+        P = np.array([[*map(float, simulator.parameters.values())]])
+        run = simulator.run(P)
+        if not run.ok.all():
+            raise PropagationError(f"{_OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
+        self.evaluations, self.remarks = 1, tuple[str, ...]()
+        values = run.Y[0][:, self._columns]
+        self._at_nominal = float(self._margins(values, values).min())
+        if self._at_nominal <= 0:
+            i, k = np.unravel_index(np.argmin(self._margins(values, values)), values.shape)
+            name = simulator.outputs[self._columns[k]]
+            raise PropagationError(
+                f"{_OWNER}: the nominal run breaks the limit of {name} at {simulator.times[i]:g} s, or meets it, with "
+                f"{values[i, k]:.6g}: no tolerance keeps it."
+            )
+
+    def _margins(self, lower: Array, upper: Array) -> Array:
+        """Margins (n_t, n_l) of bounds of the outputs with limits."""
+        return np.minimum(lower - self._low, self._high - upper)
+
+    def _box(self, factors: Array) -> Box:
+        low = self._nominal - factors * (self._nominal - self._shape.lower)
+        high = self._nominal + factors * (self._shape.upper - self._nominal)
+        ends = np.stack([low, high], axis=1).tolist()
+        return Box(**dict(zip(self._shape.names, map(tuple, ends), strict=True)))
+
+    def _study(self, factors: Array, tolerance: float) -> tuple[Bounds, float]:
+        """Bounds over a box, and the least margin."""
+        method, box = PolynomialChaos(tolerance=tolerance), self._box(factors)
+        bounds = method.bounds(self._simulator, box, executor=self._executor, progress=self._progress)
+        self.evaluations += bounds.evaluations
+        return bounds, float(self._margins(bounds.lower[:, self._columns], bounds.upper[:, self._columns]).min())
+
+    def largest(self, along: Array, first: float = _TOLERANCES[0]) -> tuple[Array, Bounds]:
+        """The largest factors (d,) along a ray, and bounds over their box, which keep the limits without a doubt.
+
+        The next study is at the factor that the polynomials show, or at which a line through the margins at 0 and at
+        the factor before is 0. It lies between those that keep the limits and those that do not.
+        """
+        s, low, high, tolerance, kept = 1.0, 0.0, np.inf, first, None
+        most = float(np.min(_MOST / along))
+        doubts = tuple[str, ...]()
+        for _ in range(_STUDIES):
+            bounds, margin = self._study(s * along, tolerance)
+            if margin >= 0 and not self._is_doubted(bounds):
+                low, kept = s, bounds
+            else:
+                high, doubts = s, bounds.doubts
+            slope = (self._at_nominal - margin) / s
+            new = min(self._at_nominal / slope if slope > 0 else most, 4 * s)
+            if margin < 0 and (surrogate := bounds.good_surrogate(self._columns)) is not None:
+                new = self._factor_on(surrogate, s * along, s * along) * s
+            new = min(new, most) if low < new < high else (low + high) / 2
+            if kept is not None and tolerance == _TOLERANCES[1] and min(new, high) <= low * (1 + _SETTLED):
+                break
+            s, tolerance = min(new * (1 - _SETTLED / 4), most), _TOLERANCES[1]
+        if kept is None:
+            raise PropagationError(" ".join([f"{_OWNER}: no box was found in {_STUDIES} studies.", *doubts]))
+        if doubts and low * (1 + 4 * _SETTLED) < high:
+            self.remarks = (f"At {high / low:.3g} times these tolerances the bounds are doubted: {doubts[0]}",)
+        return low * along, kept
+
+    def _is_doubted(self, bounds: Bounds) -> bool:
+        """Whether runs fail, or the error of an output with limits is large."""
+        names = {bounds.names[k] for k in self._columns}
+        return bool(bounds.failed or bounds.run_doubts or names & bounds.doubtful().keys())
+
+    def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
+        """The factors of least cost, and bounds over their box. It begins at the largest common factor."""
+        factors, _ = self.largest(np.ones(len(self._shape)))
+        for _ in range(_STUDIES):
+            wide = np.minimum(_WIDER * factors, _MOST)
+            surrogate = self._study(wide, _TOLERANCES[0])[0].good_surrogate(self._columns)
+            if surrogate is None:
+                raise PropagationError(f"{_OWNER}: no polynomials are good enough for an allocation. Leave costs out.")
+            before, factors = factors, self._allocated(surrogate, wide, factors, cost)
+            if abs(cost(factors) / cost(before) - 1) < _SETTLED:
+                break
+        return self.largest(factors, _TOLERANCES[1])
+
+    def _margins_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> Array:
+        """Margins (n_t, n_l) on polynomials, whose box has the factors `wide` (d,), over a box with other factors."""
+        whole, part = self._box(wide), self._box(factors)
+        low, high, _ = surrogate.range(whole.to_unit(part.lower), whole.to_unit(part.upper))
+        return self._margins(low, high)
+
+    def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
+        """The largest share of the factors (d,), at most 1, whose margins on the polynomials are not negative."""
+        own = self._limited(surrogate)
+        low, high = 0.0, 1.0
+        if self._margins_on(own, wide, factors).min() >= 0:
+            return 1.0
+        while high - low > _SETTLED / 8 * high:
+            middle = (low + high) / 2
+            is_kept = self._margins_on(own, wide, middle * factors).min() >= 0
+            low, high = (middle, high) if is_kept else (low, middle)
+        return low
+
+    def _limited(self, surrogate: Piecewise, rows: Indices | slice = slice(None)) -> Piecewise:
+        """Polynomials of the outputs with limits alone, at some times."""
+        return surrogate.part(rows, self._columns)
+
+    def _allocated(self, surrogate: Piecewise, wide: Array, start: Array, cost: Callable[[Array], float]) -> Array:
+        """Factors of least cost on polynomials, from those at the start.
+
+        Few times bind. Those at which a solution breaks limits are added until none does.
+        """
+        from scipy.optimize import minimize
+
+        own, scale = self._limited(surrogate), cost(start) or 1.0
+        rows = {int(self._margins_on(own, wide, start).min(axis=1).argmin())}
+        found = start
+        for _ in range(_ROUNDS):
+            few = self._limited(surrogate, np.array(sorted(rows)))
+
+            def kept(z: Array, few: Piecewise = few) -> Array:
+                return self._margins_on(few, wide, start * np.exp(z)).ravel() / self._at_nominal
+
+            solution = minimize(
+                lambda z: cost(start * np.exp(z)) / scale,
+                np.zeros(len(start)),
+                method="SLSQP",
+                bounds=[(np.log(_NARROWER), w) for w in np.log(wide / start)],
+                constraints={"type": "ineq", "fun": kept},
+                options={"ftol": 1e-7, "maxiter": 60},
+            )
+            found = start * np.exp(np.asarray(solution.x, dtype=float))
+            margins = self._margins_on(own, wide, found).min(axis=1)
+            broken = int(margins.argmin())
+            if margins[broken] >= -_SETTLED / 10 * self._at_nominal or broken in rows:
+                break
+            rows.add(broken)
+        found = found * self._factor_on(surrogate, wide, found)
+        return found if cost(found) < cost(start) else start
