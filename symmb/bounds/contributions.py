@@ -1,7 +1,7 @@
 """What each uncertain parameter contributes to the bounds, and to the variance."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,12 +21,12 @@ from symmb.polynomials.ranges import Piecewise
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_POOR = 0.5
+"""Error over the largest width alone from which on widths are taken from runs in the place of polynomials."""
 _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
 """Error of such shares: the largest difference from exact ones in 200 random polynomials was 0.02."""
-_AT_ONCE = 2**22
-"""Values that samples fill at once: 32 MB."""
 _WHY = "Widths do not add up to the whole one: parameters act together, and extremes lie at different values of others."
 
 
@@ -147,6 +147,28 @@ _EACH = ("alone", "saved", "first", "total")
 
 def contributions_of(responses: Responses) -> Contributions:
     """Ranges over lines and faces through the nominal point, and shares of the variance."""
+    width, runs = responses.upper - responses.lower, 0
+    alone, saved, estimate = np.zeros((0, *width.shape)), np.zeros((0, *width.shape)), width
+    for source in (responses, replace(responses, surrogate=None)):
+        if (source.surrogate is None and source.runs is None) or (len(alone) and not _is_poor(estimate, alone)):
+            break
+        alone, saved, error, runs = _widths(source)
+        estimate = np.minimum(2 * (error + responses.estimate), width + responses.estimate)
+    first, total, share_estimate = _shares(responses, width)
+    alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
+    units = responses.units or ("",) * len(responses.names)
+    own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
+    return Contributions(*own, estimate, share_estimate, runs, responses.method)
+
+
+def _is_poor(error: Array, alone: Array) -> bool:
+    """Whether an error (n_t, n_y) hides what parameters contribute, (d, n_t, n_y)."""
+    size = np.sqrt(np.square(alone).mean(axis=1)).max(axis=0, initial=0.0)
+    return bool((np.sqrt(np.square(error).mean(axis=0)) > _POOR * size).any())
+
+
+def _widths(responses: Responses) -> tuple[Array, Array, Array, int]:
+    """Widths (d, n_t, n_y) alone and saved, the error (n_t, n_y) of ranges, and how many runs they took."""
     d, width, runs = len(responses.box), responses.upper - responses.lower, 0
     one = np.ones(d)
     alone, saved = np.zeros((2, d, *width.shape))
@@ -158,12 +180,7 @@ def contributions_of(responses: Responses) -> Contributions:
             which[i] = np.maximum(high - low, 0.0)
             error, runs = np.maximum(error, of_range), runs + more
         saved[i] = np.maximum(width - saved[i], 0.0)
-    estimate = np.minimum(2 * (error + responses.estimate), width + responses.estimate)
-    first, total, share_estimate = _shares(responses, width)
-    alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
-    units = responses.units or ("",) * len(responses.names)
-    own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
-    return Contributions(*own, estimate, share_estimate, runs, responses.method)
+    return alone, saved, error, runs
 
 
 def _shares(responses: Responses, width: Array) -> tuple[Array, Array, Array]:

@@ -19,6 +19,8 @@ from symmb._types import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from symmb.bounds.worst_case import WorstCase
+
 _WORDS = {True: "kept", False: "violated", None: "undecided"}
 _LEFT = (0, 1, 2)
 
@@ -85,12 +87,14 @@ class LimitCheck(Result):
     method : str
     limits : tuple of KeptLimit
     draw : function            of names of outputs: a figure of their bounds
+    worst : WorstCase          the run that comes closest to a limit, or is farthest beyond it; None if none is known
     """
 
     t: Array
     method: str
     limits: tuple[KeptLimit, ...]
     draw: "Callable[[list[str]], Figure]"
+    worst: "WorstCase | None"
 
     @property
     def kept(self) -> bool | None:
@@ -122,7 +126,8 @@ class LimitCheck(Result):
         return rows
 
     def __str__(self) -> str:
-        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), left=_LEFT))])
+        worst = [f"  worst case: {self.worst}"] if self.worst else []
+        return "\n".join([self._head(), *(f"  {line}" for line in aligned(self._rows(), left=_LEFT)), *worst])
 
     def _repr_html_(self) -> str:
         parts = html.text(self._head()), html.table(self._rows(), _LEFT), html.picture(plot.png(self.plot()))

@@ -23,12 +23,14 @@ _SAMPLES, _FEWER = 512, 128
 """Samples of a set from polynomials, and where each takes a search for extremes or a run: more take more time."""
 _AT_ONCE = 2**23
 """Values that are computed at once: 64 MB."""
+_NEAR = 2.0
+"""Samples next to a quantile that are not told from it."""
 _FEW = 8
 """Samples beyond a quantile below which it is told that these are few."""
 _NONE = 3.0
 """Expected number of events of which none is seen in one of 20 samples: the least sampling error of a probability."""
-_DEVIATIONS = 2.5
-"""Standard errors of the mean of the sets that are told as sampling error: 96 % of Student's t with 7 degrees."""
+_DEVIATIONS = 3.5
+"""Standard errors of the mean of the sets that are told as sampling error: 99 % of Student's t with 7 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +169,9 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     """Quantiles (n_q, n_t) of values (replicates, n, n_t), and their sampling error."""
     sets = np.ascontiguousarray(values.transpose(0, 2, 1))
     whole = np.ascontiguousarray(values.transpose(2, 0, 1)).reshape(values.shape[2], -1)
-    return _quantiles(whole, q), _scatter(np.stack([_quantiles(own, q) for own in sets]))
+    found, scatter = _quantiles(whole, q), _scatter(np.stack([_quantiles(own, q) for own in sets]))
+    above, below = (_quantiles(whole, np.clip(q + sign * _NEAR / whole.shape[1], 0, 1)) for sign in (1, -1))
+    return found, np.maximum(scatter, np.maximum(above - found, found - below))
 
 
 def _quantiles(values: Array, q: Array) -> Array:

@@ -1,7 +1,7 @@
 """What questions about responses over a box are put to: a surrogate, or runs where none is good."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,11 +16,14 @@ FEWEST = 1e-12
 
 
 class Runs(Protocol):
-    """Further runs: a range with its error and their number, and values."""
+    """Further runs: a range with its error and their number, values, and bounds by PolynomialChaos()."""
 
     def range(self, box: Box) -> tuple[Array, Array, Array, int]: ...
 
     def values(self, points: Array) -> Array: ...
+
+    @property
+    def adaptive(self) -> Any: ...
 
 
 @dataclass(frozen=True, eq=False)

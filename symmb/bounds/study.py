@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._progress import shown_runs
 from symmb._types import Array
 from symmb.black_boxes import Simulator
 from symmb.bounds.method import parameter_samples
@@ -53,7 +54,8 @@ class Study:
 
         Parameters that are not in the box have their nominal values.
         """
-        found = PolynomialChaos().bounds(self.simulator, box)
+        with shown_runs(None, f"range over {', '.join(box.names)}") as progress:
+            found = PolynomialChaos().bounds(self.simulator, box, progress=progress)
         assert found.estimate is not None
         return found.lower, found.upper, found.estimate, found.evaluations
 

@@ -47,7 +47,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
-    print(*filter(None, (bounds, check)), sep="\n\n")
+    contributions = None if bounds.kind == "enclosure" else bounds.contributions()
+    print(*filter(None, (bounds, check, contributions)), sep="\n\n")
     if json_file:
         save_json(json_file, bounds.to_json())
     if csv_file:

@@ -81,7 +81,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Poi
     DeclarationError       if the bounds are not of a scene, have no such output, or no run attains them
     """
     study = bounds.study
-    if study is None:
+    if not isinstance(study, Study):
         raise DeclarationError(
             "These bounds hold no scene: they were read from a file. Draw those that propagate(scene, method) returns."
         )

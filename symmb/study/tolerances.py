@@ -15,8 +15,7 @@ from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor, Indices
 from symmb.black_boxes import Progress, Simulator
-from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, WorstCase, finished
-from symmb.bounds.limits import limit_pairs
+from symmb.bounds import Bounds, LimitCheck, PolynomialChaos, WorstCase, finished, limit_pairs
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
 from symmb.polynomials.ranges import Piecewise
@@ -29,8 +28,10 @@ _SETTLED = 2e-3
 """Change of the factors over them at which a search ends."""
 _MOST = 16.0
 """Largest factor that is looked for: the box that is given is meant to be of the right size."""
-_STUDIES = 6
+_STUDIES = 8
 """Most studies: three are usual."""
+_BEYOND, _FAR = 1.05, 1.5
+"""How far beyond the factor on a line the next study is, and beyond one that keeps the limits against such a line."""
 _WIDER, _NARROWER = 1.6, 0.25
 """Factors that an allocation may change at once, on the polynomials of a study over the wider box."""
 _ROUNDS = 12
@@ -159,15 +160,11 @@ def tolerances(
         bounds = finished(PolynomialChaos(tolerance=_TOLERANCES[1]), simulator, bounds, executor)
     warn_of((*bounds.doubts, *search.remarks), _OWNER)
     check = bounds.check(limits)
-    closest = min(check.limits, key=lambda limit: float(limit.margin.min()))
-    i, (lower, upper) = int(closest.margin.argmin()), bounds[closest.output]
-    worst = bounds.worst(closest.output, float(bounds.t[i]))
-    binding = worst.lower if lower[i] - closest.low < closest.high - upper[i] else worst.upper
     by_name = dict(zip(shape.names, factors.tolist(), strict=True))
     nominal = {name: float(simulator.parameters[name]) for name in shape.names}
     factor = float(factors[shape.radius > 0].min(initial=_MOST))
     assert bounds.box is not None
-    binding = None if factor >= _MOST else binding
+    binding = None if factor >= _MOST or search.remarks else check.worst
     return Tolerances(
         bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, search.remarks
     )
@@ -252,8 +249,8 @@ class _Search:
     def largest(self, along: Array, first: float = _TOLERANCES[0]) -> tuple[Array, Bounds]:
         """The largest factors (d,) along a ray, and bounds over their box, which keep the limits without a doubt.
 
-        The next study is at the factor that the polynomials show, or at which a line through the margins at 0 and at
-        the factor before is 0. It lies between those that keep the limits and those that do not.
+        A line through the margins at 0 and at a factor that keeps the limits shows where to look for one that does not.
+        Its polynomials show the largest factor, which a last study checks.
         """
         s, low, high, tolerance, kept = 1.0, 0.0, np.inf, first, None
         most = float(np.min(_MOST / along))
@@ -261,17 +258,22 @@ class _Search:
         for _ in range(_STUDIES):
             bounds, margin = self._study(s * along, tolerance)
             if margin >= 0 and not self._is_doubted(bounds):
-                low, kept = s, bounds
+                beyond, low, kept = (_BEYOND if low == 0 else _FAR), s, bounds
             else:
-                high, doubts = s, bounds.doubts
+                beyond, high, doubts = _BEYOND, s, bounds.doubts
             slope = (self._at_nominal - margin) / s
-            new = min(self._at_nominal / slope if slope > 0 else most, 4 * s)
+            line = self._at_nominal / slope if slope > 0 else np.inf
             if margin < 0 and (surrogate := bounds.good_surrogate(self._columns)) is not None:
-                new = self._factor_on(surrogate, s * along, s * along) * s
-            new = min(new, most) if low < new < high else (low + high) / 2
-            if kept is not None and tolerance == _TOLERANCES[1] and min(new, high) <= low * (1 + _SETTLED):
+                line = self._factor_on(surrogate, s * along, s * along) * s
+            if low >= most or (
+                tolerance == _TOLERANCES[1] and min(line, high) <= low * (1 + _SETTLED) and high < np.inf
+            ):
                 break
-            s, tolerance = min(new * (1 - _SETTLED / 4), most), _TOLERANCES[1]
+            if high == np.inf:
+                s = min(max(_BEYOND * line, beyond * s), 4 * s, most)
+            else:
+                s = line * (1 - _SETTLED / 4) if low < line < high else (low + high) / 2
+            tolerance = _TOLERANCES[1]
         if kept is None:
             raise PropagationError(" ".join([f"{_OWNER}: no box was found in {_STUDIES} studies.", *doubts]))
         if doubts and low * (1 + 4 * _SETTLED) < high:

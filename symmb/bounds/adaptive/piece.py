@@ -171,9 +171,9 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point."""
+        """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot."""
         smooth = self.truncation.directions.sum(axis=0) + self.truncation.least
-        return smooth if self.jumps is None else np.where(self.jumps, self.errors.max(axis=0), smooth)
+        return smooth if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), smooth)
 
     def values(self, points: Array) -> Array:
         """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""

@@ -1,0 +1,147 @@
+"""Contributions against closed forms and sums over dense grids."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import double_pendulum
+
+T = np.array([0.0, 1.0, 2.0])
+
+
+def ishigami() -> mb.FunctionSimulator:
+    """Ishigami and Homma's function, whose indices are known: a = 7, b = 0.1, parameters from -pi to pi."""
+
+    def f(x: float, y: float, z: float) -> np.ndarray:
+        return np.array([[np.sin(x) + 7 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)]])
+
+    return mb.FunctionSimulator(f, {"x": 0.0, "y": 0.0, "z": 0.0}, [0.0], ["f"])
+
+
+def test_indices_of_ishigamis_function():
+    box = mb.Box(**dict.fromkeys("xyz", (-np.pi, np.pi)))
+    found = mb.propagate(ishigami(), mb.PolynomialChaos(tolerance=1e-3), box).contributions()
+    a, b, pi = 7.0, 0.1, np.pi
+    v1, v2, v13 = 0.5 * (1 + b * pi**4 / 5) ** 2, a**2 / 8, b**2 * pi**8 * 8 / 225
+    whole = v1 + v2 + v13
+    assert np.allclose(found.first[0, 0], [v1 / whole, v2 / whole, 0], atol=found.share_estimate[0, 0])
+    assert np.allclose(
+        found.total[0, 0], [(v1 + v13) / whole, v2 / whole, v13 / whole], atol=found.share_estimate[0, 0]
+    )
+    assert found.share_estimate[0, 0] < 0.05
+    assert found.runs == 0
+    # alone: x gives 2, y 7, z nothing as sin x is 0 at its nominal value; all: from -(1 + 0.1 pi^4) to 8 + 0.1 pi^4
+    assert np.allclose(found.alone[0, 0], [2, 7, 0], atol=found.estimate[0, 0])
+    top = 0.1 * pi**4
+    assert np.allclose(found.saved[0, 0], [9 + 2 * top - 7, 7, 2 * top], atol=found.estimate[0, 0])
+
+
+def linear(a: float, b: float) -> np.ndarray:
+    """1 + a + 3 b t."""
+    return np.stack([1.0 + a + 3.0 * b * T, -a * b * T], axis=1)
+
+
+def simulator() -> mb.FunctionSimulator:
+    return mb.FunctionSimulator(linear, {"a": 0.5, "b": 0.0}, T, ["y", "product"])
+
+
+BOX = mb.Box(a=(0.0, 2.0), b=(-1.0, 1.0))
+EXACT = {
+    "alone": [[[2, 0], [0, 0]], [[2, 6], [0, 1]], [[2, 12], [0, 2]]],
+    "saved": [[[2, 0], [0, 0]], [[2, 6], [3, 4]], [[2, 12], [6, 8]]],
+}
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        mb.PolynomialChaos(), mb.PolynomialChaos(order=2), mb.PolynomialChaos.paper(2), mb.Vertex(), mb.MonteCarlo(50),
+        mb.Scanning(3), mb.Swarm(50),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_widths_of_a_product_by_every_method_with_runs(method):
+    found = mb.propagate(simulator(), method, BOX).contributions()
+    for name, exact in EXACT.items():
+        values = getattr(found, name)
+        assert (np.abs(values - np.array(exact)) <= found.estimate[..., None] + 1e-9).all()
+    assert (found.estimate <= 0.1 * found.width + 1e-9).all()
+    assert np.isnan(found.first[0, 1]).all()  # nothing varies
+    assert found.first[2, 0] == pytest.approx([1 / 37, 36 / 37], abs=1e-3)
+    assert found.total[2, 1] == pytest.approx([1 / 4, 1], abs=1e-3)  # E[a] = 1: b alone 4/3 1/3, together 1/3 1/3 more
+
+
+def test_a_parameter_that_jumps_and_one_that_does_nothing():
+    step = mb.FunctionSimulator(
+        lambda a, b, c: [[np.where(a > 0.3, 1.0, 0.0) + 0.1 * b]], {"a": 0.0, "b": 0.0, "c": 1.0}, [0.0], ["y"]
+    )
+    bounds = mb.propagate(step, mb.PolynomialChaos(), mb.Box(a=(-1, 1), b=(-1, 1), c=(1, 1)))
+    found = bounds.contributions()
+    assert np.allclose(found.alone[0, 0], [1, 0.2, 0], atol=found.estimate[0, 0])
+    assert np.allclose(found.saved[0, 0], [1, 0.2, 0], atol=found.estimate[0, 0])
+    assert np.isnan(found.first).all()  # polynomials overshoot at jumps
+
+
+def test_widths_come_from_runs_where_no_polynomial_is_good():
+    """Stairs over five parameters: each alone goes from -3 to 3, all together from -15 to 15."""
+    names = [f"p{i}" for i in range(5)]
+    stairs = mb.FunctionSimulator(
+        lambda **p: [[np.floor(3 * sum(p.values()) + 0.01)]], dict.fromkeys(names, 0.0), [0.0], ["y"]
+    )
+    with pytest.warns(mb.SymmbWarning):
+        bounds = mb.propagate(stairs, mb.MonteCarlo(30), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
+    found = bounds.contributions()
+    assert found.runs > 0
+    assert np.allclose(found.alone[0, 0], 6)
+    assert np.allclose(found.saved[0, 0], 6, atol=found.estimate[0, 0])
+
+
+def test_contributions_are_shown_kept_and_labelled(tmp_path):
+    bounds = mb.propagate(simulator(), mb.PolynomialChaos(), BOX)
+    found = bounds.contributions()
+    text = str(found)
+    assert "Widths do not add up" in text
+    assert text.index("b  ") < text.index("a  ")  # the largest first
+    for suffix in ("npz", "json"):
+        found.save(tmp_path / f"c.{suffix}")
+        again = type(found).load(tmp_path / f"c.{suffix}")
+        assert np.array_equal(again.first, found.first, equal_nan=True)
+        assert str(again) == text
+    assert found.to_xarray()["saved"].sel(time=2.0, output="y", parameter="b") == pytest.approx(12)
+    assert len(found.to_pandas()) == 12
+    assert "<table" in found._repr_html_()
+    for figure in (found.plot(tmp_path / "c.png"), found.plot(time=1.0), found.plot(outputs="y")):
+        assert figure.axes
+        plt.close(figure)
+    bounds.save(tmp_path / "b.npz")
+    assert np.array_equal(mb.Bounds.load(tmp_path / "b.npz").contributions().saved, found.saved)
+
+
+def test_pieces_are_kept_in_files(tmp_path):
+    kink = mb.FunctionSimulator(lambda a, b: [[abs(a - 0.3) + b]], {"a": 0.0, "b": 0.0}, [0.0], ["y"])
+    bounds = mb.propagate(kink, mb.PolynomialChaos(), mb.Box(a=(-1, 1), b=(-1, 1)))
+    assert len(bounds.surrogate.expansions) > 1
+    for suffix in ("npz", "json"):
+        bounds.save(tmp_path / f"b.{suffix}")
+        again = mb.Bounds.load(tmp_path / f"b.{suffix}")
+        assert str(again.contributions()) == str(bounds.contributions())
+
+
+def test_bounds_without_polynomials_from_a_file_tell_so(tmp_path):
+    bounds = mb.propagate(simulator(), mb.Vertex(), BOX)
+    bounds.save(tmp_path / "b.npz")
+    with pytest.raises(mb.DeclarationError, match="leaves no polynomials"):
+        mb.Bounds.load(tmp_path / "b.npz").contributions()
+    bounds.save(tmp_path / "b.csv")
+    with pytest.raises(mb.DeclarationError, match="do not know their box"):
+        mb.Bounds.load(tmp_path / "b.csv").contributions()
+
+
+def test_taylor_of_the_double_pendulum_contributes_as_runs_do():
+    scene = double_pendulum.scene()
+    found = mb.propagate(scene, mb.Taylor(2), mb.Box(l1=(0.99, 1.01), l2=(0.99, 1.01))).contributions()
+    runs = mb.sweep(scene, {"l1": np.linspace(0.99, 1.01, 21)})
+    width = np.ptp(runs["x2"], axis=0)
+    k = found.names.index("x2")
+    assert (np.abs(found.alone[:, k, 0] - width) <= found.estimate[:, k] + 1e-3 * width.max()).all()

@@ -1,0 +1,124 @@
+"""Quantiles, probabilities and samples against closed forms."""
+
+import numpy as np
+import pytest
+import scipy.stats as st
+
+import symmb as mb
+
+T = np.array([0.0, 1.0, 2.0])
+
+
+def sums() -> mb.FunctionSimulator:
+    """y = a + b t."""
+    return mb.FunctionSimulator(lambda a, b: (a + b * T)[:, None], {"a": 0.0, "b": 0.0}, T, ["y"])
+
+
+WIDE = mb.Box(a=(-9.0, 9.0), b=(-9.0, 9.0))
+NORMAL = {"a": st.norm(0.5, 1.0), "b": st.norm(0.0, 2.0)}
+LEVELS = [0.01, 0.5, 0.9]
+
+
+@pytest.mark.parametrize("rho", [None, 0.8, -0.5])
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.Vertex()], ids=repr)
+def test_quantiles_of_sums_of_normal_parameters(rho, method):
+    bounds = mb.propagate(sums(), method, WIDE)
+    matrix = None if rho is None else [[1, rho], [rho, 1]]
+    found = bounds.quantiles("y", LEVELS, laws=NORMAL, correlation=matrix)
+    deviation = np.sqrt(1 + 4 * T**2 + 4 * T * (rho or 0.0))
+    exact = 0.5 + st.norm.ppf(LEVELS)[:, None] * deviation
+    assert (np.abs(found.lower - exact) <= found.estimate).all()
+    assert (found.lower == found.upper).all()
+    assert (found.estimate < 0.1 * deviation).all()
+    beyond = bounds.probability("y", above=2.0, laws=NORMAL, correlation=matrix)
+    assert (np.abs(beyond.lower - st.norm.sf(1.5 / deviation)) <= beyond.estimate).all()
+    under = bounds.probability("y", below=2.0, laws=NORMAL, correlation=matrix)
+    assert np.allclose(under.upper, 1 - beyond.lower, atol=1e-12)
+
+
+def test_parameters_without_a_law_give_two_quantiles():
+    found = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(-9, 9), b=(-1, 3))).quantiles(
+        "y", LEVELS, laws={"a": NORMAL["a"]}
+    )
+    exact = 0.5 + st.norm.ppf(LEVELS)[:, None]
+    assert (np.abs(found.lower - (exact - T)) <= found.estimate).all()
+    assert (np.abs(found.upper - (exact + 3 * T)) <= found.estimate).all()
+    assert "b: anything in the box" in str(found)
+
+
+def test_an_extreme_inside_of_an_interval_counts():
+    """y = a + 4 b (1 - b): the largest value is at b = 1/2."""
+    bump = mb.FunctionSimulator(lambda a, b: [[a + 4 * b * (1 - b)]], {"a": 0.0, "b": 0.0}, [0.0], ["y"])
+    bounds = mb.propagate(bump, mb.PolynomialChaos(), mb.Box(a=(-9, 9), b=(0, 1)))
+    found = bounds.quantiles("y", 0.5, {"a": st.norm()})
+    assert found.lower[0, 0] == pytest.approx(0.0, abs=float(found.estimate[0, 0]))
+    assert found.upper[0, 0] == pytest.approx(1.0, abs=float(found.estimate[0, 0]))
+    chance = bounds.probability("y", above=1.0, laws={"a": st.norm()})
+    assert chance.lower[0] == pytest.approx(st.norm.sf(1), abs=float(chance.estimate[0]))
+    assert chance.upper[0] == pytest.approx(0.5, abs=float(chance.estimate[0]))
+
+
+def test_laws_are_cut_to_the_box():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0.0, 1.0), b=(0.0, 0.0)))
+    found = bounds.quantiles("y", LEVELS, {"a": st.expon()})
+    cut = st.truncexpon(1.0)
+    assert np.allclose(found.lower[:, 0], cut.ppf(LEVELS), atol=found.estimate[:, 0])
+    assert found.remarks == ("The law of a is cut to its interval, outside of which it has a probability of 0.37.",)
+
+
+def test_probability_of_an_event_at_any_time():
+    """a + b t over t = 0, 1, 2 exceeds 1 if a or a + 2 b does."""
+    even = {"a": st.uniform(0, 1), "b": st.uniform(0, 1)}
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(0, 1), b=(0, 1)))
+    found = bounds.probability("y", above=1.0, laws=even)
+    assert found.ever[0] == pytest.approx(0.75, abs=found.ever[2])  # 1 - P(a + 2 b < 1)
+    assert found.ever[2] < 0.02
+    assert found.lower[1] == pytest.approx(0.5, abs=float(found.estimate[1]))
+
+
+def test_samples_follow_their_laws():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
+    found = bounds.samples(20_000, NORMAL, [[1, 0.6], [0.6, 1]], seed=3)
+    a, b = found.parameters["a"], found.parameters["b"]
+    assert st.kstest(a, NORMAL["a"].cdf).pvalue > 1e-3
+    assert np.corrcoef(a, b)[0, 1] == pytest.approx(0.6, abs=0.02)
+    assert np.allclose(found["y"], a[:, None] + b[:, None] * T)
+    assert np.array_equal(found["y"], bounds.samples(20_000, NORMAL, [[1, 0.6], [0.6, 1]], seed=3)["y"])
+
+
+def test_monte_carlo_draws_from_laws():
+    method = mb.MonteCarlo(4000, laws={"a": st.norm(0, 0.1)})
+    assert repr(method) == "MonteCarlo(4000, laws={'a': norm(0, 0.1)})"
+    bounds = mb.propagate(sums(), method, mb.Box(a=(-9, 9), b=(0, 0)))
+    assert bounds.upper[0, 0] == pytest.approx(0.36, abs=0.1)  # largest of 4000 normal numbers
+    assert not bounds.doubts
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"output": "z"}, "no output 'z'"), ({"levels": 1.5}, "probabilities between 0 and 1"),
+        ({"levels": []}, "probabilities between 0 and 1"), ({"laws": {}}, "distributions by name"),
+        ({"laws": {"a": 3.0}}, "cdf and ppf"), ({"laws": {"c": st.norm()}}, "'c' is not in the box"),
+        ({"laws": {"a": st.norm(99, 1)}}, "probability of 0 in its interval"),
+        ({"correlation": [[1, 2], [2, 1]]}, "not positive definite"), ({"correlation": [[1]]}, "2 x 2 matrix"),
+        ({"correlation": [[1, 0.5], [0.1, 1]]}, "symmetric"), ({"laws": {"a": st.multivariate_normal([0, 0])}}, "cdf"),
+    ],
+)  # fmt: skip
+def test_what_is_malformed_is_told_in_a_sentence(change, text):
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
+    arguments = {"output": "y", "levels": 0.5, "laws": NORMAL} | change
+    with pytest.raises(mb.DeclarationError, match=text):
+        bounds.quantiles(**arguments)
+
+
+def test_other_malformed_calls():
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
+    with pytest.raises(mb.DeclarationError, match="above or for below"):
+        bounds.probability("y", laws=NORMAL)
+    with pytest.raises(mb.DeclarationError, match="need a law of every parameter"):
+        bounds.samples(3, {"a": st.norm()})
+    with pytest.raises(mb.DeclarationError, match="n must be"):
+        bounds.samples(0, NORMAL)
+    with pytest.raises(mb.DeclarationError, match="correlation"):
+        mb.MonteCarlo(3, correlation=[[1.0]])

@@ -1,0 +1,128 @@
+"""Tolerances against closed forms, and limits in many runs."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from models import four_bar
+
+
+def chain() -> mb.FunctionSimulator:
+    return mb.FunctionSimulator(lambda a, b, c: [[a + b - c]], {"a": 1.0, "b": 2.0, "c": 2.9}, [0.0], ["gap"])
+
+
+BOX = mb.Box(a=(0.9, 1.1), b=(1.98, 2.02), c=(2.85, 2.95))
+HALF = np.array([0.1, 0.02, 0.05])
+
+
+@pytest.mark.parametrize(("low", "high", "allowed"), [(None, 0.25, 0.15), (0.02, None, 0.08), (-1.0, 0.6, 0.5)])
+def test_a_chain_of_lengths(low, high, allowed):
+    found = mb.tolerances(chain(), {"gap": (low, high)}, BOX)
+    assert found.factor == pytest.approx(allowed / HALF.sum(), rel=2e-3)
+    assert found.factor <= allowed / HALF.sum()
+    assert np.allclose(found.box.radius, found.factor * HALF)
+    assert found.check.kept
+    assert found.binding.output == "gap"
+    assert found.binding.side == ("lower" if high is None else "upper")
+    corner = found.binding.parameters
+    assert corner["a"] + corner["b"] - corner["c"] == pytest.approx(
+        0.1 + (-allowed if high is None else allowed), rel=5e-3
+    )
+
+
+def test_the_cheapest_chain():
+    """The least sum of 1 / s_i with sum s_i h_i = w has s_i = w / (sqrt(h_i) sum sqrt(h))."""
+    found = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={})
+    assert found.cost == pytest.approx(np.sqrt(HALF).sum() ** 2 / 0.15, rel=2e-3)
+    best = 0.15 / np.sqrt(HALF).sum() / np.sqrt(HALF)
+    assert np.allclose([*found.factors.values()], best, rtol=0.02)
+    assert found.factor == min(found.factors.values())
+    own = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={"a": lambda h: 9 / h, "b": lambda h: 1 / h})
+    weights = np.array([9 * 10, 1 * 50, 1.0]) / [1, 1, 1]  # costs over 1 / s_i
+    best = np.sqrt(weights / HALF)
+    best *= 0.15 / (best @ HALF)
+    assert np.allclose([*own.factors.values()], best, rtol=0.05)
+    assert own.cost == pytest.approx((weights / best).sum(), rel=5e-3)
+
+
+def test_deviations_to_one_side_stay_there():
+    found = mb.tolerances(chain(), {"gap": (None, 0.25)}, mb.Box(a=(1.0, 1.1), b=(2.0, 2.0)))
+    assert found.box.bounds[0] == (1.0, pytest.approx(1.15, rel=1e-3))
+    assert found.box.bounds[1] == (2.0, 2.0)
+
+
+def test_a_limit_inside_of_the_box():
+    """y = 1 - (x - 0.3)^2 has its largest value inside: beyond it only the lower limit binds."""
+    hill = mb.FunctionSimulator(lambda x: [[1 - (x - 0.3) ** 2]], {"x": 0.0}, [0.0], ["y"])
+    found = mb.tolerances(hill, {"y": (0.0, 1.001)}, mb.Box(x=(-0.2, 0.2)))
+    assert found.box.bounds[0][0] == pytest.approx(-0.7, rel=2e-3)
+    assert found.binding.side == "lower"
+
+
+def test_the_box_of_a_four_bar_keeps_its_limits_in_many_runs():
+    scene = four_bar.scene()
+    limit = {"coupler_angle": (0.47, None)}
+    found = mb.tolerances(scene, limit)
+    simulator = mb.DAESimulator(scene)
+    P = np.tile(np.array([*simulator.parameters.values()]), (10_000, 1))
+    columns = [[*simulator.parameters].index(name) for name in found.box.names]
+    rng = np.random.default_rng(5)
+    sides = rng.choice([-1, 0, 1], (len(P), 4))
+    inside = rng.uniform(found.box.lower, found.box.upper, (len(P), 4))
+    P[:, columns] = np.where(sides < 0, found.box.lower, np.where(sides > 0, found.box.upper, inside))
+    y = simulator.run(P).Y[:, :, simulator.outputs.index("coupler_angle")]
+    least = y.min()
+    k = found.bounds.names.index("coupler_angle")
+    assert least >= 0.47 - found.bounds.estimate[:, k].max()
+    assert least == pytest.approx(0.47, abs=5e-3 * abs(y[:, 0].mean() - 0.47))  # the box is not much too small
+
+
+def test_no_limit_binds():
+    found = mb.tolerances(chain(), {"gap": (None, 100.0)}, BOX)
+    assert found.factor == pytest.approx(16)
+    assert found.binding is None
+    assert "no limit" in str(found)
+
+
+def test_runs_that_fail_end_the_search_with_a_remark():
+    def root(a: float) -> list[list[float]]:
+        if a < 0.5:
+            raise ValueError("too thin")
+        return [[a]]
+
+    with pytest.warns(mb.SymmbWarning):
+        found = mb.tolerances(
+            mb.FunctionSimulator(root, {"a": 1.0}, [0.0], ["y"]), {"y": (-9.0, 9.0)}, mb.Box(a=(0.9, 1.1))
+        )
+    assert 3 < found.factor <= 5
+    assert found.remarks
+    assert found.binding is None
+
+
+def test_it_is_printed_and_labelled():
+    found = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={})
+    text = str(found)
+    assert "cost" in text
+    assert "greatest gap" in text
+    assert "<table" in found._repr_html_()
+    assert found.to_xarray()["factor"].sel(parameter="b") == found.factors["b"]
+    assert len(found.to_pandas()) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (({"no": (0, 1)}, BOX), "no output 'no'"), (({"gap": (1, 0)}, BOX), "cross"), (({}, BOX), "must be pairs"),
+        (({"gap": (0, 1)}, mb.Box(a=(2, 3))), "outside of its"), (({"gap": (0, 1)}, BOX, 3), "costs must be"),
+        (({"gap": (0, 1)}, BOX, {"q": abs}), "not in the box"), (({"gap": (0, 1)}, BOX, {"a": 3}), "function"),
+        (({"gap": (0, 1)}, BOX, {"a": lambda h: np.nan}), "finite"),
+    ],
+)  # fmt: skip
+def test_what_is_malformed_is_told(arguments, text):
+    with pytest.raises(mb.DeclarationError, match=text):
+        mb.tolerances(chain(), *arguments)
+
+
+def test_a_nominal_run_beyond_a_limit_is_told():
+    with pytest.raises(mb.PropagationError, match="nominal run breaks the limit of gap"):
+        mb.tolerances(chain(), {"gap": (None, 0.05)}, BOX)
