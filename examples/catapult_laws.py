@@ -1,0 +1,58 @@
+"""A spring throws a ball. How often does it land beyond a fence, if spring and ball vary as they are made?
+
+The energy of the spring goes into the ball, which leaves at 45 degrees: its range without drag is twice the energy over
+its weight, k s^2 / (m g). Stiffness is normal, the mass is uniform, and the stretch is only known to be in an interval.
+So the probability has a least and a greatest value, and both follow from an integral.
+`python examples/catapult_laws.py FOLDER` draws the bounds there.
+
+Source: own.
+"""
+
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import scipy.stats as st
+from scipy.integrate import quad
+
+import symmb as mb
+
+G, FENCE = 9.81, 8.0
+
+p = mb.Parameters(stiffness=400.0, mass=0.1, stretch=0.14)
+ball = mb.Body("ball", p.mass, pose=mb.Particle())
+speed = ca.sqrt(p.stiffness * p.stretch**2 / p.mass)
+start = {"ball.vx": speed / ca.sqrt(2), "ball.vy": speed / ca.sqrt(2)}
+share = mb.t  # of the time of flight: every run lands at share = 1
+system = mb.System(ball, parameters=p)
+flight = ca.sqrt(2) * speed / G
+scene = mb.Scene(
+    system,
+    start,
+    np.linspace(0, 1, 41),
+    {"x": ball.x * flight, "y": (ball.y - G / 2 * flight * share**2) * flight},
+    box=mb.Box(stiffness=(340.0, 460.0), mass=(0.095, 0.105), stretch=(0.138, 0.142)),
+    name="catapult",
+)
+bounds = mb.propagate(scene, mb.PolynomialChaos())
+laws = {"stiffness": st.norm(400.0, 15.0), "mass": st.uniform(0.095, 0.01)}
+beyond = bounds.probability("x", above=FENCE, laws=laws)
+
+
+def exact(stretch: float) -> float:
+    """Probability that stiffness stretch^2 / (mass G) is above the fence."""
+    cut = laws["stiffness"].cdf(460) - laws["stiffness"].cdf(340)
+    value, _ = quad(lambda m: laws["stiffness"].sf(FENCE * m * G / stretch**2) / 0.01, 0.095, 0.105)
+    return value / cut
+
+
+assert abs(beyond.lower[-1] - exact(0.138)) < beyond.estimate[-1]
+assert abs(beyond.upper[-1] - exact(0.142)) < beyond.estimate[-1]
+assert beyond.estimate[-1] < 0.05
+assert np.abs(bounds["y"][0][-1]) < 1e-6  # it has landed
+
+if __name__ == "__main__":
+    print(beyond, bounds.quantiles("x", [0.05, 0.95], laws=laws), sep="\n\n")
+    if len(sys.argv) > 1:
+        bounds.plot(Path(sys.argv[1]) / "catapult_laws.png")
