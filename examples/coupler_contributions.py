@@ -1,7 +1,7 @@
 """Which length of a four-bar causes the tolerance of its coupler point?
 
-Each of four lengths is known to 0.5 %. The coupler point's width is nearly the sum of what the lengths contribute alone,
-but shares of the variance are quite different: the largest contribution counts with its square.
+Each of four lengths is known to 0.5 %. The coupler point's width is nearly the sum of what the lengths contribute
+alone. Shares of the variance are quite different: the largest contribution counts with its square.
 `python examples/coupler_contributions.py FOLDER` draws the contributions there.
 
 Source: textbook mechanism; own values.
