@@ -214,20 +214,35 @@ class _Search:
                 raise DeclarationError(
                     f"{_OWNER}: the nominal value {name} = {p:g} is outside of its interval from {low:g} to {high:g}."
                 )
-        P = np.array([[*map(float, simulator.parameters.values())]])
-        run = simulator.run(P)
+        self.evaluations, self.remarks, self._at_nominal = 0, tuple[str, ...](), 0.0
+
+    def _nominal_margin(self, surrogate: Piecewise | None, whole: Box) -> float:
+        """The least margin of the nominal values, by polynomials over a box, or by a run if these do not tell it.
+
+        Raises
+        ------
+        PropagationError       if the run fails, or breaks a limit
+        """
+        if surrogate is not None:
+            own = self._limited(surrogate)
+            values = own.values(whole.to_unit(self._nominal)[None])[0]
+            margins = self._margins(values, values)
+            if (margins > 2 * own.error).all():
+                return float(margins.min())
+        run = self._simulator.run(np.array([[*map(float, self._simulator.parameters.values())]]))
+        self.evaluations += 1
         if not run.ok.all():
             raise PropagationError(f"{_OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
-        self.evaluations, self.remarks = 1, tuple[str, ...]()
         values = run.Y[0][:, self._columns]
-        self._at_nominal = float(self._margins(values, values).min())
-        if self._at_nominal <= 0:
-            i, k = np.unravel_index(np.argmin(self._margins(values, values)), values.shape)
-            name = simulator.outputs[self._columns[k]]
+        margins = self._margins(values, values)
+        i, k = np.unravel_index(np.argmin(margins), values.shape)
+        if margins[i, k] <= 0:
+            name = self._simulator.outputs[self._columns[k]]
             raise PropagationError(
-                f"{_OWNER}: the nominal run breaks the limit of {name} at {simulator.times[i]:g} s, or meets it, with "
-                f"{values[i, k]:.6g}: no tolerance keeps it."
+                f"{_OWNER}: the nominal run breaks the limit of {name} at {self._simulator.times[i]:g} s, or meets it, "
+                f"with {values[i, k]:.6g}: no tolerance keeps it."
             )
+        return float(margins[i, k])
 
     def _margins(self, lower: Array, upper: Array) -> Array:
         """Margins (n_t, n_l) of bounds of the outputs with limits."""
@@ -244,6 +259,8 @@ class _Search:
         method, box = PolynomialChaos(tolerance=tolerance), self._box(factors)
         bounds = method.bounds(self._simulator, box, executor=self._executor, progress=self._progress)
         self.evaluations += bounds.evaluations
+        if not self._at_nominal:
+            self._at_nominal = self._nominal_margin(bounds.good_surrogate(self._columns), box)
         return bounds, float(self._margins(bounds.lower[:, self._columns], bounds.upper[:, self._columns]).min())
 
     def largest(self, along: Array, first: float = _TOLERANCES[0]) -> tuple[Array, Bounds]:
