@@ -21,8 +21,8 @@ _REPLICATES = 8
 """Independent sets of samples: their scatter is the sampling error."""
 _SAMPLES, _FEWER = 512, 128
 """Samples of a set from polynomials, and where each takes a search for extremes or a run: more take more time."""
-_AT_ONCE = 2**23
-"""Values that are computed at once: 64 MB."""
+_AT_ONCE = 2**18
+"""Values that are computed at once: what the cache of a processor holds."""
 _NEAR = 2.0
 """Samples next to a quantile that are not told from it."""
 _FEW = 8
@@ -162,25 +162,27 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
         found = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
         parts.append((found[0][0], found[-1][0], np.maximum(found[0][1], found[-1][1])))
     lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    lower, upper = np.clip((lower, upper), responses.lower[:, k], responses.upper[:, k])
     return Quantiles(*samples.about(q), q, lower, upper, sampling + samples.error)
 
 
 def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     """Quantiles (n_q, n_t) of values (replicates, n, n_t), and their sampling error."""
-    sets = np.ascontiguousarray(values.transpose(0, 2, 1))
-    whole = np.ascontiguousarray(values.transpose(2, 0, 1)).reshape(values.shape[2], -1)
-    found, scatter = _quantiles(whole, q), _scatter(np.stack([_quantiles(own, q) for own in sets]))
-    above, below = (_quantiles(whole, np.clip(q + sign * _NEAR / whole.shape[1], 0, 1)) for sign in (1, -1))
-    return found, np.maximum(scatter, np.maximum(above - found, found - below))
+    sets = np.ascontiguousarray(values.transpose(2, 0, 1))
+    sets.sort(axis=2)  # np.quantile takes five times as long
+    whole = sets.reshape(len(sets), -1).copy()
+    whole.sort(axis=1)
+    near = _NEAR / whole.shape[1]
+    found, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
+    return found, np.maximum(_scatter(np.moveaxis(_of_sorted(sets, q), 2, 0)), np.maximum(above - found, found - below))
 
 
-def _quantiles(values: Array, q: Array) -> Array:
-    """(n_q, n_t) quantiles of values (n_t, n), which are sorted in place: np.quantile takes five times as long."""
-    values.sort(axis=1)
-    place = q * (values.shape[1] - 1)
-    first = np.minimum(place.astype(int), values.shape[1] - 2)
-    share = (place - first)[:, None]
-    return (1 - share) * values[:, first].T + share * values[:, first + 1].T
+def _of_sorted(values: Array, q: Array) -> Array:
+    """(n_q, n_t, ...) quantiles of values (n_t, ..., n) that rise along the last axis."""
+    place = q * (values.shape[-1] - 1)
+    first = np.minimum(place.astype(int), values.shape[-1] - 2)
+    share = place - first
+    return np.moveaxis((1 - share) * values[..., first] + share * values[..., first + 1], -1, 0)
 
 
 def probability_of(
@@ -198,7 +200,9 @@ def probability_of(
     for window, low, high in samples.over_time():
         if sign < 0:
             low, high = -high, -low
-        e = samples.error[window]
+        ends = responses.lower[window, k], responses.upper[window, k]
+        ends = ends if sign > 0 else (-ends[1], -ends[0])
+        low, high, e = np.clip(low, *ends), np.clip(high, *ends), samples.error[window]
         beyond = np.stack([each > sign * value for each in (low, high, low - e, high + e)])
         at_times.append(beyond.mean(axis=2))
         ever |= beyond.any(axis=3)
@@ -281,13 +285,9 @@ class _Samples:
                     low, high = own.ranges(self._points, self._free)
                 else:
                     low = high = own.values(self._points)
-            ends = responses.lower[window, k, None], responses.upper[window, k, None]
-            shape = _REPLICATES, -1, len(responses.t[window])
-            if low is high:
-                low = high = np.clip(low, *ends).reshape(shape)
-            else:
-                low, high = np.clip(low, *ends).reshape(shape), np.clip(high, *ends).reshape(shape)
-            yield window, low, high
+            shape = _REPLICATES, -1, low.shape[1]
+            sets = low.reshape(shape)
+            yield window, sets, sets if low is high else high.reshape(shape)
 
     def about(self, levels: Array | None = None) -> tuple[str, str, Array, str, tuple[str, ...], int, tuple[str, ...]]:
         """The attributes of `Figures`."""
