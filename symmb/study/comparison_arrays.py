@@ -51,7 +51,7 @@ def labelled(comparison: Compared) -> Labelled:
         "method": (("method",), texts([row.name for row in rows])),
         "kind": (("method",), texts([row.kind for row in rows])),
     }
-    pair, series = ("method", "bound", "time", "output"), ("method", "time", "output")
+    pair = ("method", "bound", "time", "output")
     value = np.reshape([[row.lower, row.upper] for row in rows], (len(rows), 2, n_t, n_y))
     variables: dict[str, Named] = {
         "value": (pair, value),
@@ -60,10 +60,7 @@ def labelled(comparison: Compared) -> Labelled:
     }
     for name, kind in (("evaluations", int), ("failed", int), ("run_seconds", float)):
         variables[name] = ("method",), np.array([getattr(row, name) for row in rows], dtype=kind)
-    if any(row.estimate is not None for row in rows):
-        variables["estimate"] = series, _filled([row.estimate for row in rows], (n_t, n_y))
-    if any(row.inner is not None for row in rows):
-        variables["inner"] = pair, _filled([row.inner and np.stack(row.inner) for row in rows], (2, n_t, n_y))
+    variables |= _optional(comparison, (n_t, n_y))
     for name in ("error", "over", "under", "coverage"):
         values = [getattr(row.score, name) for row in rows]
         variables[name] = ("method", "output"), np.reshape(values, (len(rows), n_y)).astype(float)
@@ -80,6 +77,18 @@ def labelled(comparison: Compared) -> Labelled:
         "doubts": "\n".join(comparison.doubts) or None,
     }
     return Labelled(coordinates, variables, attributes, unit_of | {"run_seconds": "s"})
+
+
+def _optional(comparison: Compared, shape: tuple[int, int]) -> dict[str, Named]:
+    """Estimates and inner bounds, if any method has them."""
+    estimates = [row.estimate for row in comparison.rows]
+    inner = [row.inner and np.stack(row.inner) for row in comparison.rows]
+    arrays: dict[str, Named] = {}
+    if any(estimate is not None for estimate in estimates):
+        arrays["estimate"] = ("method", "time", "output"), _filled(estimates, shape)
+    if any(pair is not None for pair in inner):
+        arrays["inner"] = ("method", "bound", "time", "output"), _filled(inner, (2, *shape))
+    return arrays
 
 
 def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array:
