@@ -105,17 +105,8 @@ class CommandSimulator(BlackBox):
         noise: Mapping[str, float] | None = None,
     ):
         self._declare(parameters, times, outputs, noise)
-        if not _are_paths(command) or not command:
-            raise DeclarationError(
-                f"{_OWNER}: command must be a list of a program and its arguments, got {shown(command)}."
-            )
-        if not _are_paths(files):
-            raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {shown(files)}.")
-        if folder is not None and not _are_paths([folder]):
-            raise DeclarationError(f"{_OWNER}: folder must be a path, got {shown(folder)}.")
         environment = {} if environment is None else environment
-        if not _are_variables(environment):
-            raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
+        _require_types(command, files, folder, environment)
         texts = template_texts(_OWNER, {} if templates is None else templates)
         sources = tuple(Path(file).resolve() for file in files)
         program = _program(str(command[0]), {*texts, *(file.name for file in sources)})
@@ -141,6 +132,12 @@ class CommandSimulator(BlackBox):
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
     def _faults(self) -> Iterator[str]:
+        yield from self._faults_of_inputs()
+        yield from self._faults_of_names()
+        yield from self._faults_of_options()
+
+    def _faults_of_inputs(self) -> Iterator[str]:
+        """Templates that cannot be filled, parameters that stand nowhere and files that are missing."""
         places = {f"template {name!r}": text for name, text in self.templates.items()}
         places |= {f"argument {word!r}": word for word in self.command[1:]}
         for place, text in places.items():
@@ -148,9 +145,10 @@ class CommandSimulator(BlackBox):
         for name in self.parameters:
             if not any(is_filled(text, name) for text in places.values()):
                 yield f"parameter {name!r} stands in no template and in no argument. Write {{{name}}} there."
-        for file in self.files:
-            if not file.exists():
-                yield f"files: {file} does not exist."
+        yield from (f"files: {file} does not exist." for file in self.files if not file.exists())
+
+    def _faults_of_names(self) -> Iterator[str]:
+        """Files in the folder of a run that are in the way of each other."""
         own = [str(PurePosixPath(name)) for name in self.templates]
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]
         for name, count in Counter(names).items():
@@ -158,12 +156,15 @@ class CommandSimulator(BlackBox):
                 yield f"{name!r} is the name of two files in the folder of a run."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
                 yield f"{name!r}: its folder has the name of a file in the folder of a run."
-        if isinstance(self.read, str) and not is_inside(self.read):
+
+    def _faults_of_options(self) -> Iterator[str]:
+        if not isinstance(self.read, str):
+            if not callable(self.read):
+                yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
+        elif not is_inside(self.read):
             yield f"read: {self.read!r} must be the name of a file in the folder of a run."
-        elif isinstance(self.read, str) and Path(self.read).suffix not in READERS:
+        elif Path(self.read).suffix not in READERS:
             yield f"read: {self.read!r} must end in one of {', '.join(READERS)}, or be a function of the folder."
-        if not isinstance(self.read, str) and not callable(self.read):
-            yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
         if not isinstance(self.interpolate, bool):
             yield f"interpolate must be True or False, got {shown(self.interpolate)}."
         if not isinstance(self.keep, str) or self.keep not in _KEEP:
@@ -226,6 +227,19 @@ class CommandSimulator(BlackBox):
 
     def __repr__(self) -> str:
         return f"CommandSimulator({Path(self.command[0]).name})"
+
+
+def _require_types(command: Any, files: Any, folder: Any, environment: Any) -> None:
+    if not _are_paths(command) or not command:
+        raise DeclarationError(
+            f"{_OWNER}: command must be a list of a program and its arguments, got {shown(command)}."
+        )
+    if not _are_paths(files):
+        raise DeclarationError(f"{_OWNER}: files must be a list of paths, got {shown(files)}.")
+    if folder is not None and not _are_paths([folder]):
+        raise DeclarationError(f"{_OWNER}: folder must be a path, got {shown(folder)}.")
+    if not _are_variables(environment):
+        raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
 
 
 def _are_paths(things: Any) -> bool:

@@ -191,6 +191,12 @@ def _csv(path: Path) -> Mapping[str, Any]:
         mark = max(",;\t", key=header.count)
         names = [name.strip().strip('"') for name in header.rstrip("\r\n").split(mark)]
         rows = [row for row in csv.reader(file, delimiter=mark) if row]
+    _require_columns(names, rows)
+    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+
+def _require_columns(names: list[str], rows: list[list[str]]) -> None:
+    """Names must differ, and each row must have one value for each."""
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise SimulationError(f"two columns {twice[0]!r}")
     short = next((k for k, row in enumerate(rows) if len(row) < len(names)), None)
@@ -201,7 +207,6 @@ def _csv(path: Path) -> Mapping[str, Any]:
         raise SimulationError(
             f"line {long + 2} has {len(rows[long])} values for {len(names)} columns; decimal commas may be the reason"
         )
-    return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
 def _json(path: Path) -> Mapping[str, Any]:

@@ -141,28 +141,35 @@ def labelled(
         variables["estimate"] = (series, record["estimate"])
     if record["inner_lower"] is not None:
         variables["inner"] = (pair, np.stack([record["inner_lower"], record["inner_upper"]]))
-    if record["nominal"] is not None:
-        variables["nominal"] = (series, record["nominal"])
-    if record["noise"] is not None:
-        variables["noise"] = (("output",), record["noise"])
+    for name, axes in (("nominal", series), ("noise", ("output",))):
+        if record[name] is not None:
+            variables[name] = (axes, record[name])
     if record["alpha"] is not None:
         own = "parameter" if box is not None and tuple(record["parameters"]) == box.names else "expansion_parameter"
         coordinates[own] = ((own,), texts(record["parameters"]))
         variables["alpha"] = (("term", own), record["alpha"])
         variables["coefficients"] = (("term", "time", "output"), record["coefficients"])
     if failed:
-        variables["failed_at"] = (("sample",), np.array([run.time for run in failed]))
-        variables["failure"] = (("sample",), texts([run.message for run in failed]))
-        values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
-        own_names = parameter_names([*values], [*coordinates, *variables, "term", "sample"])
-        coordinates |= {name: (("sample",), column) for name, column in zip(own_names, values.values(), strict=True)}
-    unit_of |= {
-        name: unit_of["value"] for name in ("outer", "estimate", "inner", "nominal", "noise") if "value" in unit_of
-    }
+        variables |= _failed_runs(failed)
+        coordinates |= _failed_parameters(failed, [*coordinates, *variables, "term", "sample"])
+    if "value" in unit_of:
+        unit_of |= dict.fromkeys(("outer", "estimate", "inner", "nominal", "noise"), unit_of["value"])
     attributes = {name: record[name] for name in ("method", "kind", "range_of", "evaluations", "seconds", "caution")}
     sentences = {name: "\n".join(record[name]) or None for name in ("doubts", "remarks")}
     attributes |= {"units": unit_text(names, units), **sentences}
     return Labelled(coordinates, variables, {k: None if v == "" else v for k, v in attributes.items()}, unit_of)
+
+
+def _failed_runs(failed: tuple[Failure, ...]) -> dict[str, Named]:
+    times, messages = np.array([run.time for run in failed]), texts([run.message for run in failed])
+    return {"failed_at": (("sample",), times), "failure": (("sample",), messages)}
+
+
+def _failed_parameters(failed: tuple[Failure, ...], taken: list[str]) -> dict[str, Named]:
+    """Parameters of the failed runs, by names that are not taken."""
+    values = {name: np.array([run.parameters[name] for run in failed]) for name in failed[0].parameters}
+    names = parameter_names([*values], taken)
+    return {name: (("sample",), column) for name, column in zip(names, values.values(), strict=True)}
 
 
 def extremes_of_bounds(

@@ -51,26 +51,23 @@ def labelled(comparison: Compared) -> Labelled:
         "method": (("method",), texts([row.name for row in rows])),
         "kind": (("method",), texts([row.kind for row in rows])),
     }
-    pair, series, score = ("method", "bound", "time", "output"), ("method", "time", "output"), ("method", "output")
+    pair = ("method", "bound", "time", "output")
     value = np.reshape([[row.lower, row.upper] for row in rows], (len(rows), 2, n_t, n_y))
     variables: dict[str, Named] = {
         "value": (pair, value),
         "reference": (pair[1:], np.stack([reference.lower, reference.upper])),
         "uncertainty": (("output",), reference.uncertainty),
-        "evaluations": (("method",), np.array([row.evaluations for row in rows], dtype=int)),
-        "failed": (("method",), np.array([row.failed for row in rows], dtype=int)),
-        "run_seconds": (("method",), np.array([row.run_seconds for row in rows], dtype=float)),
     }
-    if any(row.estimate is not None for row in rows):
-        variables["estimate"] = series, _filled([row.estimate for row in rows], (n_t, n_y))
-    if any(row.inner is not None for row in rows):
-        variables["inner"] = pair, _filled([row.inner and np.stack(row.inner) for row in rows], (2, n_t, n_y))
+    for name, kind in (("evaluations", int), ("failed", int), ("run_seconds", float)):
+        variables[name] = ("method",), np.array([getattr(row, name) for row in rows], dtype=kind)
+    variables |= _optional(comparison, (n_t, n_y))
     for name in ("error", "over", "under", "coverage"):
         values = [getattr(row.score, name) for row in rows]
-        variables[name] = score, np.reshape(values, (len(rows), n_y)).astype(float)
+        variables[name] = ("method", "output"), np.reshape(values, (len(rows), n_y)).astype(float)
     if comparison.solver_error is not None:
         variables["solver_error"] = ("output",), comparison.solver_error
-    unit_of |= {name: unit_of["value"] for name in ("reference", "estimate", "inner") if "value" in unit_of}
+    if "value" in unit_of:
+        unit_of |= dict.fromkeys(("reference", "estimate", "inner"), unit_of["value"])
     attributes = {
         "scene": comparison.scene,
         "solver": comparison.solver or None,
@@ -80,6 +77,18 @@ def labelled(comparison: Compared) -> Labelled:
         "doubts": "\n".join(comparison.doubts) or None,
     }
     return Labelled(coordinates, variables, attributes, unit_of | {"run_seconds": "s"})
+
+
+def _optional(comparison: Compared, shape: tuple[int, int]) -> dict[str, Named]:
+    """Estimates and inner bounds, if any method has them."""
+    estimates = [row.estimate for row in comparison.rows]
+    inner = [row.inner and np.stack(row.inner) for row in comparison.rows]
+    arrays: dict[str, Named] = {}
+    if any(estimate is not None for estimate in estimates):
+        arrays["estimate"] = ("method", "time", "output"), _filled(estimates, shape)
+    if any(pair is not None for pair in inner):
+        arrays["inner"] = ("method", "bound", "time", "output"), _filled(inner, (2, *shape))
+    return arrays
 
 
 def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array:
