@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POOR = 0.5
-"""Error over the largest width alone from which on widths are taken from runs in the place of polynomials."""
+"""Error over the largest width alone from which on these widths are taken from runs along lines."""
 _SAMPLES = 2048
 """Samples of each matrix from which shares of pieces are taken."""
 _SAMPLING = 0.03
@@ -47,7 +47,8 @@ class Contributions(Result, files.Saved):
     first, total : (n_t, n_y, n_p) Sobol's indices: the share of the variance that a parameter explains by itself, and
                                    with others, for uniform independent parameters. nan where the variance is rounding,
                                    and where no surrogate is good enough
-    estimate : (n_t, n_y)          estimated error of the widths
+    estimate : (n_t, n_y)          estimated error of alone
+    saved_estimate : (n_t, n_y)    estimated error of saved
     share_estimate : (n_t, n_y)    estimated error of the indices
     runs : int                     further runs that were made
     method : str                   where the surrogate comes from, or the runs
@@ -63,6 +64,7 @@ class Contributions(Result, files.Saved):
     first: Array
     total: Array
     estimate: Array
+    saved_estimate: Array
     share_estimate: Array
     runs: int
     method: str
@@ -73,7 +75,7 @@ class Contributions(Result, files.Saved):
 
     def _rows(self, k: int, i: int) -> list[list[str]]:
         """Those to output number k at time number i, the largest first."""
-        width, error, of_share = self.width[i, k], self.estimate[i, k], self.share_estimate[i, k]
+        width, of_share = self.width[i, k], self.share_estimate[i, k]
         title = f"{self.names[k]} at {self.t[i]:g} s"
         rows = [[title, "alone", "saved", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
@@ -82,7 +84,8 @@ class Contributions(Result, files.Saved):
             indices = (f"{x:.3f}" if np.isfinite(x) else "–" for x in (self.first[i, k, p], self.total[i, k, p]))
             rows.append([self.parameters[p], *widths, share, *indices])
         known = f"≤ {of_share:.1g}" if np.isfinite(of_share) else "–"
-        rows.append(["estimated error", f"≤ {error:.1e}", f"≤ {error:.1e}", "", known, known])
+        errors = (f"≤ {each[i, k]:.1e}" for each in (self.estimate, self.saved_estimate))
+        rows.append(["estimated error", *errors, "", known, known])
         return rows
 
     def _tables(self) -> list[list[list[str]]]:
@@ -137,7 +140,9 @@ class Contributions(Result, files.Saved):
         coordinates["parameter"] = (("parameter",), texts(self.parameters))
         series = ("time", "output")
         variables: dict[str, Named] = {name: ((*series, "parameter"), getattr(self, name)) for name in _EACH}
-        variables |= {name: (series, getattr(self, name)) for name in ("width", "estimate", "share_estimate")}
+        variables |= {
+            name: (series, getattr(self, name)) for name in ("width", "estimate", "saved_estimate", "share_estimate")
+        }
         rows = ("time", "output", "parameter")
         return Labelled(coordinates, variables, {"method": self.method}, {"time": units["time"]}, rows)
 
@@ -147,18 +152,18 @@ _EACH = ("alone", "saved", "first", "total")
 
 def contributions_of(responses: Responses) -> Contributions:
     """Ranges over lines and faces through the nominal point, and shares of the variance."""
-    width, runs = responses.upper - responses.lower, 0
-    alone, saved, estimate = np.zeros((0, *width.shape)), np.zeros((0, *width.shape)), width
-    for source in (responses, replace(responses, surrogate=None)):
-        if (source.surrogate is None and source.runs is None) or (len(alone) and not _is_poor(estimate, alone)):
-            break
-        alone, saved, error, runs = _widths(source)
-        estimate = np.minimum(2 * (error + responses.estimate), width + responses.estimate)
+    width, without = responses.upper - responses.lower, replace(responses, surrogate=None)
+    alone, error, runs = _widths(responses, is_alone=True)
+    if responses.surrogate is not None and responses.runs is not None and _is_poor(2 * error, alone):
+        alone, error, runs = _widths(without, is_alone=True)
+    others, of_others, more = _widths(responses, is_alone=False)
+    saved = np.where(responses.box.radius[:, None, None] > 0, np.maximum(width - others, 0.0), 0.0)
+    estimates = np.minimum(2 * error, width), np.minimum(2 * (of_others + responses.estimate), width)
     first, total, share_estimate = _shares(responses, width)
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
     own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
-    return Contributions(*own, estimate, share_estimate, runs, responses.method)
+    return Contributions(*own, *estimates, share_estimate, runs + more, responses.method)
 
 
 def _is_poor(error: Array, alone: Array) -> bool:
@@ -167,20 +172,20 @@ def _is_poor(error: Array, alone: Array) -> bool:
     return bool((np.sqrt(np.square(error).mean(axis=0)) > _POOR * size).any())
 
 
-def _widths(responses: Responses) -> tuple[Array, Array, Array, int]:
-    """Widths (d, n_t, n_y) alone and saved, the error (n_t, n_y) of ranges, and how many runs they took."""
-    d, width, runs = len(responses.box), responses.upper - responses.lower, 0
-    one = np.ones(d)
-    alone, saved = np.zeros((2, d, *width.shape))
-    error = np.zeros_like(width)
+def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, int]:
+    """Widths (d, n_t, n_y) over lines and faces through the nominal point, the error of ranges, and how many runs.
+
+    Each parameter is free alone, or nominal alone.
+    """
+    d, one = len(responses.box), np.ones(len(responses.box))
+    widths, error, runs = np.zeros((d, *responses.lower.shape)), np.zeros_like(responses.lower), 0
     for i in np.flatnonzero(responses.box.radius > 0):
-        for which, is_fixed in ((alone, np.arange(d) != i), (saved, np.arange(d) == i)):
-            ends = np.where(is_fixed, responses.nominal, -one), np.where(is_fixed, responses.nominal, one)
-            low, high, of_range, more = responses.range(*ends)
-            which[i] = np.maximum(high - low, 0.0)
-            error, runs = np.maximum(error, of_range), runs + more
-        saved[i] = np.maximum(width - saved[i], 0.0)
-    return alone, saved, error, runs
+        is_fixed = (np.arange(d) != i) == is_alone
+        ends = np.where(is_fixed, responses.nominal, -one), np.where(is_fixed, responses.nominal, one)
+        low, high, of_range, more = responses.range(*ends)
+        widths[i] = np.maximum(high - low, 0.0)
+        error, runs = np.maximum(error, of_range), runs + more
+    return widths, error, runs
 
 
 def _shares(responses: Responses, width: Array) -> tuple[Array, Array, Array]:

@@ -101,7 +101,7 @@ def check(score, case, bounds, k, values, rng, n, range_of):
         score.add(case, "alone", c.alone[rows, k, i], np.ptp(y, axis=0), c.estimate[rows, k], 1e-6 * np.ptp(y))
         y = values(face_points(rng, box, i, nominal[i], n))[:, rows]
         slack = exact_slack(len(box)) * whole
-        score.add(case, "saved", c.saved[rows, k, i], whole - np.ptp(y, axis=0), c.estimate[rows, k], slack)
+        score.add(case, "saved", c.saved[rows, k, i], whole - np.ptp(y, axis=0), c.saved_estimate[rows, k], slack)
     A, B = (rng.uniform(box.lower, box.upper, (n, len(box))) for _ in range(2))
     ya, yb = values(A)[:, rows], values(B)[:, rows]
     variance = np.concatenate([ya, yb]).var(axis=0)

@@ -102,16 +102,13 @@ class Piecewise:
     def _part_range(self, k: int, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
         """Range over a box inside of part k: that of its polynomial in coordinates of the box."""
         own, centre, half = self.expansions[k], (lower + upper) / 2, (upper - lower) / 2
-        free = half > 0
-        alpha = own.alpha[(own.alpha[:, ~free] == 0).all(axis=1)]
-        change = np.ones((len(alpha), len(own.alpha)))
-        for i, degrees in enumerate(own.alpha.T):
-            line = _in_other_coordinates(
-                int(degrees.max()), (centre[i] - self.centres[k, i]) / self.halves[k, i], half[i] / self.halves[k, i]
-            )
-            change *= line[alpha[:, i]][:, degrees]
-        shape = own.coefficients.shape[1:]
-        low, high, *at = attained_extremes(alpha[:, free], change @ own.coefficients.reshape(len(own.alpha), -1))
+        shape, free = own.coefficients.shape[1:], half > 0
+        alpha, c = own.alpha, own.coefficients.reshape(len(own.alpha), -1)
+        moves = (centre - self.centres[k]) / self.halves[k], half / self.halves[k]
+        for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
+            if (move, scale) != (0.0, 1.0):
+                alpha, c = _in_other_coordinates(alpha, c, i, move, scale)
+        low, high, *at = attained_extremes(alpha, c)
         places = np.empty((2, *shape, len(free)))
         places[:] = centre
         places[..., free] += half[free] * np.stack(at).reshape(2, *shape, -1)
@@ -137,8 +134,19 @@ class Piecewise:
         return low, high
 
 
-def _in_other_coordinates(degree: int, centre: float, half: float) -> Array:
-    """(degree + 1, degree + 1) Legendre coefficients, as columns, of P_k(centre + half x), k = 0, ..., degree."""
-    x = np.polynomial.legendre.leggauss(degree + 1)[0]
-    P = np.polynomial.legendre.legvander
-    return np.asarray(np.linalg.solve(P(x, degree), P(centre + half * x, degree)), dtype=float)
+def _in_other_coordinates(
+    alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
+) -> tuple[MultiIndices, Array]:
+    """Multi-indices (n_b, d) and coefficients (n_b, m) where parameter i is centre + half x; without it if half is 0.
+
+    Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which have degree k at most.
+    """
+    degree = int(alpha[:, i].max())
+    x, P = np.polynomial.legendre.leggauss(degree + 1)[0], np.polynomial.legendre.legvander
+    matrix = np.linalg.solve(P(x, degree), P(centre + half * x, degree))
+    others, which = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
+    table = np.zeros((len(others), degree + 1, coefficients.shape[1]))
+    table[which.ravel(), alpha[:, i]] = coefficients
+    if half == 0:
+        return others, matrix[0] @ table
+    return alpha, (matrix @ table)[which.ravel(), alpha[:, i]]
