@@ -278,10 +278,7 @@ class _Search:
                 beyond, low, kept = (_BEYOND if low == 0 else _FAR), s, bounds
             else:
                 beyond, high, doubts = _BEYOND, s, bounds.doubts
-            slope = (self._at_nominal - margin) / s
-            line = self._at_nominal / slope if slope > 0 else np.inf
-            if margin < 0 and (surrogate := bounds.good_surrogate(self._columns)) is not None:
-                line = self._factor_on(surrogate, s * along, s * along) * s
+            line = self._expected(bounds, margin, s, along)
             if low >= most or (
                 tolerance == _TOLERANCES[1] and min(line, high) <= low * (1 + _SETTLED) and high < np.inf
             ):
@@ -296,6 +293,13 @@ class _Search:
         if doubts and low * (1 + 4 * _SETTLED) < high:
             self.remarks = (f"At {high / low:.3g} times these tolerances the bounds are doubted: {doubts[0]}",)
         return low * along, kept
+
+    def _expected(self, bounds: Bounds, margin: float, s: float, along: Array) -> float:
+        """The largest factor along a ray, by a study at the factor s."""
+        if margin < 0 and (surrogate := bounds.good_surrogate(self._columns)) is not None:
+            return self._factor_on(surrogate, s * along, s * along) * s
+        slope = (self._at_nominal - margin) / s
+        return self._at_nominal / slope if slope > 0 else np.inf
 
     def _is_doubted(self, bounds: Bounds) -> bool:
         """Whether runs fail, or the error of an output with limits is large."""
