@@ -10,7 +10,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._types import Array, Mask
-from symmb.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Node
+from symmb.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Node, Places
 from symmb.symbolic import operation_name
 
 
@@ -156,44 +156,44 @@ def _row(node: Node) -> tuple[int, int] | None:
 
 
 def _program(graph: Graph, outputs: list[int], input_of: Callable[[int], tuple[int, int] | None]) -> Program:
-    sources, needed, pending = {}, set(), list(outputs)
-    while pending:
-        k = pending.pop()
-        if k in needed:
-            continue
-        needed.add(k)
-        if graph.nodes[k].operation != CONSTANT:
-            source = input_of(k)
-            if source is not None:
-                sources[k] = source
-            else:
-                pending.extend(graph.nodes[k].arguments)
-    order = sorted(needed)
-    computed = [k for k in order if graph.nodes[k].operation != CONSTANT and k not in sources]
-    slot = {k: i for i, k in enumerate(k for k in order if graph.nodes[k].operation == CONSTANT or k in sources)}
-    constants = tuple((slot[k], graph.nodes[k].constant) for k in slot if k not in sources)
-    inputs = tuple((slot[k], *sources[k]) for k in sources)
-    last = {a: k for k in computed for a in graph.nodes[k].arguments}
+    """The computation of outputs, where `input_of` gives input and row of a node that is given."""
+    nodes, places = graph.nodes, Places()
+    constants, sources, computed = _needed(graph, outputs, input_of)
+    slot = {k: places.take() for k in (*constants, *sources)}
+    last = {a: k for k in computed for a in nodes[k].arguments}
     last |= dict.fromkeys(outputs, -1)  # never free
-    free, size, operations = [], len(slot), []
+    operations = []
     for k in computed:
-        arguments = graph.nodes[k].arguments
+        arguments = nodes[k].arguments
         at = tuple(slot[a] for a in arguments)
-        free += [slot[a] for a in set(arguments) if last[a] == k]
-        if not free:
-            free.append(size)
-            size += 1
-        slot[k] = free.pop()
+        places.release(slot[a] for a in set(arguments) if last[a] == k)
+        slot[k] = places.take()
         operations.append((*_operation(graph, k, at), slot[k]))
-    return Program(size, constants, inputs, tuple(operations), tuple(slot[k] for k in outputs))
+    return Program(
+        places.count,
+        tuple((slot[k], value) for k, value in constants.items()),
+        tuple((slot[k], *source) for k, source in sources.items()),
+        tuple(operations),
+        tuple(slot[k] for k in outputs),
+    )
+
+
+def _needed(
+    graph: Graph, outputs: list[int], input_of: Callable[[int], tuple[int, int] | None]
+) -> tuple[dict[int, float], dict[int, tuple[int, int]], list[int]]:
+    """The nodes that outputs need: constants, those that are given, and those to compute, in order."""
+    needed = sorted(graph.needed(outputs, lambda k: input_of(k) is not None))
+    sources = {k: source for k in needed if (source := input_of(k)) is not None}
+    constants = {k: graph.nodes[k].constant for k in needed if graph.nodes[k].operation == CONSTANT}
+    return constants, sources, [k for k in needed if k not in constants and k not in sources]
 
 
 def _operation(graph: Graph, k: int, at: tuple[int, ...]) -> tuple[Callable[..., Array], tuple[int, ...]]:
     node = graph.nodes[k]
     if node.operation == ca.OP_CONSTPOW:
-        power = graph.nodes[node.arguments[1]]
-        if power.operation == CONSTANT and power.constant in _POWERS:
-            return _POWERS[power.constant], at[:1]
+        exponent = graph.nodes[node.arguments[1]].constant
+        if exponent in _POWERS:
+            return _POWERS[exponent], at[:1]
     if node.pieces is not None:
         read: Any = node.pieces.find if node.operation == SEARCH else node.pieces.data[2 + node.index].__getitem__
         return read, at

@@ -1,6 +1,7 @@
 """Steps of many blocks of samples together: those of c/embedded_pair.h on NumPy arrays."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol, cast
 
 import numpy as np
@@ -185,12 +186,19 @@ class BlockRuns:
         largest = engine.control.growth * np.abs(self._x[:, lanes])
         self._atol[:, lanes] = np.maximum(self._atol[:, lanes], largest)
         steps.t[blocks] = t_end
+        return self._go_on(_Ends(accepted, end, t_end, wide, passed & ~by_contacts, which), meets, by_contacts)
+
+    def _go_on(self, ends: "_Ends", meets: Mask, by_contacts: Mask) -> Mask:
+        """Go on from the ends of steps, some of which are switches or events. Returns the blocks with lanes that stick.
+
+        Some ends (b,) meet contacts, of which some are steps that contacts end (b,).
+        """
+        steps, switches, accepted, t_last = self._steps, self._switches, ends.accepted, self._engine.times[-1]
         sticks, restarts, settles = (np.zeros(len(steps.live), dtype=bool) for _ in range(3))
-        passed &= ~by_contacts
-        restarts[accepted] = passed.reshape(-1, self._width).any(axis=1) | engine.begins_anew
-        if passed.any():
-            sticks[accepted] = self._change_sides(accepted, end, self._by_lane(t_end), wide, passed, which)
-        settles[accepted] = (t_end >= switches.stop[blocks]) & (t_end < engine.times[-1])
+        restarts[accepted] = ends.passed.reshape(-1, self._width).any(axis=1) | self._engine.begins_anew
+        if ends.passed.any():
+            sticks[accepted] = self._change_sides(ends)
+        settles[accepted] = (ends.t >= switches.stop[steps.live[accepted]]) & (ends.t < t_last)
         if settles.any():
             switches.find_stops(steps.t, steps.live[settles])
         if (restarts | settles).any():
@@ -198,21 +206,21 @@ class BlockRuns:
         if meets.any():
             events = accepted.copy()
             events[accepted] = meets
-            sticks |= self._meet(events, np.where(by_contacts, which - switches.n_sided, -1)[meets])
+            sticks |= self._meet(events, np.where(by_contacts, ends.which - switches.n_sided, -1)[meets])
         return sticks
 
-    def _change_sides(self, accepted: Mask, end: Array, t: Array, h: Array, passed: Mask, which: Indices) -> Mask:
+    def _change_sides(self, ends: "_Ends") -> Mask:
         """Change the sides of switches that lanes passed. Stops and returns the blocks with lanes that stick (b,)."""
-        lanes, blocks = self._lanes(accepted), self._steps.live[accepted]
+        lanes, blocks, t = self._lanes(ends.accepted), self._steps.live[ends.accepted], self._by_lane(ends.t)
         x, c = self._x[:, lanes], self._c[:, lanes]
         columns = (self._width * blocks[:, None] + np.arange(self._width)).ravel()
-        located = passed & (which >= 0)
+        located = ends.passed & (ends.which >= 0)
         for column, time in zip(columns[located].tolist(), t[located].tolist(), strict=True):
             self.passes[column].append(time)
-        self._c[:, lanes], stuck = self._switches.change_sides(end, x, c, t, h, lanes, passed, which)
+        self._c[:, lanes], stuck = self._switches.change_sides(ends.x, x, c, t, ends.h, lanes, ends.passed, ends.which)
         sticks: Mask = np.asarray(stuck.any(axis=1), dtype=bool)
         if sticks.any():
-            self._stop(_without(accepted, ~sticks), stuck[sticks])
+            self._stop(_without(ends.accepted, ~sticks), stuck[sticks])
             self.code[blocks[sticks]] = FailureCode.STICKS
         return sticks
 
@@ -267,6 +275,22 @@ class BlockRuns:
         self._atol = self._atol[:, lanes]
         self._switches.select(lanes)
         self._steps.live = self._steps.live[going]
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Ends of the accepted steps of b live blocks.
+
+    States before a projection x (n_x, W b), times t (b,), lengths h of the steps (W b,), which lanes passed switches of
+    sides (W b,), and numbers of these.
+    """
+
+    accepted: Mask
+    x: Array
+    t: Array
+    h: Array
+    passed: Mask
+    which: Indices
 
 
 def _without(accepted: Mask, some: Mask) -> Mask:

@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph
+from symmb.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Places
 from symmb.symbolic import operation_name
 
 LARGE_MODEL = 5000
@@ -53,6 +53,7 @@ _CALLS = {
     ).split()
 }
 _CALLS[ca.OP_CONSTPOW] = "v_pow"
+_POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}", 4.0: "({0} * {0}) * ({0} * {0})"}
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
 """Operations that combine masks: a plain number is not a mask."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
@@ -105,7 +106,7 @@ class Emitter:
     def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
         """Numbers of the nonzeros of an input on which the given nodes depend."""
         nodes = self._graph.nodes
-        inputs = [nodes[k] for k in self._needed(outputs) if nodes[k].operation == INPUT]
+        inputs = [nodes[k] for k in self._graph.needed(outputs) if nodes[k].operation == INPUT]
         return sorted(node.index for node in inputs if node.source == source)
 
     def source(self) -> tuple[list[str], str, int]:
@@ -114,17 +115,6 @@ class Emitter:
         parts = ["\n".join(self._pieces[at : at + _PART]) for at in range(0, len(self._pieces), _PART)]
         heads = [f"{piece.partition(' {')[0]};" for piece in self._pieces]
         return parts, "\n".join([*heads, *self._functions]), len(self._parameter_values)
-
-    def _needed(self, outputs: Iterable[int]) -> set[int]:
-        """The given nodes and all nodes on which they depend."""
-        needed: set[int] = set()
-        pending = list(outputs)
-        while pending:
-            k = pending.pop()
-            if k not in needed:
-                needed.add(k)
-                pending.extend(self._graph.nodes[k].arguments)
-        return needed
 
     def _hoisted(self, k: int) -> bool:
         node = self._graph.nodes[k]
@@ -149,22 +139,24 @@ class Emitter:
 
     def _schedule(self, outputs: list[int], parameters_only: bool) -> "_Schedule":
         nodes = self._graph.nodes
-        order = sorted(
-            k
-            for k in self._needed(outputs)
-            if nodes[k].operation not in (CONSTANT, INPUT) and (parameters_only or not self._hoisted(k))
-        )
-        turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
-        twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
-        order.sort(key=lambda k: (min(k, twins.get(k, k)), k))
+        order, twins = self._statements(outputs, parameters_only)
         angles = self._angles(order) if len(nodes) > LARGE_MODEL else []
         place = {angle: 2 * i for i, angle in enumerate(angles)}
         turned = [k for k in order if nodes[k].operation in _TURNED and nodes[k].arguments[0] in place]
         sines = {k: place[nodes[k].arguments[0]] + (nodes[k].operation == ca.OP_COS) for k in turned}
-        needed = self._needed(angles)
+        needed = self._graph.needed(angles)
         first = _chunks(k for k in order if k in needed) if angles else []
         pieces = first + _chunks(k for k in order if k not in needed and k not in sines)
         return _Schedule(pieces, len(first), angles, sines | self._carried(pieces, 2 * len(angles)), twins)
+
+    def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
+        """The values that a function computes in order, and sines with their cosines, which follow each other."""
+        nodes = self._graph.nodes
+        computed = [k for k in self._graph.needed(outputs) if nodes[k].operation not in (CONSTANT, INPUT)]
+        order = sorted(k for k in computed if parameters_only or not self._hoisted(k))
+        turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
+        twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
+        return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
 
     def _angles(self, order: Sequence[int]) -> list[int]:
         """Arguments of sines and cosines that depend on none of these."""
@@ -184,19 +176,15 @@ class Emitter:
         last_use = dict(piece)
         for k, i in piece.items():
             last_use.update((a, max(last_use[a], i)) for a in self._graph.nodes[k].arguments if a in last_use)
-        places: dict[int, int] = {}
-        free: list[int] = []
+        places, carried = Places(count), dict[int, int]()
         released: dict[int, list[int]] = {}
         for i, ks in enumerate(pieces):
-            free += released.pop(i - 1, [])
+            places.release(released.pop(i - 1, []))
             for k in ks:
                 if last_use[k] > i:
-                    if not free:
-                        free.append(count)
-                        count += 1
-                    places[k] = free.pop()
-                    released.setdefault(last_use[k], []).append(places[k])
-        return places
+                    carried[k] = places.take()
+                    released.setdefault(last_use[k], []).append(carried[k])
+        return carried
 
     def _piece(
         self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
@@ -244,25 +232,23 @@ class Emitter:
         return f"v{a}" if schedule.piece.get(a) == piece else f"w[{schedule.carried[a]}]"
 
     def _expression(self, k: int, arguments: list[str]) -> str:
-        node = self._graph.nodes[k]
-        power = self._graph.nodes[node.arguments[1]] if node.operation == ca.OP_CONSTPOW else None
-        if power is not None and power.operation == CONSTANT and power.constant in (-2.0, -1.0, 3.0, 4.0):
-            base = arguments[0]
-            return {-2.0: f"1.0 / ({base} * {base})", -1.0: f"1.0 / {base}", 3.0: f"{base} * {base} * {base}",
-                    4.0: f"({base} * {base}) * ({base} * {base})"}[power.constant]  # fmt: skip
-        constant = [self._graph.nodes[a].operation == CONSTANT for a in node.arguments]
-        if all(constant) or (any(constant) and node.operation in _MASKS):
-            arguments = [f"each({a})" for a in arguments]
+        node, each = self._graph.nodes[k], [f"each({a})" for a in arguments]
+        constants = [self._graph.nodes[a].operation == CONSTANT for a in node.arguments]
+        if node.operation == ca.OP_CONSTPOW:
+            power = _POWERS.get(self._graph.nodes[node.arguments[1]].constant)
+            if power is not None:
+                return power.format(arguments[0])
         if node.pieces is not None:
             count = node.pieces.data.shape[1]
             if node.operation == SEARCH:
-                return f"v_search({node.pieces.name}, {count}, {', '.join(f'each({a})' for a in arguments)})"
+                return f"v_search({node.pieces.name}, {count}, {', '.join(each)})"
             return f"v_entry({node.pieces.name} + {(node.index + 2) * count}, {arguments[0]})"
-        if node.operation in _FORMS:
-            return _FORMS[node.operation].format(*arguments)
         if node.operation in _CALLS:
-            return f"{_CALLS[node.operation]}({', '.join(f'each({a})' for a in arguments)})"
-        raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+            return f"{_CALLS[node.operation]}({', '.join(each)})"
+        if node.operation not in _FORMS:
+            raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+        plain = all(constants) or (any(constants) and node.operation in _MASKS)
+        return _FORMS[node.operation].format(*(each if plain else arguments))
 
 
 def _chunks(statements: Iterable[int]) -> list[list[int]]:

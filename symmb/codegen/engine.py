@@ -245,10 +245,10 @@ class Engine:
             failed_samples.t_failed.ctypes.data,
             failed_samples.failure.ctypes.data,
             failed_samples.x_failed.ctypes.data,
-            None if Y is None else Y.ctypes.data,
-            None if stops is None else stops.ctypes.data,
+            _address(Y),
+            _address(stops),
             0 if stops is None else stops.shape[1],
-            None if passes is None else passes.ctypes.data,
+            _address(passes),
             MOST_PASSES,
             0,
             0,
@@ -273,3 +273,7 @@ class Engine:
         events = events[: study.n_events]
         events = events[np.argsort(events[:, 0], kind="stable")]
         return replace(failed_samples, events=events, contacts=self.contacts.names, faults=faults)
+
+
+def _address(a: Array | None) -> int | None:
+    return None if a is None else a.ctypes.data

@@ -1,6 +1,6 @@
 """The instruction list of a CasADi Function as a graph: each value once, with the inputs on which it depends."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -64,6 +64,17 @@ class Graph:
             return self._add((ENTRY, found, column), entry)
         return self._add((code, *arguments), Node(code, arguments, depends=depends))
 
+    def needed(self, outputs: Iterable[int], is_given: Callable[[int], bool] = lambda k: False) -> set[int]:
+        """Nodes and all nodes on which they depend, without those on which only given ones do."""
+        needed: set[int] = set()
+        pending = list(outputs)
+        while pending:
+            k = pending.pop()
+            if k not in needed:
+                needed.add(k)
+                pending.extend(() if is_given(k) else self.nodes[k].arguments)
+        return needed
+
     @property
     def pieces(self) -> dict[str, Pieces]:
         """All pieces by their names."""
@@ -74,6 +85,25 @@ class Graph:
             self._known[key] = len(self.nodes)
             self.nodes.append(node)
         return self._known[key]
+
+
+class Places:
+    """Numbers of places for values, which are used again as soon as they are free."""
+
+    def __init__(self, count: int = 0) -> None:
+        self.count = count  # of all places so far
+        self._free: list[int] = []
+
+    def take(self) -> int:
+        """A free place."""
+        if self._free:
+            return self._free.pop()
+        self.count += 1
+        return self.count - 1
+
+    def release(self, places: Iterable[int]) -> None:
+        """Places whose values are no longer needed."""
+        self._free += places
 
 
 def graph_of(f: ca.Function) -> Graph:

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
 from symmb.drawing.bodies import BodySketch
-from symmb.drawing.elements import sketch
+from symmb.drawing.elements import Build, sketch
 from symmb.drawing.shapes import Drawing, Shape
 from symmb.drawing.survey import Survey
 from symmb.mechanics import Element, Gravity, OwnState, Planar, Point
@@ -49,12 +49,8 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     g = np.zeros(3) if gravity is None else gravity.first
     survey.down = -_right_and_up(g, all(isinstance(b.pose, Planar) for b in survey.bodies[1:]))[1]
     size = _size(survey, bodies)
-    unit = _UNIT * min(size, _SHORT * float(np.median([r for b in bodies if (r := b.reach)] or [size])))
-    shapes: list[Shape] = []
-    for _, build in sketches:
-        shapes.extend(build(unit) if build else ())
-    attached = [list(body.shapes(unit)) for body in bodies]
-    shapes = [shape for group in attached for shape in group] + _once(shapes)
+    unit = _unit(size, bodies)
+    shapes = _shapes(bodies, [build for _, build in sketches], unit)
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
     planar = _is_planar(survey, g, size)
@@ -92,6 +88,19 @@ def _size(survey: Survey, bodies: Sequence[BodySketch]) -> float:
     travelled = float(np.linalg.norm(np.ptp(np.vstack(tracks), axis=0)))
     own = max([at_start, *(body.reach for body in bodies)])
     return max(own, _TRAVELLED * travelled) if own else travelled or 1.0
+
+
+def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
+    """Radius of a bar [m]."""
+    reaches = [reach for body in bodies if (reach := body.reach)]
+    return _UNIT * min(size, _SHORT * float(np.median(reaches or [size])))
+
+
+def _shapes(bodies: Sequence[BodySketch], builds: Sequence[Build | None], unit: float) -> list[Shape]:
+    """Those of bodies and of elements."""
+    of_elements = [shape for build in builds if build for shape in build(unit)]
+    of_bodies = [shape for body in bodies for shape in body.shapes(unit)]
+    return of_bodies + _once(of_elements)
 
 
 def _once(shapes: Sequence[Shape]) -> list[Shape]:

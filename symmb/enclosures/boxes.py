@@ -1,6 +1,6 @@
 """The whole box: in parts where and when the remainder grows, joined at the end."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -131,6 +131,11 @@ def enclose(
     if not problem.n:
         course = expression_bounds(problem, order)
         return Enclosure(course.lower, course.upper, course.remainder, course.terms, course.until, course.why, 1)
+    return _joined([part.course for part in _followed(problem, order, boxes, progress)])
+
+
+def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[float], None]) -> list[_Part]:
+    """The parts in which the box ends, with their courses."""
     horizon = float(problem.times[-1]) or 1.0
     parts = [_Part(problem, Course.empty(problem))]
 
@@ -154,7 +159,11 @@ def enclose(
             for part in halves:
                 parts.append(part)
                 follow(part, largest)
-    courses = [part.course for part in parts]
+    return parts
+
+
+def _joined(courses: Sequence[Course]) -> Enclosure:
+    """Bounds over the whole box from the courses of its parts."""
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
     return Enclosure(
         np.min([course.lower for course in courses], axis=0),

@@ -36,7 +36,7 @@ class Explicit(CompiledSolver):
         problem = build_problem(
             dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
         ).jets(order)
-        own, compiled, contacts = problem.p, has_compiler(), None
+        own, contacts = problem.p, None
         frozen = switched(problem, dae, times) if self.controls_step and not order else None
         ends = StepEnds(stops=stops_in_time(dae, times) if order else None) if self.controls_step else None
         if dae.impacts is not None:
@@ -60,13 +60,18 @@ class Explicit(CompiledSolver):
             ca.vertcat(at(problem.ode), at(problem.quad)),
             ca.vertcat(at(outputs), x[n_x:, :]),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
-            start.equations(x, p) if start is not None and compiled and start.compiles else None,
+            _compiled_start(start, x, p),
             at(frozen.switches) if frozen and frozen.switches.numel() else None,
             None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
         )
-        if isinstance(control, Tolerances) and not compiled:
+        if isinstance(control, Tolerances) and not has_compiler():
             return ArrayEngine(f, times, control, ends, contacts)
         return Engine(f, times, control, ends=ends, contacts=contacts)
+
+
+def _compiled_start(start: Start | None, x: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
+    """The equations of a start that the engine computes; None if it is given the states."""
+    return start.equations(x, p) if start is not None and has_compiler() and start.compiles else None
 
 
 @dataclass(frozen=True, repr=False)

@@ -136,28 +136,7 @@ def build_problem(
         vdot, lam = dae.forward(*at, right)
     alg, z, guess = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
     if algebraic and dae.n_r and dae.G is not None:
-        M, G = dae.M(*at), dae.G(*at)
-        of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
-        unit = dae.scales.energy / row_scales  # scaled by the size of the motion: units have no effect
-        if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
-            z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
-            vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]
-            alg = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
-        else:
-            z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
-            # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
-            lam = unit * z
-            vdot = ca.solve(M, dae.Q(*at) - G.T @ lam)
-        rows = (G @ vdot - right) / row_scales
-        if dae.vanishing is not None:
-            rows = independent(rows, lam / unit, row_scales * dae.vanishing(*at)[0])
-        alg = ca.vertcat(alg, rows)
-    if isinstance(stabilization, Projection):
-        projected = project(dae, x, p, time, projections)
-    else:
-        projected = normalize(dae, x) if one_step else None
-    if dae.sampling is not None:
-        projected = sampled(dae, x if projected is None else projected, p, time)
+        z, guess, alg, vdot, lam = _with_multipliers(dae, at, dae.G(*at), right, vdot, lam)
     power = dae.power(*at, lam) if work and dae.power is not None else ca.SX(0, 1)
     return InitialValueProblem(
         x=x,
@@ -168,8 +147,39 @@ def build_problem(
         alg=ca.densify(alg),
         quad=power,
         z_guess=guess,
-        projected=projected,
+        projected=_projected(dae, x, p, time, projections if isinstance(stabilization, Projection) else 0, one_step),
     )
+
+
+def _with_multipliers(
+    dae: DAE, at: tuple[ca.SX, ...], G: ca.SX, right: ca.SX, vdot: ca.SX, lam: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Algebraic variables, their first guess from accelerations and multipliers, what is 0, and both as these tell."""
+    M = dae.M(*at)
+    of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
+    unit = dae.scales.energy / row_scales  # scaled by the size of the motion: units have no effect
+    if ca.sprank(dae.M.sparsity_out(0)) < dae.n_v:  # a massless body: accelerations are algebraic as well
+        z, guess = ca.SX.sym("a_lam", dae.n_v + dae.n_r), ca.vertcat(vdot / of_v, lam / unit)
+        vdot, lam = of_v * z[: dae.n_v], unit * z[dae.n_v :]
+        balance = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
+    else:
+        z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
+        # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
+        lam = unit * z
+        vdot, balance = ca.solve(M, dae.Q(*at) - G.T @ lam), ca.SX(0, 1)
+    rows = (G @ vdot - right) / row_scales
+    if dae.vanishing is not None:
+        rows = independent(rows, lam / unit, row_scales * dae.vanishing(*at)[0])
+    return z, guess, ca.vertcat(balance, rows), vdot, lam
+
+
+def _projected(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int, one_step: bool) -> ca.SX | None:
+    """The state on the constraints, or with quaternions of norm 1; with sampled values. None if it does not move."""
+    if projections:
+        projected = project(dae, x, p, time, projections)
+    else:
+        projected = normalize(dae, x) if one_step else None
+    return projected if dae.sampling is None else sampled(dae, x if projected is None else projected, p, time)
 
 
 def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: float) -> ca.SX:

@@ -68,9 +68,7 @@ def multistep_integration(
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
     most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
-    longest = _SHORT * horizon if independent else np.inf
-    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), longest)}
-    steps = {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
+    steps = _step_lengths(dae, times, first, _SHORT * horizon if independent else np.inf)
 
     def limited(problem: InitialValueProblem, length: float, unit: float, most: float) -> dict[str, Any]:
         lengths = {name: step / unit for name, step in steps.items()}
@@ -110,6 +108,12 @@ def multistep_integration(
         limit=(USUAL * most / horizon, LOST * most),
         samples=dae.sampling is not None,
     )
+
+
+def _step_lengths(dae: DAE, times: Array, first: float | None, longest: float) -> dict[str, float]:
+    """SUNDIALS' options for the first step and the longest one, if they are limited [s]."""
+    steps = {"step0": first, "max_step_size": min(longest_step(dae, times), longest)}
+    return {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
 
 class _MultistepIntegration(Integration):

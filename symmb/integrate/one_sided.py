@@ -1,5 +1,6 @@
 """Equations of motion on the branches of one side of each switch of the state."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -53,44 +54,61 @@ def one_sided(dae: DAE) -> OneSided | None:
     if not has_kinks(dae.rhs):
         return None
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
-    at = dict(zip(dae.rhs.name_in(), dae.arguments(x, p, t), strict=True))
-    functions = dae.functions
-    for f in functions.values():
-        at |= {f.name_in(i): ca.SX.sym(f.name_in(i), f.numel_in(i)) for i in range(f.n_in()) if f.name_in(i) not in at}
-    more = ca.vertcat(*(symbol for name, symbol in at.items() if name not in dae.rhs.name_in()))
-    outputs = {name: f.call([at[i] for i in f.name_in()]) for name, f in functions.items()}
-    kinked = sorted((name for name, f in functions.items() if has_kinks(f)), key=lambda name: name != "rhs")
-    whole = common("whole", [x, p, t, more], [e for name in kinked for e in outputs[name]])
-    branch = branches(whole, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME), (more, On.STATE)])
+    equations = _Equations(dae, x, p, t)
+    branch = branches(equations.whole, [(x, On.STATE), (p, On.PARAMETERS), (t, On.TIME), (equations.more, On.STATE)])
     nonzeros = iter(branch.outputs)
-    for name in kinked:
-        outputs[name] = [ca.SX(e.sparsity(), next(nonzeros)) for e in outputs[name]]
-    rhs = ca.densify(ca.vertcat(*outputs["rhs"]))
+    equations.change(lambda e: ca.SX(e.sparsity(), next(nonzeros)))
+    rhs = ca.densify(ca.vertcat(*equations.outputs["rhs"]))
     used = _used(rhs, branch)
-    if not used or ca.depends_on(branch.switches, more):
+    if not used or ca.depends_on(branch.switches, equations.more):
         return None
     # What does not move the state, such as a branch of the power alone, is nothing that its runs need to know.
-    for k in reversed([k for k in range(branch.sides.numel()) if k not in used]):
-        natural = ca.if_else(branch.switches[k] < 0, -1, 1)
-        for name in kinked:
-            outputs[name] = [ca.substitute(e, branch.sides[k], natural) for e in outputs[name]]
+    for k in sorted({*range(branch.sides.numel())}.difference(used), reverse=True):
+        equations.change(ca.substitute, branch.sides[k], ca.if_else(branch.switches[k] < 0, -1, 1))
     sides, switches = branch.sides[used], branch.switches[used]
-    own = at | {"p": ca.vertcat(p, sides)}
-    one: dict[str, ca.Function] = {
-        name: common(name, [own[i] for i in f.name_in()], outputs[name], f.name_in(), f.name_out())
-        for name, f in functions.items()
-    }
+    with_sides = ca.vertcat(p, sides)
     rates = ca.densify(ca.jtimes(switches, x, rhs) + ca.jacobian(switches, t))
     return OneSided(
         replace(
-            dae.with_functions(one),
+            dae.with_functions(equations.functions(with_sides)),
             sampling=None if dae.sampling is None else dae.sampling.before(sides),
             p_names=(*dae.p_names, *(f"side {k}" for k in used)),
             p_nominal=np.concatenate([dae.p_nominal, np.ones(len(used))]),
         ),
-        common("switches", [x, own["p"], t], [ca.densify(switches), rates]),
+        common("switches", [x, with_sides, t], [ca.densify(switches), rates]),
         np.array(hysteresis_of(dae, switches, x, p, t, sides)),
     )
+
+
+class _Equations:
+    """The functions of a DAE as expressions of the same symbols, `more` of them besides those of the rates.
+
+    `whole` has the expressions with kinks, which change, the rates first.
+    """
+
+    def __init__(self, dae: DAE, x: ca.SX, p: ca.SX, t: ca.SX) -> None:
+        self._functions = dae.functions
+        self._symbols = dict(zip(dae.rhs.name_in(), dae.arguments(x, p, t), strict=True))
+        for f in self._functions.values():
+            for name in f.name_in():
+                self._symbols.setdefault(name, ca.SX.sym(name, f.numel_in(name)))
+        self.more = ca.vertcat(*list(self._symbols.values())[dae.rhs.n_in() :])
+        self.outputs = {name: f.call([self._symbols[i] for i in f.name_in()]) for name, f in self._functions.items()}
+        kinked = [name for name, f in self._functions.items() if has_kinks(f)]
+        self._kinked = sorted(kinked, key=lambda name: name != "rhs")
+        self.whole = common("whole", [x, p, t, self.more], [e for name in self._kinked for e in self.outputs[name]])
+
+    def change(self, f: Callable[..., ca.SX], *arguments: ca.SX) -> None:
+        """Put f(e, *arguments) in the place of each expression e with kinks."""
+        self.outputs |= {name: [f(e, *arguments) for e in self.outputs[name]] for name in self._kinked}
+
+    def functions(self, p: ca.SX) -> dict[str, ca.Function]:
+        """The functions of these expressions, with other parameters."""
+        at = self._symbols | {"p": p}
+        return {
+            name: common(name, [at[i] for i in f.name_in()], self.outputs[name], f.name_in(), f.name_out())
+            for name, f in self._functions.items()
+        }
 
 
 def _used(rhs: ca.SX, branch: Branches) -> list[int]:

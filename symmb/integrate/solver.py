@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import fields, replace
+from dataclasses import Field, fields, replace
 from functools import partial
 from typing import Any, ClassVar, Self
 
@@ -153,31 +153,38 @@ class Solver(ABC):
         for f in fields(self):  # pyright: ignore[reportArgumentType]
             value = getattr(self, f.name)
             value = python_number(value) if is_real(value) else value
-            low, high = self.limits.get(f.name, _LIMITS.get(f.name, (0.0, np.inf)))
-            if f.name == "stabilization":
-                if isinstance(value, AugmentedLagrangian) and AugmentedLagrangian not in self.stabilizations:
-                    faults.append(
-                        "AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES()"
-                    )
-                elif value is not None and not isinstance(value, self.stabilizations):
-                    allowed = ", ".join(f"{kind.__name__}(...)" for kind in self.stabilizations)
-                    faults.append(f"stabilization={value!r} is not a stabilization: use {allowed} or None")
-            elif isinstance(f.default, bool):
-                require_truth(type(self).__name__, f.name, value)
-            elif value is None and f.default is None:
-                continue
-            elif isinstance(f.default, int) and is_real(value) and not is_whole(value):
-                faults.append(f"{f.name}={value!r} must be an integer")
-            elif not (is_finite_number(value) or (is_whole(value) and isinstance(f.default, int))) or not (
-                low < value < high or value in self.limits.get(f.name, ())
-            ):
-                below = f" and below {high:g}" if high < np.inf else ""
-                within = f"from {low:g} to {high:g}" if f.name in self.limits else f"above {low:g}{below}"
-                faults.append(f"{f.name}={shown(value)} must be a number {within}")
-            else:
-                object.__setattr__(self, f.name, value)
+            object.__setattr__(self, f.name, value)
+            fault = self._stabilization_fault(value) if f.name == "stabilization" else self._fault(f, value)
+            faults += [fault] if fault else []
         if faults:
             raise DeclarationError("\n".join(f"{type(self).__name__}: {fault}." for fault in faults))
+
+    def _stabilization_fault(self, value: object) -> str:
+        if value is None or isinstance(value, self.stabilizations):
+            return ""
+        if isinstance(value, AugmentedLagrangian):
+            return "AugmentedLagrangian(...) is for solvers that eliminate the multipliers: use CVODES()"
+        allowed = ", ".join(f"{kind.__name__}(...)" for kind in self.stabilizations)
+        return f"stabilization={value!r} is not a stabilization: use {allowed} or None"
+
+    def _fault(self, option: Field, value: Any) -> str:
+        """Why an option cannot have a value, or empty."""
+        name, counts = option.name, isinstance(option.default, int)
+        if isinstance(option.default, bool):
+            require_truth(type(self).__name__, name, value)
+            return ""
+        if value is None and option.default is None:
+            return ""
+        if counts and is_real(value) and not is_whole(value):
+            return f"{name}={value!r} must be an integer"
+        low, high = self.limits.get(name, _LIMITS.get(name, (0.0, np.inf)))
+        if (is_finite_number(value) or (counts and is_whole(value))) and (
+            low < value < high or value in self.limits.get(name, ())
+        ):
+            return ""
+        below = f" and below {high:g}" if high < np.inf else ""
+        within = f"from {low:g} to {high:g}" if name in self.limits else f"above {low:g}{below}"
+        return f"{name}={shown(value)} must be a number {within}"
 
     def __repr__(self) -> str:
         default = type(self)()

@@ -121,26 +121,28 @@ class AxisJoint(Joint):
             return
         if self.zero is not None:
             yield from self._zero_faults(self.zero)
-        for body, axis in zip(
-            self.bodies(), (self.axis, self.axis if self.axis_b is None else self.axis_b), strict=True
-        ):
-            astray = list(direction_faults(self.title, "axis", axis))
-            a = vector(axis)
-            moving = [s for s in symbols_in(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
-            if moving:
-                yield f"{self.title}: axis {axis} depends on {moving[0]}. Give one of numbers and parameters."
-            elif astray:
-                yield from astray
-            elif isinstance(body.pose, Planar) and self.turns and not (is_zero(a[0]) and is_zero(a[1])):
-                yield (
-                    f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
-                    "Planar joints turn about z; use pose=Spatial() or axis=(0, 0, 1)."
-                )
-            elif isinstance(body.pose, Planar) and self.slides and not is_zero(a[2]):
-                yield (
-                    f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
-                    "Planar bodies slide in the xy plane; use pose=Spatial() or an axis with z = 0."
-                )
+        axes = self.axis, self.axis if self.axis_b is None else self.axis_b
+        for body, axis in zip(self.bodies(), axes, strict=True):
+            yield from self._axis_faults(body, axis)
+
+    def _axis_faults(self, body: AbstractBody, axis: Axis) -> Iterator[str]:
+        astray = list(direction_faults(self.title, "axis", axis))
+        a = vector(axis)
+        moving = [s for s in symbols_in(a) if is_time(s) or ((r := lookup(s)) and r.kind is not Kind.PARAMETER)]
+        if moving:
+            yield f"{self.title}: axis {axis} depends on {moving[0]}. Give one of numbers and parameters."
+        elif astray:
+            yield from astray
+        elif isinstance(body.pose, Planar) and self.turns and not (is_zero(a[0]) and is_zero(a[1])):
+            yield (
+                f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
+                "Planar joints turn about z; use pose=Spatial() or axis=(0, 0, 1)."
+            )
+        elif isinstance(body.pose, Planar) and self.slides and not is_zero(a[2]):
+            yield (
+                f"{self.title}: axis {axis} leaves the plane of planar body {body.name!r}. "
+                "Planar bodies slide in the xy plane; use pose=Spatial() or an axis with z = 0."
+            )
 
     def _zero_faults(self, zero: object) -> Iterator[str]:
         if not isinstance(zero, Rotation):

@@ -53,24 +53,7 @@ class Table:
     _pieces: Pieces = field(init=False, repr=False)  # begin, coefficients of rising powers; also before and behind
 
     def __post_init__(self) -> None:
-        x, y = numbers_of(self.x), numbers_of(self.y)
-        if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
-            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
-        points = len(self.x) if isinstance(self.x, Sequence) else 0 if x is None else x.size
-        if points > _MOST_POINTS:  # perhaps too many for an array of them
-            raise DeclarationError(
-                f"Table: {points} points, at most {_MOST_POINTS}. Leave out points that are not needed."
-            )
-        if x is None or y is None:
-            raise DeclarationError("Table: x and y must be lists of numbers.")
-        if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
-            raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
-        if not (np.isfinite(x).all() and np.isfinite(y).all()):
-            raise DeclarationError("Table: x and y must be finite numbers.")
-        falls = x[1:] <= x[:-1]
-        if falls.any():
-            at = int(np.argmax(falls)) + 1
-            raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
+        x, y = self._points()
         with np.errstate(all="ignore"):
             h = np.diff(x)
             slope = np.diff(y) / h
@@ -91,6 +74,28 @@ class Table:
             np.concatenate([zero, d, zero]),
         ]
         object.__setattr__(self, "_pieces", Pieces(np.zeros(len(begins)), begins, np.column_stack(columns)))
+
+    def _points(self) -> tuple[Array, Array]:
+        """The places and the values as arrays; DeclarationError if they make no curve."""
+        x, y = numbers_of(self.x), numbers_of(self.y)
+        if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
+            raise DeclarationError("Table: x and y must be finite numbers; multiply the table itself by parameters.")
+        points = len(self.x) if isinstance(self.x, Sequence) else 0 if x is None else x.size
+        if points > _MOST_POINTS:  # perhaps too many for an array of them
+            raise DeclarationError(
+                f"Table: {points} points, at most {_MOST_POINTS}. Leave out points that are not needed."
+            )
+        if x is None or y is None:
+            raise DeclarationError("Table: x and y must be lists of numbers.")
+        if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
+            raise DeclarationError(f"Table: x {x.shape} and y {y.shape} must be lists of one length, at least 2.")
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            raise DeclarationError("Table: x and y must be finite numbers.")
+        falls = x[1:] <= x[:-1]
+        if falls.any():
+            at = int(np.argmax(falls)) + 1
+            raise DeclarationError(f"Table: x must increase, but x[{at}] = {x[at]:g} follows {x[at - 1]:g}. Sort it.")
+        return x, y
 
     def __call__(self, at: Expr) -> ca.SX:
         """The curve at a number or an expression, such as `mb.t`, a position or a velocity."""

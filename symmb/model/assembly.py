@@ -1,8 +1,10 @@
 """Collects the declared elements into M, Q, Phi and Psi, and reports all faults of the declaration at once."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import cached_property
+from itertools import chain
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -40,6 +42,23 @@ from symmb.model.validation import (
 from symmb.symbolic import Symbol, TruthValueError, is_zero, t
 
 T = TypeVar("T")
+
+
+class Coordinates(NamedTuple):
+    """Coordinates q, velocities v, rates q' and the names of q and v."""
+
+    q: ca.SX
+    v: ca.SX
+    qdot: ca.SX
+    q_names: tuple[str, ...]
+    v_names: tuple[str, ...]
+
+    @classmethod
+    def joined(cls, parts: Sequence["Coordinates"]) -> dict[str, Any]:
+        """Those of several parts, by the names of the attributes."""
+        columns: dict[str, list[Any]] = {name: [getattr(part, name) for part in parts] for name in cls._fields}
+        names = {name: tuple(chain.from_iterable(columns.pop(name))) for name in ("q_names", "v_names")}
+        return {name: stacked(column) for name, column in columns.items()} | names
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +112,20 @@ class Collected:
         M_dot = ca.jtimes(M, moving, ca.vertcat(self.qdot, 1, *[state.rate for state in self.states]))
         return ca.dot(self.v, self.Q_work) + 0.5 * ca.dot(self.v, M_dot @ self.v)
 
-    def retract(self, delta: ca.SX) -> ca.SX:
-        """The retraction of all bodies. It leaves out the coordinates that their particles do not have."""
-        out, at_q, at_v = [], 0, 0
+    @cached_property
+    def slices(self) -> list[tuple[slice, slice]]:
+        """Slices of q and v of each body. They leave out the coordinates that particles do not have."""
+        slices, at_q, at_v = [], 0, 0
         for body, n_v in zip(self.bodies, self.block_sizes, strict=True):
             n_q = n_v + isinstance(body.pose, Spatial)
-            out.append(body.pose.retract(self.q[at_q : at_q + n_q], delta[at_v : at_v + n_v]))
+            slices.append((slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)))
             at_q, at_v = at_q + n_q, at_v + n_v
-        return ca.vertcat(*out) if out else ca.SX(0, 1)
+        return slices
+
+    def retract(self, delta: ca.SX) -> ca.SX:
+        """The retraction of all bodies."""
+        own = zip(self.bodies, self.slices, strict=True)
+        return ca.vertcat(ca.SX(0, 1), *[body.pose.retract(self.q[q], delta[v]) for body, (q, v) in own])
 
     def with_states(self, states: Sequence[Symbol]) -> "Collected":
         """A copy with additional first-order states."""
@@ -126,7 +151,7 @@ def collect(elements: Sequence[Body | Element], parameters: Parameters) -> Colle
         faults.lines += own
     bind = Binding(parameters, bodies, [e for e in sound if isinstance(e, OwnState)])
     some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
-    inertial = [(b, faults.attempt(lambda b=b: mass_and_inertia(b, bind, parameters), some)) for b in bodies]
+    inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind, parameters)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, parameters, faults)
     faults.raise_any()
     return _without_untouched(_assemble(inertial, bind, equations))
@@ -138,10 +163,10 @@ class _Faults:
     def __init__(self, lines: list[str]) -> None:
         self.lines = lines
 
-    def attempt(self, f: Callable[[], T], otherwise: T, what: str = "A law") -> T:
+    def attempt(self, otherwise: T, f: Callable[..., T], *arguments: Any, what: str = "A law") -> T:
         """The result of f, or a substitute where f raises a fault of the declaration."""
         try:
-            return f()
+            return f(*arguments)
         except TruthValueError as error:
             self.lines.append(f"{what}: {error}")
         except DeclarationError as error:
@@ -168,79 +193,91 @@ class _Equations:
     laws: dict[str, tuple[ca.SX, ca.SX]]
     n_declared_rows: int
 
+    @property
+    def every_action(self) -> list[Action]:
+        """The actions of all forces."""
+        return [*chain.from_iterable(self.actions.values())]
+
+    def faults(self) -> Iterator[str]:
+        """Values that jump in a constraint, and loads that leave the plane of a body."""
+        for element, _ in self.sampled:
+            yield from held_faults(element, self.positions, self.velocities)
+        for title, actions in self.actions.items():
+            for action in actions:
+                yield from plane_faults(title, action)
+
 
 def _write_equations(
-    elements: Sequence[Body | Element],
-    inertial: Sequence[Inertia],
-    bind: Binding,
-    parameters: Parameters,
-    faults: _Faults,
+    elements: Sequence[Element], inertial: Sequence[Inertia], bind: Binding, parameters: Parameters, faults: _Faults
 ) -> _Equations:
+    """The laws of the elements. Those that are faulty are noted and left out."""
     attempt, nothing = faults.attempt, ca.SX(0, 1)
     masses = [(b, mass) for b, (mass, _) in inertial]
-    constraints = [e for e in elements if isinstance(e, Constraint)]
-    forces = [e for e in elements if isinstance(e, ForceElement)]
-    impacts = [e for e in elements if isinstance(e, Impact)]
-    stops = [e for e in elements if isinstance(e, Stop)]
-    impacts += [impact for stop in stops for impact in attempt(lambda stop=stop: stop.impacts(bind), ())]
-    states = [e for e in elements if isinstance(e, OwnState)]
+    constraints, forces = _of_kind(Constraint, elements), _of_kind(ForceElement, elements)
+    impacts, states = _of_kind(Impact, elements), _of_kind(OwnState, elements)
+    for stop in _of_kind(Stop, elements):
+        impacts += attempt((), stop.impacts, bind)
     for state in states:
-        attempt(lambda s=state: bind.check(s.symbols[0].rate, f"{s.title}: rate"), None)
-    held = [e for e in states if isinstance(e, Sampled)]
-    sampled = [(e, attempt(lambda e=e: bind(e.law, f"{e.title}: law"), ca.SX(0))) for e in held]
-    actions = {f.title: attempt(lambda f=f: tuple(f.actions(bind, masses)), (), f.title) for f in forces}
-    declared = {c.name: attempt(lambda c=c: c.position_rows(bind), nothing) for c in constraints}
+        attempt(None, bind.check, state.symbols[0].rate, f"{state.title}: rate")
+    sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
+    actions = {f.title: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
+    declared = {c.name: attempt(nothing, c.position_rows, bind) for c in constraints}
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,
         states=states,
         sampled=sampled,
         actions=actions,
-        positions={c.name: attempt(lambda c=c: position_rows(c, declared[c.name], bind), []) for c in constraints},
-        velocities={c.name: attempt(lambda c=c: velocity_rows(c, bind), []) for c in constraints},
-        laws={e.name: attempt(lambda e=e: impact_law(e, bind, parameters), (nothing, nothing)) for e in impacts},
+        positions={c.name: attempt([], position_rows, c, declared[c.name], bind) for c in constraints},
+        velocities={c.name: attempt([], velocity_rows, c, bind) for c in constraints},
+        laws={e.name: attempt((nothing, nothing), impact_law, e, bind, parameters) for e in impacts},
         n_declared_rows=sum(rows.numel() for rows in declared.values()),
     )
-    faults.lines += [line for e in held for line in held_faults(e, equations.positions, equations.velocities)]
-    faults.lines += [line for title, some in actions.items() for action in some for line in plane_faults(title, action)]
+    faults.lines += equations.faults()
     return equations
+
+
+def _of_kind(kind: type[T], elements: Sequence[object]) -> list[T]:
+    """The elements of one kind."""
+    return [element for element in elements if isinstance(element, kind)]
 
 
 def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations) -> Collected:
     bodies = tuple(body for body, _ in inertial)
     shares = [body.inertial(*values) for body, values in inertial]
-    Q_work, Q_potential, potential = _forces(bodies, shares, equations.actions)
-    Phi = [row for rows in equations.positions.values() for row in rows]
-    Psi = [row for rows in equations.velocities.values() for row in rows]
+    Q_work, Q_potential, potential = _forces(bodies, shares, equations.every_action)
+    Phi, Psi = (stacked([*chain(*kind.values())]) for kind in (equations.positions, equations.velocities))
     gaps = [gap for gap, _ in equations.laws.values()]
     M = _diagcat([share.M for share in shares])
+    own = [Coordinates(b.frame.q, b.frame.v, b.frame.rate, *_names(b)) for b in bodies]
     return Collected(
         bodies=bodies,
         bind=bind,
-        q=_vertcat([b.frame.q for b in bodies]),
-        v=_vertcat([b.frame.v for b in bodies]),
-        qdot=_vertcat([b.frame.rate for b in bodies]),
-        q_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.coordinates),
-        v_names=tuple(f"{b.name}.{c}" for b in bodies for c in b.pose.velocities),
-        block_sizes=tuple(b.frame.v.numel() for b in bodies),
-        states=_states(bind, [ca.vec(M), Q_work, Q_potential, *Phi, *Psi, *gaps], equations),
+        **Coordinates.joined(own),
+        block_sizes=tuple(part.v.numel() for part in own),
+        states=_states(bind, [ca.vec(M), Q_work, Q_potential, Phi, Psi, *gaps], equations),
         sampled=tuple(equations.sampled),
         M=M,
         M_flow=_diagcat([share.M if share.flows else ca.SX(*share.M.shape) for share in shares]),
         Q=Q_work + Q_potential,
         Q_work=Q_work,
         potential=potential,
-        Phi=_vertcat(Phi),
-        Psi=_vertcat(Psi),
+        Phi=Phi,
+        Psi=Psi,
         rows=_row_slices(equations.positions, equations.velocities),
         row_names=_row_names(equations.positions) + _row_names(equations.velocities),
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
-        assembly_cosines=_vertcat([c.assembly_cosines() for c in equations.constraints]),
+        assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints]),
         positive=tuple(positive(inertial, equations.constraints, bind)),
-        loads=tuple(load for acts in equations.actions.values() for action in acts for load in action.loads),
+        loads=tuple(load for action in equations.every_action for load in action.loads),
         decoupled=(),
         n_declared_rows=equations.n_declared_rows,
     )
+
+
+def _names(body: Body) -> tuple[tuple[str, ...], ...]:
+    """Full names of the coordinates and velocities of a body."""
+    return tuple(tuple(f"{body.name}.{x}" for x in of) for of in (body.pose.coordinates, body.pose.velocities))
 
 
 def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) -> tuple[Symbol, ...]:
@@ -253,7 +290,8 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
     return tuple(dict.fromkeys([*reached, *(impact.state for impact in equations.impacts)]))
 
 
-def _vertcat(parts: Sequence[ca.SX]) -> ca.SX:
+def stacked(parts: Sequence[ca.SX]) -> ca.SX:
+    """Dense columns below each other."""
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
 
 
@@ -262,7 +300,7 @@ def _diagcat(blocks: Sequence[ca.SX]) -> ca.SX:
 
 
 def _forces(
-    bodies: Sequence[Body], shares: Sequence[Inertial], actions: Mapping[str, Sequence[Action]]
+    bodies: Sequence[Body], shares: Sequence[Inertial], actions: Sequence[Action]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Generalised forces without and with potential, and the potential. Gyroscopic terms belong to the latter."""
     zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
@@ -273,19 +311,18 @@ def _forces(
         if not isinstance(load.body, Ground):
             share[id(load.body.owner)] += load.body.frame.S.T @ ca.vertcat(load.force, load.torque)
 
-    for acts in actions.values():
-        for action in acts:
-            for load in action.loads:
-                add(work if action.potential is None else conservative, load)
-            if action.potential is not None:
-                potential += action.potential
+    for action in actions:
+        for load in action.loads:
+            add(work if action.potential is None else conservative, load)
+        if action.potential is not None:
+            potential += action.potential
     for body, share in zip(bodies, shares, strict=True):
         conservative[id(body)] += share.Q
         if share.Q_work is not None:
             work[id(body)] += share.Q_work
         if share.potential is not None:
             potential += share.potential
-    return _vertcat([work[id(b)] for b in bodies]), _vertcat([conservative[id(b)] for b in bodies]), potential
+    return stacked([work[id(b)] for b in bodies]), stacked([conservative[id(b)] for b in bodies]), potential
 
 
 def _row_slices(*kinds: dict[str, list[ca.SX]]) -> dict[str, slice]:
@@ -304,41 +341,41 @@ def _row_names(rows: dict[str, list[ca.SX]]) -> tuple[str, ...]:
 
 def _without_untouched(c: Collected) -> Collected:
     """Leave out the particle coordinates that no force, no constraint and no other equation contains."""
-    n = c.q.numel()
-    if not any(isinstance(b.pose, Particle) for b in c.bodies):
+    pairs = _untouched(c)
+    if not pairs:
         return c
-    gaps = [gap for _, gap, _ in c.impacts]
-    laws = [*(s.rate for s in c.states), *(law for _, law in c.sampled)]
-    equations = ca.vertcat(c.Phi, c.Psi, c.Q, ca.vec(c.M), c.potential, *laws, *gaps)
-    pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
-    depends: list[bool] = np.any(pattern, axis=0).tolist()
-    drop, q_at, v_at = [], 0, 0
-    for body in c.bodies:
-        if isinstance(body.pose, Particle):
-            free = [k for k in range(3) if not (depends[q_at + k] or depends[n + v_at + k])]
-            free = [k for k in free if is_zero(c.Q[v_at + k])]
-            if len(free) < 3 or not is_zero(c.M[v_at, v_at]):  # else nothing determines how the body moves
-                drop += [(q_at + k, v_at + k) for k in free]
-        q_at += body.frame.q.numel()
-        v_at += body.frame.v.numel()
-    q_keep = [i for i in range(n) if i not in {d[0] for d in drop}]
-    v_drop = {d[1] for d in drop}
-    v_keep = [i for i in range(c.v.numel()) if i not in v_drop]
-    sizes, at = [], 0
-    for size in c.block_sizes:
-        sizes.append(sum(i not in v_drop for i in range(at, at + size)))
-        at += size
+    q_drop, v_drop = map(set, zip(*pairs, strict=True))
+    q_keep = [i for i in range(c.q.numel()) if i not in q_drop]
+    v_keep = [j for j in range(c.v.numel()) if j not in v_drop]
     return replace(
         c,
         q=c.q[q_keep],
         v=c.v[v_keep],
         qdot=c.qdot[q_keep],
         q_names=tuple(c.q_names[i] for i in q_keep),
-        v_names=tuple(c.v_names[i] for i in v_keep),
-        block_sizes=tuple(sizes),
+        v_names=tuple(c.v_names[j] for j in v_keep),
+        block_sizes=tuple(len({*range(at.start, at.stop)} - v_drop) for _, at in c.slices),
         M=c.M[v_keep, v_keep],
         M_flow=c.M_flow[v_keep, v_keep],
         Q=c.Q[v_keep],
         Q_work=c.Q_work[v_keep],
-        decoupled=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in drop),
+        decoupled=tuple((c.q_names[i], c.q[i], c.v_names[j], c.v[j]) for i, j in pairs),
     )
+
+
+def _untouched(c: Collected) -> list[tuple[int, int]]:
+    """Numbers in q and v of the coordinates of particles that stand in no equation."""
+    particles = [at for body, at in zip(c.bodies, c.slices, strict=True) if isinstance(body.pose, Particle)]
+    if not particles:
+        return []
+    laws = [*(state.rate for state in c.states), *(law for _, law in c.sampled), *(gap for _, gap, _ in c.impacts)]
+    equations = ca.vertcat(c.Phi, c.Psi, c.Q, ca.vec(c.M), c.potential, *laws)
+    pattern = ca.DM(ca.jacobian_sparsity(equations, ca.vertcat(c.q, c.v)), 1).full()
+    in_q, in_v = np.split(np.any(pattern, axis=0), [c.q.numel()])
+    pairs = []
+    for at_q, at_v in particles:
+        own = zip(range(at_q.start, at_q.stop), range(at_v.start, at_v.stop), strict=True)
+        free = [(i, j) for i, j in own if not in_q[i] and not in_v[j] and is_zero(c.Q[j])]
+        if len(free) < 3 or not is_zero(c.M[at_v.start, at_v.start]):  # else nothing determines how the body moves
+            pairs += free
+    return pairs

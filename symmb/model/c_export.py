@@ -5,7 +5,7 @@ The files need a C compiler, and neither symmb nor CasADi.
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -110,20 +110,11 @@ def example_c(
     ------
     DeclarationError         if a length does not fit `rhs`, a value is not finite, or steps < 1
     """
-    groups = {"q": list(q), "v": list(v), "s": list(s), "p": list(parameters.values()), "t": [t0]}
-    if rhs.n_in() == 4:
-        del groups["s"]
-    sizes = {key: len(values) for key, values in groups.items()}
-    expected = {key: rhs.nnz_in(i) for i, key in enumerate(groups)}
-    if sizes != expected or len(coordinates) != len(q) or (len(s) and "s" not in groups):
-        raise DeclarationError(
-            f"The start does not fit rhs: expected lengths {expected}, "
-            f"given {sizes}, s: {len(s)}, coordinates: {len(coordinates)}."
-        )
-    if steps < 1 or not all(math.isfinite(value) for value in [*q, *v, *s, *parameters.values(), t0, t1]):
+    _require_start(rhs, {"q": q, "v": v, "s": s, "p": parameters, "t": (t0,)}, coordinates)
+    if steps < 1 or not all(map(math.isfinite, [*q, *v, *s, *parameters.values(), t0, t1])):
         raise DeclarationError("The example needs at least one step and finite start values, parameters and times.")
     labels = [*coordinates, *(f"v[{i}]" for i in range(len(v))), *(f"s[{i}]" for i in range(len(s)))]
-    first_order = "s" in groups
+    begins = ["", " + N_Q", " + N_Q + N_V"][: rhs.n_in() - 2]
     return Template(_EXAMPLE.read_text(encoding="utf-8")).substitute(
         name=name,
         n_q=len(q),
@@ -135,14 +126,27 @@ def example_c(
         start=_numbers(zip(labels, [*q, *v, *s], strict=True)),
         parameters=_numbers(parameters.items()),
         heads=", ".join(map(_quoted, coordinates)),
-        arguments="x, x + N_Q, x + N_Q + N_V, P, &t" if first_order else "x, x + N_Q, P, &t",
-        results="rates, rates + N_Q, rates + N_Q + N_V" if first_order else "rates, rates + N_Q",
-        blocks=3 if first_order else 2,
+        arguments=", ".join([*(f"x{begin}" for begin in begins), "P", "&t"]),
+        results=", ".join(f"rates{begin}" for begin in begins),
+        blocks=len(begins),
         sz_arg=rhs.sz_arg(),
         sz_res=rhs.sz_res(),
         sz_iw=rhs.sz_iw() or 1,
         sz_w=rhs.sz_w() or 1,
     )
+
+
+def _require_start(rhs: ca.Function, start: Mapping[str, Sized], coordinates: Sequence[str]) -> None:
+    """DeclarationError unless the start has the sizes of the inputs of rhs."""
+    has_states = rhs.n_in() != 4
+    sizes = {key: len(values) for key, values in start.items() if has_states or key != "s"}
+    expected = {key: rhs.nnz_in(i) for i, key in enumerate(sizes)}
+    n_q, n_s = len(start["q"]), len(start["s"])
+    if sizes != expected or len(coordinates) != n_q or (n_s and not has_states):
+        raise DeclarationError(
+            f"The start does not fit rhs: expected lengths {expected}, "
+            f"given {sizes}, s: {n_s}, coordinates: {len(coordinates)}."
+        )
 
 
 def _renamed(f: ca.Function, name: str) -> ca.Function:

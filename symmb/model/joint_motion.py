@@ -275,16 +275,23 @@ _KINDS = {
 }
 
 
+def _kind_of(joint: Joint) -> _Kind | None:
+    """The kind of a joint between rigid bodies that can turn; in the plane a spherical joint is a hinge."""
+    poses = [body.pose for body in joint.bodies()]
+    if any(isinstance(pose, Particle) or pose.modes for pose in poses):
+        return None
+    in_plane = isinstance(joint, Spherical) and any(isinstance(pose, Planar) for pose in poses)
+    return _HINGE if in_plane else _KINDS.get(type(joint))
+
+
 def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     """The motion of body b relative to body a; None if no coordinates suit the joint, its axes or its bodies."""
-    bodies = joint.bodies()
-    kind = _KINDS.get(type(joint))
-    if kind is None or any(isinstance(body.pose, Particle) or body.pose.modes for body in bodies):
+    kind = _kind_of(joint)
+    if kind is None:
         return None
-    if isinstance(joint, Spherical) and any(isinstance(body.pose, Planar) for body in bodies):
-        kind = _HINGE
-    a, b = joint.axes if isinstance(joint, AxisJoint) else (Z, Z)
-    frames = joint.own_frames if isinstance(joint, AxisJoint) else (triad(Z), triad(Z))
+    (a, b), frames = (Z, Z), (triad(Z), triad(Z))
+    if isinstance(joint, AxisJoint):
+        (a, b), frames = joint.axes, joint.own_frames
     if not all(bind.is_parameter(symbol) for symbol in symbols_in(ca.vertcat(a, b, ca.vec(frames[1])))):
         return None
     q, q_names = _symbols(joint.name, kind.coordinates)
@@ -293,7 +300,7 @@ def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
     if isinstance(joint, Screw):
         shift = bind(joint.pitch, f"{joint.title}: pitch") * q / (2 * ca.pi) * Z
     carrier, follower = ca.sparsify(frames[0]), ca.sparsify(triad(b) if isinstance(joint, Universal) else frames[1])
-    in_space = any(isinstance(body.pose, Spatial) for body in bodies)
+    in_space = any(isinstance(body.pose, Spatial) for body in joint.bodies())
     quaternions = [_quaternion_of_frame(F, bind) if in_space else ca.SX(4, 1) for F in (carrier, follower)]
     q_rate = quaternion_rate(q, u) if kind is _KINDS[Spherical] else u
     return JointMotion(

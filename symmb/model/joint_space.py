@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, cast
@@ -13,7 +13,7 @@ import numpy as np
 from symmb._types import Array
 from symmb.mechanics import AxisJoint, Body, Element, Frame, Ground, Joint, Particle, Planar, Spatial
 from symmb.model.articulated_bodies import ArticulatedBodies, Loads, Placed
-from symmb.model.assembly import Collected
+from symmb.model.assembly import Collected, Coordinates, stacked
 from symmb.model.joint_motion import Relative
 from symmb.model.spanning_tree import Carrying, Link, spanning_tree
 from symmb.symbolic import MassBlocks, Symbol, conjugate, product, rotation_by, with_nodes
@@ -51,16 +51,6 @@ class JointSpace:
         self.rows = [k for name, at in c.rows.items() if name not in carrying for k in range(at.start, at.stop)]
         self._others = [k for k in range(len(c.bodies)) if k not in rigid]
 
-    @cached_property
-    def _own(self) -> list[tuple[slice, slice]]:
-        """Slices of q and v of each body in coordinates of the bodies."""
-        slices, at_q, at_v = [], 0, 0
-        for body, n_v in zip(self._bodies.bodies, self._bodies.block_sizes, strict=True):
-            n_q = n_v + isinstance(body.pose, Spatial)
-            slices.append((slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)))
-            at_q, at_v = at_q + n_q, at_v + n_v
-        return slices
-
     def expression(self, of_bodies: ca.SX) -> ca.SX:
         """An expression of coordinates of bodies in coordinates of joints. Multipliers and accelerations stay."""
         nodes, old, new = self._replacements
@@ -76,7 +66,7 @@ class JointSpace:
 
     def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
         """The same joints, with quaternions of the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
-        own = {link.body: self._own[link.body][0] for link in self.links if link.carrying is not None}
+        own = {link.body: self._bodies.slices[link.body][0] for link in self.links if link.carrying is not None}
         spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
         turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
         other = copy(self)
@@ -125,7 +115,7 @@ class JointSpace:
         c, numbers = self._bodies, [link.body for link in self.links]
         inertia, forces = [], []
         for k in numbers:
-            S, (_, at) = c.bodies[k].frame.S, self._own[k]
+            S, (_, at) = c.bodies[k].frame.S, self._bodies.slices[k]
             inertia.append(S @ c.M[at, at] @ S.T)
             forces.append(S @ c.Q[at])
         moved = self._expressions([*inertia, *forces])
@@ -140,40 +130,36 @@ class JointSpace:
         return tuple(state for state in states if state.sx.element_hash() in known)
 
     @cached_property
-    def _coordinates(self) -> list["_Coordinates"]:
+    def _coordinates(self) -> list[Coordinates]:
         """The coordinates of each link, then of each other body."""
         parts = []
         for link in self.links:
             if link.carrying is not None:
                 motion = link.carrying.motion
-                parts.append(_Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names))
+                parts.append(Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names))
             else:
                 parts.append(self._own_coordinates(link.body))
         return parts + [self._own_coordinates(k) for k in self._others]
 
-    def _own_coordinates(self, k: int) -> "_Coordinates":
-        c, (at_q, at_v) = self._bodies, self._own[k]
-        return _Coordinates(c.q[at_q], c.v[at_v], c.qdot[at_q], c.q_names[at_q], c.v_names[at_v])
+    def _own_coordinates(self, k: int) -> Coordinates:
+        c, (at_q, at_v) = self._bodies, self._bodies.slices[k]
+        return Coordinates(c.q[at_q], c.v[at_v], c.qdot[at_q], c.q_names[at_q], c.v_names[at_v])
 
     @cached_property
     def collected(self) -> Collected:
         """The equations in coordinates of the joints, with the mass matrix of the bodies."""
-        c, kept, parts = self._bodies, self._bodies.keeping(self.rows), self._coordinates
+        c, kept = self._bodies, self._bodies.keeping(self.rows)
         turns = {s.sx.element_hash() for link in self.links for s in self._turns(link)}
         return replace(
             kept,
-            q=_stacked([part.q for part in parts]),
-            v=_stacked([part.v for part in parts]),
-            qdot=_stacked([part.rate for part in parts]),
-            q_names=tuple(name for part in parts for name in part.q_names),
-            v_names=tuple(name for part in parts for name in part.v_names),
+            **Coordinates.joined(self._coordinates),
             block_sizes=(*self.tree.sizes, *(c.block_sizes[k] for k in self._others)),
             states=tuple(
                 replace(s, rate=self.expression(s.rate), value=self.expression(s.value))
                 for s in c.states
                 if s.sx.element_hash() not in turns
             ),
-            Q=_stacked([self.loads.Q, *[self.expression(c.Q[self._own[k][1]]) for k in self._others]]),
+            Q=stacked([self.loads.Q, *[self.expression(c.Q[self._bodies.slices[k][1]]) for k in self._others]]),
             potential=self.expression(c.potential),
             Phi=self.expression(kept.Phi),
             Psi=self.expression(kept.Psi),
@@ -199,7 +185,7 @@ class JointSpace:
             else:
                 moved.append(own + step)
             at_q, at_v = at_q + n_q, at_v + n_v
-        return _stacked(moved)
+        return stacked(moved)
 
     @property
     def _owners(self) -> list[Body | None]:
@@ -230,7 +216,7 @@ class JointSpace:
 
     @cached_property
     def _inertia_of_others(self) -> ca.SX:
-        at = [self._own[k][1] for k in self._others]
+        at = [self._bodies.slices[k][1] for k in self._others]
         return ca.diagcat(*[self.expression(self._bodies.M[own, own]) for own in at]) if at else ca.SX(0, 0)
 
     def inertial(self, a: ca.SX) -> ca.SX:
@@ -274,22 +260,7 @@ class JointSpace:
         for k in self._others:
             own = self._own_coordinates(k)
             q, v = [*q, own.q], [*v, own.v]
-        return _stacked(q), _stacked(v), _stacked([state.sx for state in self.collected.states])
-
-
-@dataclass(frozen=True, eq=False)
-class _Coordinates:
-    """Coordinates q, velocities v, rates q' and their names."""
-
-    q: ca.SX
-    v: ca.SX
-    rate: ca.SX
-    q_names: tuple[str, ...]
-    v_names: tuple[str, ...]
-
-
-def _stacked(parts: Sequence[ca.SX]) -> ca.SX:
-    return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
+        return stacked(q), stacked(v), stacked([state.sx for state in self.collected.states])
 
 
 def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:

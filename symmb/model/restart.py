@@ -59,41 +59,45 @@ def restart_of(system: System, run: object) -> Restart:
     ------
     DeclarationError       if it is no run, if it is of another system, or if its last state is not finite
     """
-    where = "Scene.starting_at"
     if not isinstance(run, EndedRun):
-        raise DeclarationError(f"{where}: expected a run of simulate, got {type(run).__name__}.")
+        raise DeclarationError(f"{_WHERE}: expected a run of simulate, got {type(run).__name__}.")
     if run.scene is None:
-        raise DeclarationError(f"{where}: the run was read from a file. Give Trajectory.load the scene.")
-    c = system.collected
-    names, wanted = run.state_names, [state.name for state in c.states]
-    decoupled = [
-        [name for x, _, vx, _ in part.decoupled for name in (x, vx)] for part in (run.scene.system.collected, c)
-    ]
-    of_run = [*names[0], *names[1], *decoupled[0], *run.parameters]
-    of_scene = [*c.q_names, *c.v_names, *decoupled[1], *system.parameters]
-    if of_run != of_scene:
-        odd = [*(n for n in of_scene if n not in of_run), *(n for n in of_run if n not in of_scene)]
-        what = f"only one of them has {odd[0]!r}" if odd else "the order of their bodies or parameters differs"
-        raise DeclarationError(f"{where}: the run is of another system, {what}. Give a run of this scene.")
-    missing = [name for name in wanted if name not in names[2]]
-    if missing:
-        raise DeclarationError(
-            f"{where}: the run has no state {missing[0]!r}. Run the scene with the same elements, and with the outputs "
-            "that need the state."
-        )
+        raise DeclarationError(f"{_WHERE}: the run was read from a file. Give Trajectory.load the scene.")
+    _require_same_system(system, run)
     end = np.asarray(run.x, dtype=float)[-1]
     if not np.isfinite(end).all():
-        raise DeclarationError(f"{where}: the run has failed, its last state is not finite.")
-    q, v, s = np.split(end, [len(names[0]), len(names[0]) + len(names[1])])
+        raise DeclarationError(f"{_WHERE}: the run has failed, its last state is not finite.")
+    q_names, v_names, s_names = run.state_names
+    q, v, s = np.split(end, [len(q_names), len(q_names) + len(v_names)])
     before = run.scene.restart
     return Restart(
         time=float(run.t[-1]),
         first_instant=float(run.t[0]) if before is None else before.first_instant,
         q=q,
         v=v,
-        s=np.array([s[names[2].index(name)] for name in wanted]),
+        s=np.array([s[s_names.index(state.name)] for state in system.collected.states]),
         drift=_drift(run),
     )
+
+
+_WHERE = "Scene.starting_at"
+
+
+def _require_same_system(system: System, run: EndedRun) -> None:
+    """DeclarationError if coordinates or parameters of a run are others, or if it lacks a state."""
+    c, (q_names, v_names, s_names) = system.collected, run.state_names
+    of_run = [*q_names, *v_names, *_untouched(run.scene.system), *run.parameters]
+    of_scene = [*c.q_names, *c.v_names, *_untouched(system), *system.parameters]
+    if of_run != of_scene:
+        odd = [*(n for n in of_scene if n not in of_run), *(n for n in of_run if n not in of_scene)]
+        what = f"only one of them has {odd[0]!r}" if odd else "the order of their bodies or parameters differs"
+        raise DeclarationError(f"{_WHERE}: the run is of another system, {what}. Give a run of this scene.")
+    missing = [state.name for state in c.states if state.name not in s_names]
+    if missing:
+        raise DeclarationError(
+            f"{_WHERE}: the run has no state {missing[0]!r}. Run the scene with the same elements, and with the "
+            "outputs that need the state."
+        )
 
 
 def _untouched(system: System) -> list[str]:

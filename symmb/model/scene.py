@@ -66,36 +66,36 @@ class Scene:
 
     def __post_init__(self) -> None:
         require_instance("Scene", self.system, System, "a System")
-        untimely = _time_faults(self.times)
-        faults = [*untimely, *self._box_faults()]
-        if self.coordinates is not None and not (
-            isinstance(self.coordinates, str) and self.coordinates in _COORDINATES
-        ):
-            faults.append(f'coordinates: {shown(self.coordinates)} is neither "joint" nor "body".')
         require_truth("Scene", "equilibrium", self.equilibrium)
         if self.restart is not None:
             require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
+        faults = self._faults()
+        if faults:
+            raise DeclarationError("\n".join(faults))
+        object.__setattr__(self, "times", np.array(self.times, dtype=float))
+        known = {s.sx.element_hash() for s in self.system.collected.states}
+        extra = [s for s in self.system.bind.states(self.y) if s.sx.element_hash() not in known]
+        if extra:
+            object.__setattr__(self, "system", self.system.with_states(extra))
+
+    def _faults(self) -> list[str]:
+        untimely = _time_faults(self.times)
+        faults = [*untimely, *self._box_faults()]
+        coordinates = self.coordinates
+        if coordinates is not None and not (isinstance(coordinates, str) and coordinates in _COORDINATES):
+            faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
             faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
         if self.restart is not None and self.equilibrium:
             faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
-        attempts = [lambda: self.prescribed, lambda: self.guesses]
-        if not untimely:  # coordinates that move uniformly need the start time
-            attempts.append(lambda: self._bound_outputs)
-        for attempt in attempts:
+        # Coordinates that move uniformly need the start time.
+        for attribute in ("prescribed", "guesses", *(() if untimely else ("_bound_outputs",))):
             try:
-                attempt()
+                getattr(self, attribute)
             except DeclarationError as error:
                 faults.extend(str(error).split("\n"))
-        if faults:
-            raise DeclarationError("\n".join(faults))
-        object.__setattr__(self, "times", np.array(self.times, dtype=float))
-        outputs = ca.vertcat(*self._bound_outputs.values()) if self._bound_outputs else ca.SX(0, 1)
-        known = {s.sx.element_hash() for s in self.system.collected.states}
-        extra = [s for s in self.system.bind.states(outputs) if s.sx.element_hash() not in known]
-        if extra:
-            object.__setattr__(self, "system", self.system.with_states(extra))
+        return faults
 
     def __reduce__(self) -> tuple:
         return reduction(Scene, *(getattr(self, f.name) for f in fields(self)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import casadi as ca
 
@@ -111,17 +112,8 @@ class _Values:
     def add(self, name: str, value: Expr) -> None:
         """Add the value of one name."""
         body, _, part = name.rpartition(".")
-        if body in self._spatial and part == "rotation":
-            if not isinstance(value, Rotation):
-                raise DeclarationError(
-                    f"{self._what} {name!r}: expected rotation(axis=..., angle=...), got {shown(value)}."
-                )
-            e = self._bind(value.quaternion, name, 4)
-            self.q.update({self._q_at[f"{body}.e{k}"]: e[k] for k in range(4)})
-            self.displacements.update(self._v_at[f"{body}.omega_{c}"] for c in "xyz")
-        elif body in self._spatial and part == "omega":
-            rates = zip("xyz", value, strict=True)
-            self.v.update({self._v_at[f"{body}.omega_{c}"]: self._bind(w, name) for c, w in rates})
+        if body in self._spatial and part in ("rotation", "omega"):
+            self._add_of_spatial(body, part, name, value)
         elif name in self._decoupled:
             self.drift[name] = self._bind(value, name)
         elif name in self._q_at and not _is_quaternion(name, self._spatial):
@@ -136,6 +128,20 @@ class _Values:
         else:
             known = did_you_mean(name, self._known())
             raise DeclarationError(f"{self._what}: no coordinate or velocity {name!r}.{known}")
+
+    def _add_of_spatial(self, body: str, part: str, name: str, value: Any) -> None:
+        """The rotation of a body in space, or its angular velocity."""
+        omega = [self._v_at[f"{body}.omega_{c}"] for c in "xyz"]
+        if part == "omega":
+            self.v.update({at: self._bind(w, name) for at, w in zip(omega, value, strict=True)})
+            return
+        if not isinstance(value, Rotation):
+            raise DeclarationError(
+                f"{self._what} {name!r}: expected rotation(axis=..., angle=...), got {shown(value)}."
+            )
+        e = self._bind(value.quaternion, name, 4)
+        self.q.update({self._q_at[f"{body}.e{k}"]: e[k] for k in range(4)})
+        self.displacements.update(omega)
 
     def _add_of_joint(self, joint: Joint, handle: str, value: ca.SX) -> None:
         try:

@@ -34,28 +34,34 @@ def system_text(
     power : scalar                   power of the forces without potential [W]
     joints : JointSpace              joints that carry bodies, and whether the coordinates are theirs
     """
-    constraints = [e for e in elements if isinstance(e, Constraint)]
-    forces = [e for e in elements if isinstance(e, ForceElement)]
-    dropped, freedom = c.n_declared_rows - c.Phi.numel(), c.v.numel() - len(c.row_names)
-    lines = [
-        f"bodies       {_count([_kind(b) for b in c.bodies])}",
-        f"constraints  {_count([type(e).__name__ for e in constraints])}",
-        f"forces       {_count([type(e).__name__ for e in forces])}",
-        *([f"impacts      {', '.join(name for name, *_ in c.impacts)}"] if c.impacts else []),
-        *([f"sampled      {', '.join(f'{e.name} every {e.period:g} s' for e, _ in c.sampled)}"] if c.sampled else []),
-        f"parameters   {', '.join(parameters) or 'none'}",
-        f"coordinates  {_coordinates(joints, in_joints)}",
-        f"sizes        n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
+    constraints = [type(e).__name__ for e in elements if isinstance(e, Constraint)]
+    forces = [type(e).__name__ for e in elements if isinstance(e, ForceElement)]
+    dropped = c.n_declared_rows - c.Phi.numel()
+    parts = [
+        ("bodies", _count([_kind(b) for b in c.bodies])),
+        ("constraints", _count(constraints)),
+        ("forces", _count(forces)),
+        ("impacts", ", ".join(name for name, *_ in c.impacts)),
+        ("sampled", ", ".join(f"{e.name} every {e.period:g} s" for e, _ in c.sampled)),
+        ("parameters", ", ".join(parameters) or "none"),
+        ("coordinates", _coordinates(joints, in_joints)),
+        ("sizes", _sizes(c)),
+        ("M", _mass_structure(M, block_sizes)),
+        ("fell away", f"{dropped} of {c.n_declared_rows} rows of Phi vanish by structure" if dropped else ""),
+        *(("fell away", f"{x} moves uniformly, nothing touches it") for x, *_ in c.decoupled),
+        ("left out", "; ".join(_left_out(c, Phi_t, power)) or "nothing"),
+    ]
+    return "System\n" + "\n".join(f"  {label:<12} {text}" for label, text in parts if text)
+
+
+def _sizes(c: Collected) -> str:
+    freedom = c.v.numel() - len(c.row_names)
+    return (
+        f"n_q = {c.q.numel()}, n_v = {c.v.numel()}, n_c = {c.Phi.numel()}"
         + (f", {c.Psi.numel()} velocity-only rows" if c.Psi.numel() else "")
         + (f", {len(c.states)} first-order states" if c.states else "")
-        + f"; {freedom} degree{'' if freedom == 1 else 's'} of freedom if the rows are independent",
-        f"M            {_mass_structure(M, block_sizes)}",
-    ]
-    if dropped:
-        lines.append(f"fell away    {dropped} of {c.n_declared_rows} rows of Phi vanish by structure")
-    lines += [f"fell away    {x} moves uniformly, nothing touches it" for x, *_ in c.decoupled]
-    lines.append(f"left out     {'; '.join(_left_out(c, Phi_t, power)) or 'nothing'}")
-    return "System\n" + "\n".join("  " + line for line in lines)
+        + f"; {freedom} degree{'' if freedom == 1 else 's'} of freedom if the rows are independent"
+    )
 
 
 def _coordinates(joints: JointSpace, in_joints: bool) -> str:

@@ -66,18 +66,9 @@ def membership_faults(element: Element, known: Collection[int]) -> list[str]:
 
 def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
-    faults = []
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
-    for what, value in (("mass", mass), ("inertia", ca.diag(J))):
-        nominal = _nominal(value, parameters)
-        if nominal is not None and np.any(nominal < 0):
-            faults.append(f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0.")
-        elif nominal is not None and any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
-            faults.append(
-                f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
-                "Write 0 for a massless body, so that its equations are solved without dividing by it."
-            )
+    faults = _inertia_faults(body, "mass", mass, parameters) + _inertia_faults(body, "inertia", ca.diag(J), parameters)
     skew, size = _nominal(ca.vec(J - J.T), parameters), _nominal(ca.vec(J), parameters)
     if skew is not None and size is not None and skew.any():
         if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
@@ -89,6 +80,21 @@ def mass_and_inertia(body: Body, bind: Binding, parameters: Parameters) -> tuple
     if faults:
         raise DeclarationError("\n".join(faults))
     return mass, J
+
+
+def _inertia_faults(body: Body, what: str, value: ca.SX, parameters: Parameters) -> list[str]:
+    """Masses or moments of inertia that are negative, or 0 although not declared so."""
+    nominal = _nominal(value, parameters)
+    if nominal is None:
+        return []
+    if np.any(nominal < 0):
+        return [f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0."]
+    if any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
+        return [
+            f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
+            "Write 0 for a massless body, so that its equations are solved without dividing by it."
+        ]
+    return []
 
 
 _ASYMMETRY = 1e-9

@@ -5,7 +5,7 @@ They are as exact as numbers are, without rounding outward.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -101,24 +101,23 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
 
 def _operation(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> SymbolicRange:
     if all(a.is_point for a in arguments):
-        of = [a.low for a in arguments]
-        return _point(applied(code, *of))
-    parts = next((a.parts for a in arguments if a.parts is not None), None)
-    if parts is not None:
-        before, behind = (_operation(code, side) for side in zip(*map(parts.of, arguments), strict=True))
-        result = _hull(*before[:2], *behind[:2])._replace(parts=parts._replace(before=before, behind=behind))
-    elif isinstance(code, Entry):
-        result = _entry(code, *arguments)
-    elif code in _RISING:
-        (a,), (low, high) = arguments, _RISING[code]
-        ends = [ca.fmin(ca.fmax(end, low), high) if math.isfinite(low) or math.isfinite(high) else end for end in a[:2]]
-        result = SymbolicRange(*(ca.SX.unary(code, end) for end in ends))
-    else:
-        result = _RULES[code](*arguments) if code in _RULES else _ANYWHERE
+        return _point(applied(code, *(a.low for a in arguments)))
+    result = _result(code, arguments)
     steps = code in _STEPS and not any(a.is_point and is_soft(a.low) for a in arguments)
     own = ca.ne(result.low, result.high) if steps else result.jumps
     jumps = [jump for jump in (own, *(a.jumps for a in arguments)) if not jump.is_zero()]
     return result._replace(jumps=reduce(ca.logic_or, jumps, ca.SX(0)))
+
+
+def _result(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> SymbolicRange:
+    """The range by the rule of the operation, on both sides of a place where pieces of a table meet."""
+    parts = next((a.parts for a in arguments if a.parts is not None), None)
+    if parts is not None:
+        before, behind = (_operation(code, side) for side in zip(*map(parts.of, arguments), strict=True))
+        return _hull(*before[:2], *behind[:2])._replace(parts=parts._replace(before=before, behind=behind))
+    if isinstance(code, Entry):
+        return _entry(code, *arguments)
+    return _RULES[code](*arguments) if code in _RULES else _ANYWHERE
 
 
 def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRange:
@@ -176,6 +175,13 @@ def _is_positive(a: SymbolicRange) -> bool:
 
 def _negative(a: SymbolicRange) -> SymbolicRange:
     return SymbolicRange(-a.high, -a.low)
+
+
+def _rising(code: int, low: float, high: float, a: SymbolicRange) -> SymbolicRange:
+    """Of an operation that never falls, with the ends of its domain."""
+    is_bounded = math.isfinite(low) or math.isfinite(high)
+    ends = [ca.fmin(ca.fmax(end, low), high) if is_bounded else end for end in a[:2]]
+    return SymbolicRange(*(ca.SX.unary(code, end) for end in ends))
 
 
 def _sum(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
@@ -337,6 +343,7 @@ _RULES: dict[int, Callable[..., SymbolicRange]] = {
     ca.OP_AND: lambda a, b: SymbolicRange(ca.logic_and(a.low, b.low), ca.logic_and(a.high, b.high)),
     ca.OP_OR: lambda a, b: SymbolicRange(ca.logic_or(a.low, b.low), ca.logic_or(a.high, b.high)),
     ca.OP_IF_ELSE_ZERO: _chosen,
+    **{code: partial(_rising, code, *domain) for code, domain in _RISING.items()},
 }
 """Conditions are ranges of 0 and 1: whether they hold everywhere, and whether they hold somewhere."""
 _STEPS = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from symmb.mechanics.urdf.algebra import Matrix, Scalar, Vector, add, dot, is_nought
 
@@ -18,18 +19,16 @@ class Mass:
 def united(parts: Sequence[Mass]) -> Mass:
     """Of parts that are held together."""
     heavy = [part for part in parts if not is_nought(part.mass)]
-    if len(parts) == 1 or not heavy:
-        com = parts[0].com if heavy else (0.0, 0.0, 0.0)
-        return Mass(parts[0].mass, com, _sum([part.inertia for part in parts]))
-    mass = heavy[0].mass
-    for part in heavy[1:]:
-        mass = mass + part.mass
-    com = heavy[0].com
-    if len(heavy) > 1:
-        moments = [tuple(part.mass * x for x in part.com) for part in heavy]
-        com = tuple(x / mass for x in _total(moments))
+    inertias = [part.inertia for part in parts]
+    if not heavy:
+        return Mass(parts[0].mass, (0.0, 0.0, 0.0), _sum(inertias))
+    if len(heavy) == 1:
+        return Mass(heavy[0].mass, heavy[0].com, _sum(inertias))
+    mass = reduce(lambda a, b: a + b, [part.mass for part in heavy])
+    moments = [tuple(part.mass * x for x in part.com) for part in heavy]
+    com = tuple(x / mass for x in _total(moments))
     offsets = [_offset(part.mass, tuple(x - c for x, c in zip(part.com, com, strict=True))) for part in heavy]
-    return Mass(mass, com, _sum([*(part.inertia for part in parts), *(offsets if len(heavy) > 1 else ())]))
+    return Mass(mass, com, _sum([*inertias, *offsets]))
 
 
 def _offset(mass: Scalar, arm: Vector) -> Matrix:
@@ -39,10 +38,7 @@ def _offset(mass: Scalar, arm: Vector) -> Matrix:
 
 
 def _total(vectors: Sequence[Vector]) -> Vector:
-    total = vectors[0]
-    for vector in vectors[1:]:
-        total = add(total, vector)
-    return total
+    return reduce(add, vectors)
 
 
 def _sum(matrices: Sequence[Matrix]) -> Matrix:

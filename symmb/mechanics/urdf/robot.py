@@ -193,30 +193,44 @@ def _replaced(
     faults: list[str] = []
     values: dict[str, Scalar] = dict(description.numbers)
     for name, value in replace.items():
-        if name not in description.numbers:
-            faults.append(f"replace: {description.name!r} has no number {name!r}.{did_you_mean(name, values)}")
-            continue
-        owner, what = name.split(".")[:2]
-        if name.endswith((".effort", ".velocity")) or (what == "limit" and stop is None):
-            remedy = "" if name.endswith((".effort", ".velocity")) else " Give stop=..., by which limits act."
-            faults.append(f"replace: nothing depends on {name!r}.{remedy}")
-        elif fixed_base and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
-            faults.append(f"replace: nothing depends on {name!r}, as the base is fixed. Give fixed_base=False.")
-        elif is_real(value) and not is_finite_number(value):
-            faults.append(f"replace: {name!r} is {value!r}, not a finite number.")
-        elif is_real(value) and value < 0 and what in ("mass", "damping", "friction"):
-            faults.append(f"replace: {name!r} is {value:g}; it must not be negative.")
+        fault = _idle_fault(description, name, fixed_base, stop) or _value_fault(name, value)
+        if fault:
+            faults.append(f"replace: {fault}")
         else:
             values[name] = float(value) if is_real(value) else scalar(value, f"replace: {name!r}")
     for link in description.links:
         entries = [values[f"{link}.inertia.{entry}"] for entry in ("xx", "xy", "xz", "yy", "yz", "zz")]
-        given = tuple(entry for entry in entries if not isinstance(entry, ca.SX))
-        fault = inertia_fault(given) if len(given) == len(entries) else ""
+        numbers = tuple(entry for entry in entries if not isinstance(entry, ca.SX))
+        fault = inertia_fault(numbers) if len(numbers) == len(entries) else ""
         if fault:
             faults.append(f"replace: inertia of {link!r}: {fault}")
     if faults:
         raise DeclarationError("\n".join(faults))
     return values
+
+
+def _idle_fault(description: Description, name: str, fixed_base: bool, stop: object) -> str:
+    """Why nothing would depend on a number, or empty."""
+    if name not in description.numbers:
+        return f"{description.name!r} has no number {name!r}.{did_you_mean(name, description.numbers)}"
+    owner, what = name.split(".")[:2]
+    if name.endswith((".effort", ".velocity")):
+        return f"nothing depends on {name!r}."
+    if what == "limit" and stop is None:
+        return f"nothing depends on {name!r}. Give stop=..., by which limits act."
+    if fixed_base and description.tops.get(owner) == description.root and what in ("mass", "com", "inertia"):
+        return f"nothing depends on {name!r}, as the base is fixed. Give fixed_base=False."
+    return ""
+
+
+def _value_fault(name: str, value: Any) -> str:
+    """Why a number cannot be the one of a name, or empty."""
+    if not is_real(value):
+        return ""
+    if not is_finite_number(value):
+        return f"{name!r} is {value!r}, not a finite number."
+    is_negative = value < 0 and name.split(".")[1] in ("mass", "damping", "friction")
+    return f"{name!r} is {value:g}; it must not be negative." if is_negative else ""
 
 
 @dataclass(frozen=True, eq=False)
