@@ -162,5 +162,5 @@ def test_more_runs_than_anybody_can_afford_are_refused_before_they_are_listed():
     long = mb.FunctionSimulator(lambda k, c: k * c, {"k": 1.0, "c": 1.0}, np.arange(1e4), ["x"])
     with pytest.raises(mb.PropagationError, match=r"takes 2\.5e\+09 runs, more than the 1e\+08 allowed"):
         mb.sweep(scene, {"k": many, "m": many})
-    with pytest.raises(mb.PropagationError, match="100000000 runs, with their outputs, take .* GB"):
+    with pytest.raises(mb.PropagationError, match=r"100000000 runs, with their outputs, take .* GB"):
         mb.sweep(long, {"k": many[:10_000], "c": many[:10_000]})
