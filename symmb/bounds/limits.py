@@ -202,7 +202,7 @@ def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBo
 def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> tuple[bool | None, str]:
     """Whether a limit is kept, and why."""
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else (np.inf, -np.inf))
-    beyond = np.max([low - attained[0], attained[1] - high])
+    beyond = max(np.max(low - attained[0]), np.max(attained[1] - high))
     if beyond > bounds.rounding:
         return False, "A run is beyond it."
     if bounds.is_doubted:

@@ -11,7 +11,7 @@ from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
-from symmb._names import did_you_mean
+from symmb._names import counted, did_you_mean
 from symmb._options import shown
 from symmb._table import aligned
 from symmb._types import Array, Expr
@@ -63,7 +63,7 @@ class Sensitivities(Result, files.Saved):
         return self.values[:, self.names.index(name), [*self.parameters].index(parameter)]
 
     def _head(self) -> str:
-        return f"{self.name}: dy/dp of {len(self.names)} outputs at the nominal parameters"
+        return f"{self.name}: dy/dp of {counted(len(self.names), 'output')} at the nominal parameters"
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
         """The largest dy/dp of each output and parameter, and the change of the output for 1 % of the parameter."""
