@@ -51,7 +51,7 @@ class Labelled:
         sizes = [len(self.coordinates[name][1]) for name in dims]
         columns: dict[str, Any] = {}
         for name, (own, values) in {**self.coordinates, **self.variables}.items():
-            is_series = "time" in own or name in self.coordinates
+            is_series = "time" in own or name in self.coordinates or "time" not in dims
             if is_series and set(own) <= {*dims, "bound"} and name != "bound":
                 for column, part in _columns(name, own, np.asarray(values)):
                     rows = tuple(dim for dim in own if dim != "bound")

@@ -21,6 +21,11 @@ LONGEST_SHOWN = 200
 """Most characters of a value in a message."""
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, as '1 run' or '2 runs'."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """' Did you mean 'x'?' or a list of what is known, for the end of an error message."""
     known = [*map(str, known)]

@@ -15,6 +15,7 @@ from symmb._names import did_you_mean
 from symmb._options import is_real, shown
 from symmb._table import aligned
 from symmb._types import Array
+from symmb.files import to_jsonable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +38,7 @@ class OutputBounds:
     inner : (lower, upper)     attained by runs; None if none are known
     evaluations : int
     is_doubted : bool
+    rounding : float           how far runs may be off by rounding or noise
     """
 
     kind: Literal["enclosure", "estimate", "sampled"]
@@ -46,6 +48,7 @@ class OutputBounds:
     inner: tuple[Array, Array] | None
     evaluations: int
     is_doubted: bool
+    rounding: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +123,24 @@ class LimitCheck(Result):
     def _rows(self) -> list[list[str]]:
         rows = [["limit", "result", "why", "least margin", "at [s]"]]
         for limit in self.limits:
-            worst = int(limit.margin.argmin())
-            margin = f"{limit.margin[worst]:.4g}{' ' * bool(limit.unit)}{limit.unit}"
-            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{self.t[worst]:.6g}"])
+            least, time = self._least(limit)
+            margin = f"{least:.4g}{' ' * bool(limit.unit)}{limit.unit}"
+            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, f"{time:.6g}"])
         return rows
+
+    def _least(self, limit: KeptLimit) -> tuple[float, float]:
+        """The least margin of a limit, and its time [s]."""
+        i = int(limit.margin.argmin())
+        return float(limit.margin[i]), float(self.t[i])
+
+    def to_json(self) -> dict[str, dict[str, Any]]:
+        """The result of each output, why, its least margin with the time, and its limits, None where there is none."""
+        found = {}
+        for limit in self.limits:
+            margin, time = self._least(limit)
+            result = {"result": _WORDS[limit.kept], "why": limit.why, "margin": margin, "time": time}
+            found[limit.output] = to_jsonable(result | {"low": limit.low, "high": limit.high})
+        return found
 
     def __str__(self) -> str:
         worst = [f"  worst case: {self.worst}"] if self.worst else []
@@ -133,10 +150,15 @@ class LimitCheck(Result):
         parts = html.text(self._head()), html.table(self._rows(), _LEFT), html.picture(plot.png(self.plot()))
         return html.page(*parts)
 
-    def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the bounds of the outputs with limits, and these as lines; write the picture to `path` if given."""
-        figure = self.draw([limit.output for limit in self.limits])
-        plot.add_limits(figure, [(limit.low, limit.high) for limit in self.limits])
+    def plot(self, path: str | Path | None = None, outputs: str | Sequence[str] | None = None) -> "Figure":
+        """Draw the bounds of outputs with limits, and these as lines; write the picture to `path` if given.
+
+        Without names these are all outputs with limits.
+        """
+        chosen = plot.columns_of("LimitCheck.plot", outputs, [limit.output for limit in self.limits])
+        some = self.limits if chosen is None else [self.limits[k] for k in chosen]
+        figure = self.draw([limit.output for limit in some])
+        plot.add_limits(figure, [(limit.low, limit.high) for limit in some])
         return plot.save(figure, path)
 
     def _labelled(self) -> Labelled:
@@ -180,10 +202,13 @@ def kept_limit(output: str, unit: str, low: float, high: float, bounds: OutputBo
 def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> tuple[bool | None, str]:
     """Whether a limit is kept, and why."""
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else (np.inf, -np.inf))
-    if np.any(attained[0] < low) or np.any(attained[1] > high):
+    beyond = max(np.max(low - attained[0]), np.max(attained[1] - high))
+    if beyond > bounds.rounding:
         return False, "A run is beyond it."
     if bounds.is_doubted:
         return None, "The bounds are doubted."
+    if beyond > 0:
+        return None, f"A run is beyond it, but by no more than rounding or noise of {bounds.rounding:.1e}."
     if bounds.kind == "sampled":
         return None, f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
     if bounds.kind == "enclosure":
@@ -194,7 +219,7 @@ def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> t
         return None, "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
     if bounds.estimate is None:
         return None, "The bounds have no estimated error: PolynomialChaos() has one."
-    if (margin < -bounds.estimate).any():
+    if (margin < -np.maximum(bounds.estimate, bounds.rounding)).any():
         error = bounds.estimate[(margin + bounds.estimate).argmin()]
         return False, f"The bounds are beyond it by more than their estimated error of {error:.1e}."
     error = bounds.estimate.max()
@@ -214,4 +239,6 @@ def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:
     low, high = (-np.inf if pair[0] is None else float(pair[0])), (np.inf if pair[1] is None else float(pair[1]))
     if low > high:
         raise DeclarationError(f"{owner}: the limits of {name!r} cross: {low:g} is above {high:g}.")
+    if not np.isfinite([low, high]).any():
+        raise DeclarationError(f"{owner}: one end of the limit of {name!r} must be finite, got {shown(pair)}.")
     return low, high

@@ -66,9 +66,7 @@ class Method(ABC):
         """
         for name in box.names:
             if name not in simulator.parameters:
-                raise DeclarationError(
-                    f"Box: {simulator!r} has no parameter '{name}'.{did_you_mean(name, simulator.parameters)}"
-                )
+                raise DeclarationError(f"Box: no parameter '{name}'.{did_you_mean(name, simulator.parameters)}")
         require_callable("propagate: progress", progress, "done", "all")
         start = time.perf_counter()
         with attained_by_runs(len(simulator.times), len(simulator.outputs)) as attained:

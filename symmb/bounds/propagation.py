@@ -6,7 +6,7 @@ from symmb._errors import PropagationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._progress import shown_runs
 from symmb._types import Executor
-from symmb.black_boxes import Progress, Simulator
+from symmb.black_boxes import Noisy, Progress, Simulator
 from symmb.bounds.doubts import checked, doubted
 from symmb.bounds.method import Method, require_method
 from symmb.bounds.result import Bounds
@@ -80,4 +80,7 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     assert box is not None
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     nominal, values = getattr(simulator, "nominal", None), {k: float(v) for k, v in simulator.parameters.items()}
-    return replace(bounds, study=Study(simulator, box), nominal=nominal, nominal_parameters=values)
+    known = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
+    if bounds.noise is None and bounds.kind == "sampled" and isinstance(simulator, Noisy):
+        known["noise"] = simulator.noise
+    return replace(bounds, **known)

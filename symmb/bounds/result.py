@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9
 """Share of an output's largest value below which errors are rounding."""
+_WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
+"""Methods that make no runs in the box, by the begin of their texts."""
 _NAMED_WINDOWS = 3
 """Doubtful windows of an output that a sentence names."""
 
@@ -227,15 +229,18 @@ class Bounds(Answers, Result, files.Saved):
             known = {case.side: case for case in self.worst_cases if case.output == output}
             if time is None and len(known) == len(SIDES):
                 return Worst(**known)
-            raise DeclarationError(
-                "Bounds.worst: a file holds the worst cases over all times alone."
-                if known
-                else f"Bounds.worst: {self.method} makes no runs that attain its bounds, or these bounds were pickled. "
-                "Use PolynomialChaos() or Vertex()."
-            )
+            raise DeclarationError(f"Bounds.worst: {self._why_no_worst(bool(known))}")
         rows = self._extreme_rows(k) if time is None else [row_of("Bounds.worst", self.t, time)] * 2
         places = [(side, row, k) for side, row in zip(SIDES, rows, strict=True)]
         return Worst(*worst_cases(self.attaining, places, self.names, self.t, self.lower, self.upper))
+
+    def _why_no_worst(self, knows_some: bool) -> str:
+        if knows_some:
+            return "a file holds the worst cases over all times alone."
+        if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
+            return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
+        what = "pickled bounds keep" if self.box else "a .csv file keeps"
+        return f"{what} no worst cases. Save bounds as .npz or .json."
 
     def _extreme_rows(self, k: int) -> list[int]:
         """Numbers of the times at which output number k is least and largest."""
@@ -245,8 +250,8 @@ class Bounds(Answers, Result, files.Saved):
         """Whether outputs keep limits for all parameters of the box, at all times.
 
         A limit is kept if the bounds, widened by their estimated error, are inside and nothing is doubted. It is
-        violated if a run is beyond it, or the bounds are so by more than their error. Otherwise it is undecided. For
-        enclosures it is proved to be kept; samples alone can only violate it.
+        violated if a run is beyond it by more than rounding and noise, or the bounds are so by more than their error.
+        Otherwise it is undecided. For enclosures it is proved to be kept; samples alone can only violate it.
 
         Parameters
         ----------
@@ -264,9 +269,11 @@ class Bounds(Answers, Result, files.Saved):
             k = self.names.index(name)
             estimate = None if self.estimate is None else self.estimate[:, k]
             inner = None if self.inner is None else (self.inner[0][:, k], self.inner[1][:, k])
-            own = OutputBounds(
-                self.kind, lower, upper, estimate, inner, self.evaluations, is_doubted or name in doubtful
-            )
+            rounding = float(ROUNDING * np.abs([lower, upper]).max(initial=0.0))
+            if self.noise is not None:
+                rounding = max(rounding, float(self.noise[k]))
+            doubted = is_doubted or name in doubtful
+            own = OutputBounds(self.kind, lower, upper, estimate, inner, self.evaluations, doubted, rounding)
             found.append(kept_limit(name, self.units[k] if self.units else "", *ends, own))
         return LimitCheck(self.t, self.method, tuple(found), partial(self.plot, None), self._closest_to(found))
 

@@ -16,6 +16,8 @@ from symmb.polynomials import Expansion
 from symmb.polynomials.ranges import Piecewise
 
 Kind = Literal["enclosure", "estimate", "sampled"]
+_ZERO = 1e-12
+"""Share of the largest bound of an output up to which what is printed is rounding."""
 MEANING = {
     "enclosure": "proved: no response lies outside",
     "estimate": "of a surrogate: may miss to either side",
@@ -175,8 +177,8 @@ def _failed_parameters(failed: tuple[Failure, ...], taken: list[str]) -> dict[st
 def extremes_of_bounds(
     t: Array, names: Sequence[str], lower: Array, upper: Array, nominal: Array | None, estimate: Array | None
 ) -> list[list[str]]:
-    """One row of text for each output: its least and greatest bound, their times and the nominal values there, the
-    largest width, and the largest estimated error.
+    """One row of text for each output: its least and greatest bound, their times and what the nominal run has then, the
+    largest width, and the largest estimated error. What is 0 but for rounding is printed as 0.
 
     Parameters
     ----------
@@ -186,17 +188,24 @@ def extremes_of_bounds(
     nominal : (n_t, n_y) array or None     the nominal run
     estimate : (n_t, n_y) array or None    estimated error of both
     """
-    there = [] if nominal is None else ["nominal"]
-    rows = [["output", "least", "at [s]", *there, "greatest", "at [s]", *there, "width", "at [s]", "estimated error"]]
+    then = [] if nominal is None else ["nominal then"]
+    rows = [["output", "least", "at [s]", *then, "greatest", "at [s]", *then, "width", "at [s]", "estimated error"]]
     with np.errstate(over="ignore"):
         width = upper - lower
     width = np.where(np.isnan(width), np.inf, width)
     for k, name in enumerate(names):
+        sizes = np.abs([lower[:, k], upper[:, k]])
+        least = _ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
         places = int(lower[:, k].argmin()), int(upper[:, k].argmax())
         cells = [name]
         for values, i in zip((lower, upper), places, strict=True):
-            cells += [f"{values[i, k]:.6g}", f"{t[i]:.6g}", *([] if nominal is None else [f"{nominal[i, k]:.6g}"])]
+            cells += [_number_text(values[i, k], least), f"{t[i]:.6g}"]
+            cells += [] if nominal is None else [_number_text(nominal[i, k], least)]
         widest = int(width[:, k].argmax())
         error = "–" if estimate is None else f"≤ {estimate[:, k].max():.1e}"
-        rows.append([*cells, f"{width[widest, k]:.6g}", f"{t[widest]:.6g}", error])
+        rows.append([*cells, _number_text(width[widest, k], least), f"{t[widest]:.6g}", error])
     return rows
+
+
+def _number_text(value: float, least: float) -> str:
+    return "0" if abs(value) <= least else f"{value:.6g}"

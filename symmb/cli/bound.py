@@ -21,9 +21,9 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     """Add the command."""
     bound = command("bound", "bound outputs, and check limits", _bound, f"{methods}\n\n{solvers}")
     bound.add_argument(
-        "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, beside those of --tolerances"
+        "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, in the place of the scene's"
     )
-    bound.add_argument("--tolerances", metavar="F", help="a .csv or .toml table of tolerances, see Box.read")
+    bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), beside --box")
     bound.add_argument(
         "--limit", metavar="x=:0.3", nargs="+", action="extend", default=[], help="limits low:high of outputs"
     )
@@ -41,6 +41,9 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     json_file, csv_file = result_path(options.json, ".json"), result_path(options.csv, ".csv")
     picture, drawing = result_path(options.plot, *PICTURES), result_path(options.view, *FORMATS)
     limits = _ranges("--limit", options.limit)
+    for name, ends in limits.items():
+        if ends == (None, None):
+            raise DeclarationError(f"--limit {name}=low:high: one side may be left out, but not both.")
     subject, own = load_subject(options.scene)
     box = _box(options, own)
     if drawing is not None and not isinstance(subject, mb.Scene):
@@ -50,7 +53,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     contributions = None if bounds.kind == "enclosure" else bounds.contributions()
     print(*filter(None, (bounds, check, contributions)), sep="\n\n")
     if json_file:
-        save_json(json_file, bounds.to_json())
+        save_json(json_file, bounds.to_json() | ({"limits": check.to_json()} if check else {}))
     if csv_file:
         bounds.save(csv_file)
     if picture:
@@ -91,7 +94,7 @@ def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[float | None, 
             ends = (float(low) if low else None, float(high) if high else None)
         except ValueError:
             colon, ends = "", (None, None)
-        if not name or not colon or ends == (None, None):
+        if not name or not colon:
             raise DeclarationError(f"{option} takes name=low:high, got {shown(word)}.")
         if name in found:
             raise DeclarationError(f"{option} has {name!r} twice.")

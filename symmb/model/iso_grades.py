@@ -54,6 +54,7 @@ _BELOW = {
     "s": _row("14 19 23 28 28 35 35 43 43 53 59 71 79 92 100 108 122 130 140 158 170 190 208 232 252"),
 }
 """How far the zones of shafts begin above the size: k of the grades 4 to 7."""
+_LEAST_GENERAL_SIZE = 0.5
 _GENERAL_SIZES = 3, 6, 30, 120, 400, 1000, 2000, 4000
 _GENERAL: dict[str, tuple[float | None, ...]] = {
     "f": (50, 50, 100, 150, 200, 300, 500, None),
@@ -61,7 +62,7 @@ _GENERAL: dict[str, tuple[float | None, ...]] = {
     "c": (200, 300, 500, 800, 1200, 2000, 3000, 4000),
     "v": (None, 500, 1000, 1500, 2500, 4000, 6000, 8000),
 }
-"""Deviations to both sides of sizes from 0.5 mm on, without an indication of their own."""
+"""Deviations to both sides of sizes without an indication of their own."""
 _FIT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(js|JS|[A-Za-z])(\d+)\s*")
 _GENERAL_CLASS = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(?:ISO\s*)?2768\s*-?\s*([a-z])[A-Z]?\s*")
 
@@ -78,9 +79,7 @@ def sizes_of_grade(text: str) -> tuple[float, float, float]:
         lower, upper = _deviations(text, size, letters, grade)
     elif match := _GENERAL_CLASS.fullmatch(text):
         size = float(match[1])
-        width = _GENERAL[match[2]][bisect_left(_GENERAL_SIZES, size)] if _is_general(match[2], size) else None
-        if width is None:
-            raise DeclarationError(f"{text!r}: ISO 2768 has the classes f, m, c and v, for sizes from 0.5 to 4000 mm.")
+        width = _general_deviation(text, size, match[2])
         lower, upper = -width, width
     else:
         raise DeclarationError(
@@ -90,14 +89,26 @@ def sizes_of_grade(text: str) -> tuple[float, float, float]:
     return size, size + 1e-3 * lower, size + 1e-3 * upper
 
 
-def _is_general(letter: str, size: float) -> bool:
-    return letter in _GENERAL and 0.5 <= size <= _GENERAL_SIZES[-1]
+def _general_deviation(text: str, size: float, letter: str) -> float:
+    """Deviation to both sides [um] by ISO 2768."""
+    if letter not in _GENERAL:
+        raise DeclarationError(f"{text!r}: ISO 2768 has the classes f, m, c and v.")
+    widths, k = _GENERAL[letter], bisect_left(_GENERAL_SIZES, size)
+    inside = [i for i, width in enumerate(widths) if width is not None]
+    width = widths[k] if size >= _LEAST_GENERAL_SIZE and k in inside else None
+    if width is None:
+        begin = f"above {_GENERAL_SIZES[inside[0] - 1]}" if inside[0] else f"from {_LEAST_GENERAL_SIZE}"
+        end = _GENERAL_SIZES[inside[-1]]
+        raise DeclarationError(f"{text!r}: class {letter} of ISO 2768 is for sizes {begin} to {end} mm.")
+    return width
 
 
 def _deviations(text: str, size: float, letters: str, grade: int) -> tuple[float, float]:
     """Lower and upper deviation [um] by ISO 286."""
-    if not 0 < size <= _SIZES[-1] or grade not in _GRADES:
-        raise DeclarationError(f"{text!r}: known are the grades IT1 to IT16 of ISO 286, for sizes up to 500 mm.")
+    if not 0 < size <= _SIZES[-1]:
+        raise DeclarationError(f"{text!r}: the size must be above 0 and up to 500 mm, as in ISO 286.")
+    if grade not in _GRADES:
+        raise DeclarationError(f"{text!r}: the grade must be from IT1 to IT16, as in ISO 286.")
     k, letter, is_hole = bisect_left(_SIZES, size), letters.lower(), letters[0].isupper()
     width = _GRADES[grade][k]
     if letter == "js":

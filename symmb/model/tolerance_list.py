@@ -3,6 +3,7 @@
 import csv
 import io
 import tomllib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from symmb.model.iso_grades import sizes_of_grade
 Interval = tuple[float, float]
 _SAME = 1e-9
 """Share by which a nominal value may differ from the size that is told with a grade, by rounding."""
+_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
 
@@ -43,10 +45,8 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object) -> Int
 
 def _of_text(owner: str, name: str, nominal: float, text: str) -> Interval:
     if text.strip().endswith("%"):
-        try:
-            share = float(text.strip().removesuffix("%")) / 100
-        except ValueError:
-            share = -1.0
+        percent = _number_or_text(text.strip().removesuffix("%"))
+        share = -1.0 if isinstance(percent, str) else percent / 100
         if not 0 <= share < 1 or not nominal:
             raise DeclarationError(
                 f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
@@ -73,46 +73,49 @@ def intervals_in_file(path: Path) -> dict[str, Interval]:
     DeclarationError    if it is no such table
     FileError           if it cannot be read
     """
+    owner = f"Box.read: {path.name}"
     if path.suffix.lower() not in (".csv", ".toml"):
-        raise DeclarationError(f"Box.read: {path.name} must be a .csv or .toml file.")
+        raise DeclarationError(f"{owner} must be a .csv or .toml file.")
     try:
         text = path.read_text(encoding="utf-8-sig")
-        rows = list(_rows_of_csv(text) if path.suffix.lower() == ".csv" else _rows_of_toml(text))
+        rows = list(_rows_of_csv(owner, text) if path.suffix.lower() == ".csv" else _rows_of_toml(owner, text))
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror or text_of(error)}.") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, csv.Error) as error:
-        raise DeclarationError(f"Box.read: {path.name} is no table: {text_of(error)}.") from None
+        raise DeclarationError(f"{owner} is no table: {text_of(error)}.") from None
     intervals: dict[str, Interval] = {}
     for row in rows:
         name = row.get("name")
-        owner = f"Box.read: {path.name}"
         if not isinstance(name, str) or not name:
             raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
         if name in intervals:
             raise DeclarationError(f"{owner}: {name!r} stands there twice.")
         intervals[name] = _of_row(owner, name, row)
     if not intervals:
-        raise DeclarationError(f"Box.read: {path.name} has no rows.")
+        raise DeclarationError(f"{owner} has no rows.")
     return intervals
 
 
-def _rows_of_csv(text: str) -> Iterator[dict[str, Any]]:
+def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
     lines = [line for line in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in line)]
+    if comment := next((line for line in lines if line[0].lstrip().startswith("#")), None):
+        raise DeclarationError(f"{owner}: comments cannot be read. Remove the line {shown(','.join(comment))}.")
     head = [cell.strip().lower() for cell in lines[0]] if lines else []
+    other = next((word for mark, word in _SEPARATORS.items() if len(head) == 1 and mark in head[0]), None)
+    if other:
+        raise DeclarationError(f"{owner}: cells are separated by {other} there, and must be by commas.")
+    if twice := [name for name, count in Counter(head).items() if name and count > 1]:
+        raise DeclarationError(f"{owner}: the column {twice[0]!r} stands there twice.")
     for line in lines[1:]:
         if len(line) > len(head):
-            raise DeclarationError(
-                f"Box.read: a row has {len(line)} cells and the head {len(head)}: {', '.join(line)}."
-            )
+            raise DeclarationError(f"{owner}: a row has {len(line)} cells and the head {len(head)}: {', '.join(line)}.")
         yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
 
 
-def _rows_of_toml(text: str) -> Iterator[dict[str, Any]]:
+def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
     for name, row in tomllib.loads(text).items():
         if not isinstance(row, Mapping):
-            raise DeclarationError(
-                f"Box.read: {name!r} must be a table with nominal, plus and minus, got {shown(row)}."
-            )
+            raise DeclarationError(f"{owner}: {name!r} must be a table with nominal, plus and minus, got {shown(row)}.")
         yield {"name": name, **row}
 
 
@@ -146,6 +149,6 @@ def _number(owner: str, name: str, column: str, value: Any) -> float:
 
 def _number_or_text(value: Any) -> Any:
     try:
-        return float(value) if isinstance(value, str) else value
+        return float(value) if isinstance(value, str) and "_" not in value else value
     except ValueError:
         return value

@@ -11,14 +11,14 @@ from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, over_outputs, texts, unit_text
-from symmb._names import did_you_mean
-from symmb._options import require_names, shown
+from symmb._names import counted, did_you_mean
+from symmb._options import shown
 from symmb._table import aligned
 from symmb._types import Array, Expr
 from symmb.black_boxes import Jets, Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
-from symmb.simulation.subject import require_own, require_solver, simulator_with, with_options
+from symmb.simulation.subject import chosen_parameters, simulator_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +63,7 @@ class Sensitivities(Result, files.Saved):
         return self.values[:, self.names.index(name), [*self.parameters].index(parameter)]
 
     def _head(self) -> str:
-        return f"{self.name}: dy/dp of {len(self.names)} outputs at the nominal parameters"
+        return f"{self.name}: dy/dp of {counted(len(self.names), 'output')} at the nominal parameters"
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
         """The largest dy/dp of each output and parameter, and the change of the output for 1 % of the parameter."""
@@ -159,7 +159,7 @@ def sensitivities(
 
     Raises
     ------
-    DeclarationError           if a parameter is unknown, or there is none
+    DeclarationError           if a parameter is unknown or named twice, or there is none
     AssemblyError              if the scene cannot be started
     SimulationError            if the run breaks down, or the simulator gives values only
 
@@ -173,20 +173,11 @@ def sensitivities(
     >>> mb.sensitivities(scene)["x", "speed"].round(9).tolist()
     [0.0, 2.0]
     """
-    require_solver(solver)
-    if isinstance(scene, Scene):
-        simulator: Simulator = simulator_with(with_options(scene, times, outputs), solver)
-    else:
-        require_own(scene, solver, times, outputs)
-        simulator = scene
+    simulator = simulator_for("sensitivities", scene, solver, times, outputs)
     if not isinstance(simulator, Jets):
         raise SimulationError(f"sensitivities: {shown(scene)} gives no derivatives. Give a Scene.")
     nominal = dict(simulator.parameters)
-    some = require_names(
-        "sensitivities: parameters", "parameter", [*nominal] if parameters is None else parameters, nominal
-    )
-    if not some:
-        raise DeclarationError("sensitivities: there is no parameter. Declare Parameters(k=...) and use p.k.")
+    some = chosen_parameters("sensitivities", parameters, nominal)
     directions = np.eye(len(nominal))[[[*nominal].index(name) for name in some]]
     jets = np.asarray(simulator.jets(np.array(list(nominal.values())), directions, 1), dtype=float)
     if not np.isfinite(jets).all():

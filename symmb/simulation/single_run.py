@@ -139,7 +139,7 @@ def simulate(
         if check:
             raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
         simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own, solver)
-        return swept(simulator, parameters, {}, "simulate")
+        return swept(simulator, parameters, "simulate")
     values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts():
         if isinstance(scene, DAESimulator):

@@ -1,9 +1,10 @@
 """The subject of a study: a scene, for which a simulator is made, or a simulator."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from symmb._errors import DeclarationError
-from symmb._options import shown
+from symmb._options import require_names, shown
 from symmb._types import Array, Expr
 from symmb.black_boxes import Simulator
 from symmb.integrate import CVODES, Solver
@@ -43,6 +44,47 @@ def simulator_of(
         require_own(subject, solver, times, outputs)
         simulator = subject
     return simulator, box
+
+
+def simulator_for(
+    owner: str,
+    subject: Scene | Simulator,
+    solver: Solver | None,
+    times: Sequence[float] | Array | None,
+    outputs: Mapping[str, Expr] | None,
+) -> Simulator:
+    """The simulator of a scene with these options, or the given one, which takes none.
+
+    Raises
+    ------
+    DeclarationError       if it is something else, or takes no options
+    """
+    require_solver(solver)
+    if isinstance(subject, Scene):
+        return simulator_with(with_options(subject, times, outputs), solver)
+    if not hasattr(subject, "outputs"):
+        raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
+    require_own(subject, solver, times, outputs)
+    return subject
+
+
+def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:
+    """Names of parameters that are given, each once; all of them if none are.
+
+    Raises
+    ------
+    DeclarationError       if there is none, or a name is not known or stands there twice
+    """
+    if not nominal:
+        raise DeclarationError(f"{owner}: there is no parameter. Declare Parameters(k=...) and use p.k.")
+    if names is None:
+        return [*nominal]
+    some = require_names(f"{owner}: parameters", "parameter", names, nominal)
+    if not some:
+        raise DeclarationError(f"{owner}: the list of parameters is empty.")
+    if twice := [name for name, count in Counter(some).items() if count > 1]:
+        raise DeclarationError(f"{owner}: the list of parameters has {twice[0]!r} twice.")
+    return some
 
 
 def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: Mapping[str, Expr] | None) -> Scene:

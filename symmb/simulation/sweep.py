@@ -1,8 +1,8 @@
 """Runs of a scene or a simulator with several values of its parameters."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,8 @@ from symmb import files, plot
 from symmb._errors import DeclarationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Named, Result, over_outputs, parameter_names, unit_text
-from symmb._names import did_you_mean
+from symmb._limits import require_memory, require_runs
+from symmb._names import counted, did_you_mean
 from symmb._options import is_finite_number, numbers_of, shown
 from symmb._progress import shown_runs
 from symmb._table import aligned
@@ -21,7 +22,7 @@ from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb.black_boxes import Progress, Reduction, Samples, Simulator
 from symmb.integrate import Solver
 from symmb.model import Scene
-from symmb.simulation.subject import require_own, require_solver, simulator_with, with_options
+from symmb.simulation.subject import simulator_for
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,14 +83,19 @@ class Sweep(Result, files.Saved):
         if self.ok.all():
             return ()
         more = f" and {len(self.messages) - _NAMED} more" if len(self.messages) > _NAMED else ""
-        return (f"{len(self.messages)} of {len(self)} runs failed: {'; '.join(self.messages[:_NAMED])}{more}.",)
+        return (
+            f"{len(self.messages)} of {counted(len(self), 'run')} failed: {'; '.join(self.messages[:_NAMED])}{more}.",
+        )
 
     def _head(self) -> str:
         times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
         varied = ", ".join(
             f"{name} from {values.min():g} to {values.max():g}" for name, values in self._varied().items()
         )
-        lines = [f"{self.name}: {len(self)} runs, {times}", f"  parameters  {varied or 'the same in all runs'}"]
+        lines = [
+            f"{self.name}: {counted(len(self), 'run')}, {times}",
+            f"  parameters  {varied or 'the same in all runs'}",
+        ]
         return "\n".join([*lines, *(f"  doubtful    {doubt}" for doubt in self.doubts)])
 
     def _varied(self) -> dict[str, Array]:
@@ -241,34 +247,21 @@ def sweep(
                 f"sweep: the values of {name!r} must be a list of finite numbers, got {shown(some)}."
             )
         grid[name] = column
-    runs = [dict(zip(grid, row, strict=True)) for row in product(*(column.tolist() for column in grid.values()))]
-    simulator = _simulator(scene, solver, times, outputs)
-    return swept(simulator, runs, grid, "sweep", executor, progress)
+    simulator = simulator_for("sweep", scene, solver, times, outputs)
+    nominal = simulator.parameters
+    _require_known("sweep", grid, nominal)
+    count = math.prod(map(len, grid.values()))
+    require_runs("sweep", count, "Give fewer values.")
+    _require_room("sweep", simulator, count)
+    P = np.tile([float(value) for value in nominal.values()], (count, 1))
+    each = count
+    for name, column in grid.items():
+        each //= len(column)
+        P[:, [*nominal].index(name)] = np.resize(np.repeat(column, each), count)
+    return _of_rows(simulator, P, grid, "sweep", executor, progress)
 
 
-def _simulator(
-    scene: Scene | Simulator,
-    solver: Solver | None,
-    times: Sequence[float] | Array | None,
-    outputs: Mapping[str, Expr] | None,
-) -> Simulator:
-    require_solver(solver)
-    if isinstance(scene, Scene):
-        return simulator_with(with_options(scene, times, outputs), solver)
-    if not hasattr(scene, "outputs"):
-        raise DeclarationError(f"sweep: expected a Scene or a simulator, got {shown(scene)}.")
-    require_own(scene, solver, times, outputs)
-    return scene
-
-
-def swept(
-    simulator: Simulator,
-    runs: Sequence[Mapping[str, float]],
-    grid: Mapping[str, Array],
-    owner: str,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
-) -> Sweep:
+def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str) -> Sweep:
     """Runs with parameters of which each replaces some of the nominal ones."""
     nominal = simulator.parameters
     if not runs:
@@ -276,13 +269,35 @@ def swept(
     for run in runs:
         if not isinstance(run, Mapping):
             raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
+        _require_known(owner, run, nominal)
         for name, value in run.items():
-            if not isinstance(name, str) or name not in nominal:
-                raise DeclarationError(f"{owner}: no parameter {name!r}.{did_you_mean(name, nominal)}")
             if not is_finite_number(value):
                 raise DeclarationError(f"{owner}: parameter {name!r} is {shown(value)}, which is no finite number.")
+    _require_room(owner, simulator, len(runs))
     P = np.array([[float(run.get(name, value)) for name, value in nominal.items()] for run in runs])
-    P = P.reshape(len(runs), len(nominal))
+    return _of_rows(simulator, P.reshape(len(runs), len(nominal)), {}, owner)
+
+
+def _require_known(owner: str, names: Iterable[object], nominal: Mapping[str, float]) -> None:
+    for name in names:
+        if not isinstance(name, str) or name not in nominal:
+            raise DeclarationError(f"{owner}: no parameter {name!r}.{did_you_mean(name, nominal)}")
+
+
+def _require_room(owner: str, simulator: Simulator, runs: int) -> None:
+    numbers = len(simulator.parameters) + len(simulator.times) * len(simulator.outputs)
+    require_memory(owner, f"{counted(runs, 'run')}, with their outputs,", runs * numbers)
+
+
+def _of_rows(
+    simulator: Simulator,
+    P: Array,
+    grid: Mapping[str, Array],
+    owner: str,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Runs with parameters P (N, n_p)."""
     with kept_interrupts(), shown_runs(progress, owner) as progress:
         parts = simulator.stream(P, Reduction(list, _with_block, _joined), executor, progress)
     Y, ok = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan), np.zeros(len(P), dtype=bool)
@@ -293,7 +308,7 @@ def swept(
         np.asarray(simulator.times),
         tuple(simulator.outputs),
         tuple(getattr(simulator, "units", ("",) * len(simulator.outputs))),
-        dict(zip(nominal, P.T, strict=True)),
+        dict(zip(simulator.parameters, P.T, strict=True)),
         dict(grid),
         Y,
         ok,

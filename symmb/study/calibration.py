@@ -11,13 +11,14 @@ from symmb import _html as html
 from symmb import files, plot
 from symmb._errors import DeclarationError, SimulationError, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._names import did_you_mean
-from symmb._options import is_finite_number, numbers_of, require_names, require_positive, shown
+from symmb._labelled import Labelled, Result, texts
+from symmb._names import counted, did_you_mean
+from symmb._options import is_finite_number, numbers_of, require_positive, shown
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
-from symmb.simulation import DAESimulator, simulator_with
+from symmb.simulation import DAESimulator, chosen_parameters, simulator_with
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,24 +29,25 @@ _ROUNDS = 3
 _UNDETERMINED = 1e-6
 """Share of the largest sensitivity, in shares of the parameters, below which the data do not determine a combination:
 derivatives by integration are exact to about 1e-7."""
-_PART = 0.3
-"""Part of a parameter in an undetermined combination from which on it is named."""
+_PART = 0.05
+"""Part of a parameter in an undetermined combination from which on it is not determined either."""
 _STEPS = 200
 """Most runs of a fit: from within 30 % of the truth ten are usual."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(files.Saved):
+class Calibration(Result, files.Saved):
     """Estimates of parameters from data, and how far they can be trusted.
 
     Attributes
     ----------
     name : str                     of the scene
     parameters : dict              n_p estimates by name
-    covariance : (n_p, n_p)        of the estimates, for errors of the data that are independent and normal
+    covariance : (n_p, n_p)        of the estimates, for errors of the data that are independent and normal; of
+                                   parameters that the data do not determine inf, and nan with the others
     noise : dict                   output -> standard deviation of its data, as given or as estimated
     times, data, residuals : dict  output -> (n,) times [s], values, and values less those of the fitted run
-    degrees : int                  number of values less that of parameters; 0 if the noise was given
+    degrees : int                  number of values less that of what they determine; 0 if the noise was given
     undetermined : tuple of str    what the data do not determine, in sentences
     evaluations : int              runs with derivatives
     """
@@ -70,13 +72,20 @@ class Calibration(files.Saved):
     def correlation(self) -> Array:
         """(n_p, n_p) correlation of the estimates."""
         sizes = np.sqrt(np.diag(self.covariance))
-        return self.covariance / np.outer(sizes, sizes)
+        with np.errstate(invalid="ignore"):
+            return self.covariance / np.outer(sizes, sizes)
 
     @property
     def laws(self) -> dict[str, Any]:
-        """A normal distribution of SciPy for each parameter; `correlation` joins them."""
+        """A normal distribution of SciPy for each parameter; `correlation` joins them.
+
+        Raises
+        ------
+        DeclarationError    if the data do not determine the parameters
+        """
         from scipy.stats import norm
 
+        self._require_determined("laws")
         return {name: norm(self.parameters[name], size) for name, size in self.deviations.items()}
 
     def box(self, level: float = 0.95) -> Box:
@@ -93,18 +102,22 @@ class Calibration(files.Saved):
 
         if not is_finite_number(level) or not 0 < level < 1:
             raise DeclarationError(f"Calibration.box: level must be between 0 and 1, got {shown(level)}.")
-        if self.undetermined:
-            raise DeclarationError(f"Calibration.box: {' '.join(self.undetermined)}")
+        self._require_determined("box")
         tail = (1 + level ** (1 / len(self.parameters))) / 2
         factor = float(t(self.degrees).ppf(tail) if self.degrees else norm.ppf(tail))
         sizes = self.deviations
         return Box(**{n: (p - factor * sizes[n], p + factor * sizes[n]) for n, p in self.parameters.items()})
 
+    def _require_determined(self, asked: str) -> None:
+        if self.undetermined:
+            raise DeclarationError(f"Calibration.{asked}: {' '.join(self.undetermined)}")
+
     def _head(self) -> str:
         count = sum(map(len, self.data.values()))
+        numbers = counted(len(self.parameters), "parameter"), counted(count, "value"), counted(self.evaluations, "run")
         return "\n".join(
             [
-                f"{self.name}: {len(self.parameters)} parameters from {count} values, {self.evaluations} runs",
+                f"{self.name}: {numbers[0]} from {numbers[1]}, {numbers[2]}",
                 *(f"  noise       {name}: {noise:.3g}" for name, noise in self.noise.items()),
                 *(f"  doubtful    {text}" for text in self.undetermined),
             ]
@@ -114,14 +127,12 @@ class Calibration(files.Saved):
         rows = [["parameter", "estimate", "deviation", "share"]]
         for name, size in self.deviations.items():
             value = self.parameters[name]
-            rows.append([name, f"{value:.6g}", f"{size:.2g}", f"{size / abs(value):.2%}" if value else "–"])
+            share = f"{size / abs(value):.2%}" if value and np.isfinite(size) else "–"
+            rows.append([name, f"{value:.6g}", f"{size:.2g}", share])
         return rows
 
     def __str__(self) -> str:
         return "\n".join([self._head(), "", *aligned(self._rows())])
-
-    def __repr__(self) -> str:
-        return str(self)
 
     def _repr_html_(self) -> str:
         return html.page(html.text(self._head()), html.table(self._rows()), html.picture(plot.png(self.plot())))
@@ -133,6 +144,25 @@ class Calibration(files.Saved):
         some = names if chosen is None else [names[k] for k in chosen]
         return plot.plot_fit([(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in some], path)
 
+    def _labelled(self) -> Labelled:
+        names, series = texts([*self.parameters]), ("value",)
+        coordinates = {
+            "parameter": (("parameter",), names),
+            "other": (("other",), names),
+            "output": (series, texts([name for name, t in self.times.items() for _ in t])),
+            "time": (series, np.concatenate([*self.times.values()])),
+        }
+        variables = {
+            "estimate": (("parameter",), np.array([*self.parameters.values()])),
+            "deviation": (("parameter",), np.array([*self.deviations.values()])),
+            "covariance": (("parameter", "other"), self.covariance),
+            "data": (series, np.concatenate([*self.data.values()])),
+            "residual": (series, np.concatenate([*self.residuals.values()])),
+            "noise": (series, np.concatenate([np.full(len(t), self.noise[name]) for name, t in self.times.items()])),
+        }
+        about = {"scene": self.name, "undetermined": "\n".join(self.undetermined) or None}
+        return Labelled(coordinates, variables, about, {"time": "s"}, ("parameter",))
+
     def _record(self) -> dict[str, Any]:
         return {"data_times" if name == "times" else name: value for name, value in vars(self).items()}
 
@@ -141,10 +171,13 @@ class Calibration(files.Saved):
         parameters, noise = record.numbers("parameters"), record.numbers("noise")
         times, data, residuals = (record.record(key) for key in ("data_times", "data", "residuals"))
         series = {name: times.array(name, None) for name in noise}
+        covariance = record.array("covariance", len(parameters), len(parameters), finite=False)
+        diagonal = np.diag(covariance)  # JSON has no inf
+        np.fill_diagonal(covariance, np.where(np.isnan(diagonal), np.inf, diagonal))
         return cls(
             record.text("name"),
             parameters,
-            record.array("covariance", len(parameters), len(parameters), finite=False),
+            covariance,
             noise,
             series,
             {name: data.array(name, len(t)) for name, t in series.items()},
@@ -179,11 +212,13 @@ def calibrate(
 
     Returns
     -------
-    Calibration                combinations that the data do not determine are a SymmbWarning
+    Calibration                combinations that the data do not determine are a SymmbWarning, and stay as close to
+                               the nominal values as the data allow, in shares of these
 
     Raises
     ------
-    DeclarationError           if an output or a parameter is unknown, or there are fewer values than parameters
+    DeclarationError           if an output or a parameter is unknown or named twice, or there are fewer values than
+                               parameters
     SimulationError            if no run near the nominal parameters succeeds, or the fit does not end
 
     Examples
@@ -198,10 +233,7 @@ def calibrate(
     """
     if not isinstance(scene, Scene):
         raise DeclarationError(f"{OWNER}: expected a Scene, got {shown(scene)}.")
-    nominal = scene.system.parameters
-    some = require_names(f"{OWNER}: parameters", "parameter", [*nominal] if parameters is None else parameters, nominal)
-    if not some:
-        raise DeclarationError(f"{OWNER}: there is no parameter to estimate.")
+    some = chosen_parameters(OWNER, parameters, scene.system.parameters)
     measured = _measured(scene, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
     own = scene.with_times(times)
@@ -228,10 +260,16 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
             where = "its own times" if pair else f"the {len(scene.times)} times of the scene"
             raise DeclarationError(f"{OWNER}: data of {name!r} must be one number for each of {where}.")
-        known = np.isfinite(y)
-        if not known.any() or not np.isfinite(t).all() or (t < scene.times[0]).any():
+        known = ~np.isnan(y)
+        if not known.any():
+            raise DeclarationError(f"{OWNER}: data of {name!r} are nothing but gaps (nan).")
+        if np.isinf(y).any():
+            raise DeclarationError(f"{OWNER}: data of {name!r} are infinite at {t[np.isinf(y)][0]:g} s. A gap is nan.")
+        if not np.isfinite(t).all():
+            raise DeclarationError(f"{OWNER}: the times of {name!r} must be finite.")
+        if t.min() < scene.times[0]:
             raise DeclarationError(
-                f"{OWNER}: data of {name!r} must be finite at some times, none of them before {scene.times[0]:g} s."
+                f"{OWNER}: the times of {name!r} begin at {t.min():g} s, before the scene does at {scene.times[0]:g} s."
             )
         found[name] = t[known], y[known]
     return found
@@ -243,7 +281,7 @@ def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> di
         return {}
     if not isinstance(noise, Mapping) or noise.keys() != measured.keys():
         raise DeclarationError(
-            f"{OWNER}: noise must be a number for each of {', '.join(measured)}, got {shown(noise)}."
+            f"{OWNER}: noise must be numbers, one for each output with data: {', '.join(measured)}, got {shown(noise)}."
         )
     for name, value in noise.items():
         require_positive(OWNER, f"noise of {name!r}", value)
@@ -291,37 +329,20 @@ class _Fit:
 
 
 def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
-    from scipy.optimize import least_squares
-
-    u = fit.p[fit.columns] / fit.sizes
-    if not np.isfinite(fit(u)[0]).all():
+    nominal = fit.p[fit.columns] / fit.sizes
+    if not np.isfinite(fit(nominal)[0]).all():
         raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) tells why.")
-    spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
-    noise = np.array([*given.values()] or spreads)
-    for _ in range(1 if given else _ROUNDS):
-        weights = np.repeat(1 / noise, fit.counts)
-
-        def residuals(u: Array, weights: Array = weights) -> Array:
-            return fit(u)[0] * weights
-
-        def slopes(u: Array, weights: Array = weights) -> Array:
-            return -fit(u)[1] * weights[:, None]
-
-        found = least_squares(residuals, u, jac=cast(Any, slopes), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=_STEPS)
-        if not found.status:
-            raise SimulationError(f"{OWNER}: the fit has not ended after {_STEPS} runs. Give nominal values closer by.")
-        u = found.x
-        if not given:  # each output bears its share of the parameters
-            share = 1 - len(u) / len(fit.data)
-            floor = 1e-12 * np.array(spreads)
-            noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
-    weights = np.repeat(1 / noise, fit.counts)
-    _, sizes, directions = np.linalg.svd(fit(u)[1] * weights[:, None], full_matrices=False)
-    free = sizes <= _UNDETERMINED * sizes.max(initial=0.0)
-    covariance = np.full((len(u), len(u)), np.inf)
-    if not free.any():
-        root = fit.sizes[:, None] * directions.T / sizes
-        covariance = root @ root.T
+    u, noise = _least_squares(fit, nominal, np.eye(len(nominal)), given)
+    sizes, directions = _determination(fit, u, noise)
+    if not (sizes > 0).all():  # along the others the fit went anywhere
+        u, noise = _least_squares(fit, nominal, directions[sizes > 0], given)
+        sizes, directions = _determination(fit, u, noise)
+    is_known = sizes > 0
+    root = fit.sizes[:, None] * directions[is_known].T / sizes[is_known]
+    covariance = root @ root.T
+    open_ = np.linalg.norm(directions[~is_known], axis=0) > _PART
+    covariance[open_], covariance[:, open_] = np.nan, np.nan
+    covariance[open_, open_] = np.inf
     return Calibration(
         name,
         dict(zip(fit.names, (u * fit.sizes).tolist(), strict=True)),
@@ -330,10 +351,52 @@ def _fitted(fit: _Fit, given: Mapping[str, float], name: str) -> Calibration:
         {output: t for output, (t, _) in fit.measured.items()},
         {output: values for output, (_, values) in fit.measured.items()},
         dict(zip(fit.measured, fit.parts(fit(u)[0]), strict=True)),
-        0 if given else len(fit.data) - len(u),
-        tuple(_undetermined(fit.names, direction) for direction in directions[free]),
+        0 if given else len(fit.data) - int(is_known.sum()),
+        tuple(_undetermined(fit.names, direction) for direction in directions[~is_known]),
         fit.runs,
     )
+
+
+def _least_squares(fit: _Fit, begin: Array, basis: Array, given: Mapping[str, float]) -> tuple[Array, Array]:
+    """Shares of the parameters (n_p,), moved from `begin` along the orthonormal rows of a basis, and noise of the
+    outputs.
+    """
+    from scipy.optimize import least_squares
+
+    spreads = [np.ptp(part) or np.abs(part).max() or 1.0 for part in fit.parts(fit.data)]
+    noise, u, along = np.array([*given.values()] or spreads), begin, basis @ begin
+    rest = begin - along @ basis
+    for _ in range(1 if given else _ROUNDS):
+        weights = np.repeat(1 / noise, fit.counts)
+
+        def residuals(along: Array, weights: Array = weights) -> Array:
+            return fit(rest + along @ basis)[0] * weights
+
+        def slopes(along: Array, weights: Array = weights) -> Array:
+            return -fit(rest + along @ basis)[1] @ basis.T * weights[:, None]
+
+        if len(basis):
+            tight = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-12, "max_nfev": _STEPS}
+            found = least_squares(residuals, along, jac=cast(Any, slopes), **tight)
+            if not found.status:
+                raise SimulationError(
+                    f"{OWNER}: the fit has not ended after {_STEPS} runs. Give nominal values closer by."
+                )
+            along = found.x
+            u = rest + along @ basis
+        if not given:  # each output bears its share of the parameters
+            share = 1 - len(basis) / len(fit.data)
+            floor = 1e-12 * np.array(spreads)
+            noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
+    return u, noise
+
+
+def _determination(fit: _Fit, u: Array, noise: Array) -> tuple[Array, Array]:
+    """Orthonormal combinations (n_p, n_p) of shares of the parameters, in rows, and how strongly the data determine
+    each: over the noise, and 0 for those that they do not.
+    """
+    _, sizes, directions = np.linalg.svd(fit(u)[1] * np.repeat(1 / noise, fit.counts)[:, None], full_matrices=False)
+    return np.where(sizes > _UNDETERMINED * sizes.max(initial=0.0), sizes, 0.0), directions
 
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:

@@ -34,10 +34,7 @@ TOP = float((1.1 * np.sin(T) + 0.25 * T).max())
 def test_limits_of_estimates_are_kept_violated_or_undecided(limits, kept):
     bounds = mb.propagate(waves(), mb.PolynomialChaos(tolerance=1e-2), BOX)
     check = bounds.check(limits)
-    if kept is None:
-        assert check.kept in (None, False)  # a run may attain the limit to rounding
-    else:
-        assert check.kept is kept
+    assert check.kept is kept
     for name, (low, high) in limits.items():
         lower, upper = bounds[name]
         exact = np.minimum(lower - (-np.inf if low is None else low), (np.inf if high is None else high) - upper)
@@ -53,6 +50,31 @@ def test_an_estimate_that_straddles_a_limit_does_not_decide():
     bounds = mb.Bounds(**{**vars(bounds), "inner": (lower + 0.05, upper - 0.05)})
     results = {high: bounds.check({"y": (None, high)}).kept for high in (0.89, 0.92, 0.97, 1.05, 1.11)}
     assert results == {0.89: False, 0.92: False, 0.97: None, 1.05: None, 1.11: True}
+
+
+@pytest.mark.parametrize(("noise", "over", "kept"), [
+    (None, 1e-15, None), (None, 1e-8, False), (1e-6, 1e-8, None), (1e-6, 1e-5, False), (0.0, 1e-15, None),
+])  # fmt: skip
+@pytest.mark.parametrize("kind", ["sampled", "estimate"])
+def test_runs_beyond_a_limit_by_rounding_or_noise_decide_nothing(kind, noise, over, kept):
+    t, lower, upper = np.array([0.0, 1.0]), np.zeros((2, 1)), np.array([[3.0], [2.0]])
+    extra = {"estimate": np.zeros((2, 1))} if kind == "estimate" else {}
+    own = {"inner": (lower, upper), "noise": None if noise is None else np.array([noise])} | extra
+    bounds = mb.Bounds(t, ("y",), lower, upper, kind, "Vertex()", 9, **own)
+    check = bounds.check({"y": (None, 3.0 - over)})
+    assert check.kept is kept and ("rounding or noise" in str(check)) == (kept is None)
+
+
+def test_runs_hand_over_their_noise():
+    p = mb.Parameters(a=1.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    spring = mb.SpringDamper("spring", mb.Ground().point(-2, 0), ball.point(0, 0), 4.0, 0.0, 2.0)
+    start, outputs = {"ball.x": p.a, "ball.y": 0.0}, {"x": ball.x}
+    scene = mb.Scene(mb.System(ball, spring, parameters=p), start, np.pi * np.arange(5.0), outputs)
+    bounds = mb.propagate(scene, mb.Vertex(), mb.Box(a=(0.9, 1.1)))  # x = a cos 2 t
+    beyond = bounds["x"][1].max() - 1.1
+    assert bounds.noise is not None and abs(beyond) < bounds.noise[0]
+    assert bounds.check({"x": (None, 1.1 - bounds.noise[0] / 2)}).kept is None
 
 
 def test_samples_only_violate():
@@ -94,6 +116,10 @@ def test_limits_are_drawn_and_labelled(tmp_path):
     data = check.to_xarray()
     assert data["result"].values.tolist() == ["violated", "kept"] and data["margin"].dims == ("time", "output")
     assert "<table" in check._repr_html_()
+    (axes,) = check.plot(outputs="y").axes
+    assert axes.get_title(loc="left") == "y" and 2 in [line.get_ydata()[0] for line in axes.lines]
+    with pytest.raises(mb.DeclarationError, match="no output 'x'"):
+        check.plot(outputs=["x"])
     plt.close("all")
 
 
@@ -102,6 +128,8 @@ def test_limits_are_drawn_and_labelled(tmp_path):
     [
         ({}, "pairs by output"), (3, "pairs by output"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
         ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "cross"), ({"y": (np.nan, 1)}, "numbers or None"),
+        ({"y": (np.inf, np.inf)}, "must be finite"), ({"y": (-np.inf, np.inf)}, "must be finite"),
+        ({"y": (np.inf, None)}, "must be finite"), ({"y": (None, -np.inf)}, "must be finite"),
         ({"y": ("a", 1)}, "numbers or None"), ({"y": (1, 2, 3)}, "pair"), ({"y": (True, 2)}, "numbers or None"),
     ],
 )  # fmt: skip

@@ -113,7 +113,16 @@ def test_print_tells_the_nominal_run_of_a_scene_beside_the_extremes():
     bounds = propagate(scene, Vertex())
     np.testing.assert_allclose(bounds.nominal, [[0], [2], [4]], atol=1e-9)
     assert [f"{float(n):g}" for n in str(bounds).splitlines()[-1].split()[1:9]] == "0 0 0 6 2 4 3 2".split()
+    assert str(bounds).splitlines()[-2].count("nominal then") == 2
     assert bounds.to_xarray()["nominal"].dims == ("time", "output")
+
+
+def test_rounding_is_printed_as_0():
+    lower, upper = np.array([[-1e-16], [1.0]]), np.array([[3e-13], [2.0]])
+    bounds = Bounds(np.array([0.0, 1.0]), ("x",), lower, upper, "sampled", "Vertex()", 4, nominal=lower)
+    assert str(bounds).splitlines()[-1].split() == ["x", "0", "0", "0", "2", "1", "1", "1", "1", "–"]
+    tiny = Bounds(np.array([0.0]), ("x",), lower[:1], -lower[:1], "sampled", "Vertex()", 4)
+    assert str(tiny).splitlines()[-1].split()[1:4:2] == ["-1e-16", "1e-16"]
 
 
 def test_print_tells_the_first_failed_runs():

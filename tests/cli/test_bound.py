@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import symmb as mb
 from symmb.cli.main import main
 
 SCENE = """
@@ -46,6 +47,17 @@ def test_bounds_and_limits(folder, capsys, words, status, upper):
     assert np.genfromtxt(folder / "b.csv", delimiter=",", skip_header=1)[-1, 2] == pytest.approx(upper)
 
 
+def test_limits_stand_in_the_file(folder):
+    main(["bound", "roll.py", "--limit", "x=:2.3", "y=1:1.5", "--json", "b.json"])
+    limits = json.loads((folder / "b.json").read_text())["limits"]
+    assert (
+        [*limits] == ["x", "y"] and limits["y"]["result"] == "violated" and limits["y"]["why"] == "A run is beyond it."
+    )
+    assert limits["x"] == {**limits["x"], "result": "kept", "time": 2.0, "low": None, "high": 2.3}
+    assert limits["x"]["margin"] == pytest.approx(0.1) and limits["y"]["margin"] == pytest.approx(-0.5)
+    assert mb.Bounds.load("b.json")["x"][1][-1] == pytest.approx(2.2)
+
+
 def test_pictures_are_written(folder):
     assert main(["bound", "roll.py", "--limit", "x=:2.3", "--plot", "b.png", "--view", "b.svg"]) == 0
     assert (folder / "b.png").stat().st_size > 5000 and (folder / "b.svg").stat().st_size > 500
@@ -54,9 +66,10 @@ def test_pictures_are_written(folder):
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["--limit", "x"], "name=low:high"), (["--limit", "x=:"], "name=low:high"), (["--limit", "x=a:1"], "low:high"),
+        (["--limit", "x"], "name=low:high"), (["--limit", "x=:"], "but not both"), (["--limit", "x=a:1"], "low:high"),
         (["--limit", "x=2:1"], "cross"), (["--limit", "q=:1"], "no output 'q'"), (["--box", "speed=1:"], "both ends"),
-        (["--box", "speed=1:2", "speed=1:2"], "twice"), (["--box", "sped=1:2"], "no parameter 'sped'"),
+        (["--box", "speed=1:2", "speed=1:2"], "twice"), (["--box", "sped=1:2"], ": Box: no parameter 'sped'. Did you"),
+        (["--box", "speed=:"], "both ends"), (["--limit", "x=-inf:inf"], "must be finite"),
         (["--tolerances", "none.csv"], "cannot be read"), (["--method", "magic"], "magic"), (["--csv", "b.png"], "csv"),
     ],
 )  # fmt: skip

@@ -36,7 +36,7 @@ FORMATS += [("Trajectory", "csv"), ("Bounds", "csv")]
 
 def attributes(result):
     """Attributes of a result by name, without equations and what makes more runs."""
-    names = ("scene", "simulator", "_text", "run_examination", "attaining")
+    names = ("scene", "simulator", "_text", "run_examination", "attaining", "study")
     return {name: value for name, value in vars(result).items() if name not in names and not isinstance(value, dict)}
 
 
@@ -57,7 +57,7 @@ def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
     result.save(path)
     again = getattr(mb, kind).load(path)
     lost = (
-        ["inner", "failed", "expansion", "box", "x", "lam", "work"]
+        ["inner", "failed", "expansion", "surrogate", "box", "x", "lam", "work"]
         + ["drift", "position_drift", "velocity_drift", "energy", "energy_drift"]
         if suffix == "csv"
         else []

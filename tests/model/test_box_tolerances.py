@@ -66,7 +66,10 @@ def test_tolerances_of_every_kind_become_intervals():
         (-1e-5, "at least 0"), ((1e-5, -1e-5), "pair"), ((1, 2, 3), "pair"), (None, "pair"), (np.nan, "pair"),
         ("-1%", "share"), ("100%", "share"), ("x%", "share"), ("H7", "is no tolerance"), ("40 H17", "IT1 to IT16"),
         ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "up to K8"), ("40 2768-x", "f, m, c and v"),
-        ("50 H7", "0.05 .in m. or 50 .in mm."), (True, "pair"), ("0 H7", "IT1"), ("2 2768-v", "f, m, c and v"),
+        ("50 H7", "0.05 .in m. or 50 .in mm."), (True, "pair"), ("0 H7", "the size must be above 0"),
+        ("2 2768-v", "class v .* above 3 to 4000"),
+        ("3000 ISO 2768-f", "class f .* from 0.5 to 2000"), ("0.4 ISO 2768-m", "class m .* from 0.5 to 4000"),
+        ("5000 ISO 2768-c", "from 0.5 to 4000"), ("1_0%", "share"),
     ],
 )  # fmt: skip
 def test_what_is_no_tolerance_is_told(tolerance, why):
@@ -114,6 +117,10 @@ def test_tables_of_tolerances_are_read(tmp_path, name, text):
         ("name,nominal,plus\na,1\n", "needs plus"), ("name,nominal,plus,minus\na,1,2,-1\n", "one side"),
         ("name,nominal,pls\na,1,2\n", "Did you mean 'plus'"), ("name,nominal,plus\na,1,2,3\n", "cells"),
         ("name,nominal,plus,tolerance\na,1,2,1%\n", "one of both"), ("name,nominal,plus\na,1,1e400\n", "number"),
+        ("name,nominal,plus,plus\na,1,2,3\n", "'plus' stands there twice"), ("name,nominal,plus\na,1_0,2\n", "number"),
+        ("name;nominal;plus\na;1;2\n", "a.csv: cells are separated by semicolons there, and must be by commas"),
+        ("name\tnominal\tplus\na\t1\t2\n", "by tabs there"), ("name,nominal,plus\na,1,2,3\n", "a.csv: a row has"),
+        ("# of drawing 7\nname,nominal,plus\na,1,2\n", "Remove the line '# of drawing 7'"),
     ],
 )  # fmt: skip
 def test_damaged_tables_are_told(tmp_path, text, why):

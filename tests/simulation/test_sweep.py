@@ -125,6 +125,8 @@ def test_sensitivities_of_some_parameters_and_their_outside(tmp_path):
 def test_wrong_calls_are_told():
     scene = oscillator()
     black_box = mb.FunctionSimulator(lambda k: k * T[:, None], {"k": 1.0}, T, ["x"])
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    without_parameters = mb.Scene(mb.System(ball), {"ball.vx": 1.0}, T, {"x": ball.x})
     wrong = {
         "expected values by name": [lambda: mb.sweep(scene, {}), lambda: mb.sweep(scene, 3)],
         "list of finite numbers": [
@@ -141,7 +143,10 @@ def test_wrong_calls_are_told():
         "has its own solver": [lambda: mb.sweep(black_box, {"k": [1.0]}, times=[0, 1])],
         "no output 'y'": [lambda: mb.sweep(scene, {"k": [1.0]})["y"]],
         "no parameter 'b'": [lambda: mb.sensitivities(scene, ["b"]), lambda: mb.sensitivities(scene)["x", "b"]],
-        "there is no parameter": [lambda: mb.sensitivities(scene, [])],
+        "the list of parameters is empty": [lambda: mb.sensitivities(scene, [])],
+        "has 'k' twice": [lambda: mb.sensitivities(scene, ["k", "a", "k"])],
+        "sensitivities: expected a Scene or a simulator": [lambda: mb.sensitivities(None)],
+        "there is no parameter": [lambda: mb.sensitivities(without_parameters)],
         "an output and a parameter": [lambda: mb.sensitivities(scene)["x"]],
     }
     for why, calls in wrong.items():
@@ -150,3 +155,12 @@ def test_wrong_calls_are_told():
                 call()
     with pytest.raises(mb.SimulationError, match="gives no derivatives"):
         mb.sensitivities(black_box)
+
+
+def test_more_runs_than_anybody_can_afford_are_refused_before_they_are_listed():
+    scene, many = oscillator(), np.linspace(1, 2, 50_000)
+    long = mb.FunctionSimulator(lambda k, c: k * c, {"k": 1.0, "c": 1.0}, np.arange(1e4), ["x"])
+    with pytest.raises(mb.PropagationError, match=r"takes 2\.5e\+09 runs, more than the 1e\+08 allowed"):
+        mb.sweep(scene, {"k": many, "m": many})
+    with pytest.raises(mb.PropagationError, match=r"100000000 runs, with their outputs, take .* GB"):
+        mb.sweep(long, {"k": many[:10_000], "c": many[:10_000]})

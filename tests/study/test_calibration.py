@@ -89,6 +89,50 @@ def test_what_the_data_do_not_determine_is_told():
         mb.calibrate(scene, {"x": swing(T, 6.3, 0.21)}, ["k", "unused"])
 
 
+@pytest.mark.parametrize("noise", [None, 0.01])
+@pytest.mark.parametrize("name", ["a.npz", "a.json"])
+def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, noise, tmp_path):
+    """Of mass, stiffness and amplitude of a free oscillation only a ratio shows: it comes from the closest pair."""
+    p = mb.Parameters(m=1.3, k=7.0, a=0.4)
+    ball = mb.Body("ball", p.m, pose=mb.Particle())
+    spring = mb.SpringDamper("spring", mb.Ground().point(-1, 0), ball.point(0, 0), p.k, 0.0, 1.0)
+    scene = mb.Scene(mb.System(ball, spring, parameters=p), {"ball.x": p.a, "ball.y": 0.0}, T, {"x": ball.x})
+    data = {"x": 0.38 * np.cos(np.sqrt(7.6 / 1.3) * T) + 0.01 * np.random.default_rng(1).standard_normal(41)}
+    given = noise and {"x": noise}
+    exact = mb.calibrate(scene, data, ["k", "a"], noise=given)
+    with pytest.warns(mb.SymmbWarning, match="'m', 'k' together"):
+        found = mb.calibrate(scene, data, noise=given)
+    m, k, a = found.parameters.values()
+    assert k / m == pytest.approx(exact.parameters["k"] / 1.3, rel=1e-6)
+    share = np.array([1.0, k / m * 1.3 / 7.0])
+    assert [m / 1.3, k / 7.0] == pytest.approx(share * share.sum() / (share @ share), rel=1e-4)  # foot of (1, 1)
+    assert a == pytest.approx(exact.parameters["a"], rel=1e-6) and found.degrees == exact.degrees
+    found.save(tmp_path / name)
+    for one in (found, mb.Calibration.load(tmp_path / name)):
+        assert one.deviations == {"m": np.inf, "k": np.inf, "a": pytest.approx(exact.deviations["a"], rel=1e-4)}
+        assert str(one) == str(found) and one.correlation[2, 2] == pytest.approx(1)
+        for call in (lambda fit=one: fit.laws, one.box):
+            with pytest.raises(mb.DeclarationError, match="do not determine 'm', 'k' together"):
+                call()
+
+
+def test_nothing_determined_stays_nominal():
+    with pytest.warns(mb.SymmbWarning, match="'unused'"):
+        found = mb.calibrate(oscillator(), {"x": swing(T, 6.3, 0.21)}, ["unused"])
+    assert found.parameters == {"unused": 2.0} and found.deviations == {"unused": np.inf}
+    assert "1 parameter from 41 values" in str(found)
+
+
+def test_estimates_are_labelled():
+    found = mb.calibrate(particle(), {"x": ([0.5, 1.0, 3.0], [0.7, 1.4, 6.0])})
+    data, table = found.to_xarray(), found.to_pandas()
+    assert data["covariance"].sel(parameter="fall", other="speed") == found.covariance[0, 1]
+    assert data["time"].values.tolist() == [0.5, 1.0, 3.0] and data["output"].values.tolist() == ["x"] * 3
+    np.testing.assert_array_equal(data["residual"], found.residuals["x"])
+    assert dict(zip(table.parameter, table.estimate, strict=True)) == found.parameters
+    assert dict(zip(table.parameter, table.deviation, strict=True)) == found.deviations
+
+
 def test_files_and_pictures(tmp_path):
     found = mb.calibrate(particle(), {"x": 1.2 * T})
     for name in ("a.npz", "a.json"):
@@ -108,13 +152,17 @@ def test_wrong_calls_are_told():
         "values by output": lambda: mb.calibrate(scene, [1, 2]),
         "no output 'y'": lambda: mb.calibrate(scene, {"y": T}),
         "no parameter 'mass'": lambda: mb.calibrate(scene, {"x": T}, ["mass"]),
-        "no parameter to estimate": lambda: mb.calibrate(scene, {"x": T}, []),
+        "the list of parameters is empty": lambda: mb.calibrate(scene, {"x": T}, []),
+        "has 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
         "the 41 times of the scene": lambda: mb.calibrate(scene, {"x": T[:3]}),
         "its own times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
-        "none of them before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
-        "finite at some times": lambda: mb.calibrate(scene, {"x": T * np.nan}),
+        "times of 'x' begin at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
+        "times of 'x' must be finite": lambda: mb.calibrate(scene, {"x": ([0.0, np.nan, 1.0], [1.0, 2.0, 3.0])}),
+        "nothing but gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
+        "infinite at 0.3 s. A gap is nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
+        "one for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
         "cannot determine": lambda: mb.calibrate(scene, {"x": ([1.0, 2.0], [1.0, 2.0])}),
-        "for each of x": lambda: mb.calibrate(scene, {"x": T}, noise={"y": 1.0}),
+        "for each output with data: x, got {.y": lambda: mb.calibrate(scene, {"x": T}, noise={"y": 1.0}),
         "above 0": lambda: mb.calibrate(scene, {"x": T}, noise={"x": 0.0}),
         "level": lambda: mb.calibrate(scene, {"x": T}).box(1.0),
     }

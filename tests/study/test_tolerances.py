@@ -106,7 +106,8 @@ def test_it_is_printed_and_labelled():
     assert "greatest gap" in text
     assert "<table" in found._repr_html_()
     assert found.to_xarray()["factor"].sel(parameter="b") == found.factors["b"]
-    assert len(found.to_pandas()) == 3
+    table = found.to_pandas()
+    assert dict(zip(table.parameter, table.factor, strict=True)) == found.factors
 
 
 @pytest.mark.parametrize(
