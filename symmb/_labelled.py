@@ -51,15 +51,19 @@ class Labelled:
         sizes = [len(self.coordinates[name][1]) for name in dims]
         columns: dict[str, Any] = {}
         for name, (own, values) in {**self.coordinates, **self.variables}.items():
-            is_series = "time" in own or name in self.coordinates or "time" not in dims
-            if is_series and set(own) <= {*dims, "bound"} and name != "bound":
+            if name != "bound" and self._is_column(name, own, dims):
                 for column, part in _columns(name, own, np.asarray(values)):
                     rows = tuple(dim for dim in own if dim != "bound")
                     columns[column] = _spread(rows, part, dims, sizes)
-        frame = pandas.DataFrame({name: columns[name] for name in (*dims, *(columns.keys() - dims))}, copy=True)
-        frame = frame[[*dims, *(name for name in columns if name not in dims)]]
+        order = [*dims, *(name for name in columns if name not in dims)]
+        frame = pandas.DataFrame({name: columns[name] for name in order}, copy=True)
         frame.attrs.update(self._attributes)
         return frame
+
+    def _is_column(self, name: str, own: Sequence[str], dims: Sequence[str]) -> bool:
+        """Whether a variable of some dimensions belongs into a table: series and coordinates, or all without times."""
+        is_series = "time" in own or name in self.coordinates or "time" not in dims
+        return is_series and set(own) <= {*dims, "bound"}
 
     @property
     def _attributes(self) -> dict[str, str | float]:

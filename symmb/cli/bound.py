@@ -40,10 +40,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     solver = None if options.solver is None else specs.solver(options.solver)
     json_file, csv_file = result_path(options.json, ".json"), result_path(options.csv, ".csv")
     picture, drawing = result_path(options.plot, *PICTURES), result_path(options.view, *FORMATS)
-    limits = _ranges("--limit", options.limit)
-    for name, ends in limits.items():
-        if ends == (None, None):
-            raise DeclarationError(f"--limit {name}=low:high: one side may be left out, but not both.")
+    limits = _limits(options)
     subject, own = load_subject(options.scene)
     box = _box(options, own)
     if drawing is not None and not isinstance(subject, mb.Scene):
@@ -63,6 +60,15 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     if check is None or check.kept:
         return bounds.doubts
     return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+
+
+def _limits(options: argparse.Namespace) -> dict[str, tuple[float | None, float | None]]:
+    """The limits of outputs."""
+    limits = _ranges("--limit", options.limit)
+    for name, ends in limits.items():
+        if ends == (None, None):
+            raise DeclarationError(f"--limit {name}=low:high: one side may be left out, but not both.")
+    return limits
 
 
 def _box(options: argparse.Namespace, own: mb.Box | None) -> mb.Box:

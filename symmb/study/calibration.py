@@ -260,19 +260,24 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
             where = "its own times" if pair else f"the {len(scene.times)} times of the scene"
             raise DeclarationError(f"{OWNER}: data of {name!r} must be one number for each of {where}.")
+        if fault := _fault(t, y, scene.times[0]):
+            raise DeclarationError(f"{OWNER}: {fault.format(name=repr(name))}")
         known = ~np.isnan(y)
-        if not known.any():
-            raise DeclarationError(f"{OWNER}: data of {name!r} are nothing but gaps (nan).")
-        if np.isinf(y).any():
-            raise DeclarationError(f"{OWNER}: data of {name!r} are infinite at {t[np.isinf(y)][0]:g} s. A gap is nan.")
-        if not np.isfinite(t).all():
-            raise DeclarationError(f"{OWNER}: the times of {name!r} must be finite.")
-        if t.min() < scene.times[0]:
-            raise DeclarationError(
-                f"{OWNER}: the times of {name!r} begin at {t.min():g} s, before the scene does at {scene.times[0]:g} s."
-            )
         found[name] = t[known], y[known]
     return found
+
+
+def _fault(t: Array, y: Array, begin: float) -> str:
+    """What is wrong with data (n,) at times (n,) [s], in a sentence that names {name}; empty if nothing is."""
+    if np.isnan(y).all():
+        return "data of {name} are nothing but gaps (nan)."
+    if np.isinf(y).any():
+        return f"data of {{name}} are infinite at {t[np.isinf(y)][0]:g} s. A gap is nan."
+    if not np.isfinite(t).all():
+        return "the times of {name} must be finite."
+    if t.min() < begin:
+        return f"the times of {{name}} begin at {t.min():g} s, before the scene does at {begin:g} s."
+    return ""
 
 
 def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> dict[str, float]:
