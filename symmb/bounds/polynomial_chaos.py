@@ -17,7 +17,7 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.black_boxes import March, Progress, Simulator, noise_from_runs
-from symmb.bounds.adaptive import TruncationError, adaptive_bounds
+from symmb.bounds.adaptive import adaptive_bounds
 from symmb.bounds.failures import Failure, failed_region, failure_text
 from symmb.bounds.method import Method, parameter_samples
 from symmb.bounds.reductions import extremes, failure_records, failures, node_values, projection, together, which_failed
@@ -26,7 +26,7 @@ from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.polynomials import Basis, Expansion, TensorDegree, TotalDegree
-from symmb.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range
+from symmb.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 
@@ -156,8 +156,8 @@ class PolynomialChaos(Method):
         lower, upper = (np.reshape(bound, shape) for bound in self._range(expansion))
         lower, upper = np.where(is_noise, inner[0], lower), np.where(is_noise, inner[1], upper)
         details = {"inner": inner, "failed": failed, "expansion": expansion, "noise": noise}
-        error = TruncationError.of(expansion.alpha, expansion.coefficients).least
-        details["surrogate"] = Piecewise.whole(expansion, error, exact=isinstance(self.range, Exact))
+        exact = isinstance(self.range, Exact)
+        details["surrogate"] = Piecewise.whole(expansion, last_terms(expansion), exact)
         details["failed_region"] = failed_region(box, fit.nodes, ~ok)
         return self._result(simulator, lower, upper, len(P), **details)
 

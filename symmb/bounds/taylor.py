@@ -12,14 +12,13 @@ from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
 from symmb.black_boxes import Kinked, Progress, Simulator
-from symmb.bounds.adaptive import TruncationError
 from symmb.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bounds.result import Bounds
 from symmb.bounds.result_file import Kind
 from symmb.model import Box
 from symmb.nodes import Grid, grid
 from symmb.polynomials import Expansion, MultiIndices, homogeneous
-from symmb.polynomials.ranges import Piecewise
+from symmb.polynomials.ranges import Piecewise, last_terms
 
 _MOST_EVALUATIONS = 100_000
 """Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""
@@ -141,7 +140,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:
     """The expansions of all parts, with these centres (k, d) and half widths, as Legendre expansions.
 
-    Their error is expected to be as large as what Legendre polynomials of higher degree would add.
+    Their error is expected to be as large as their last terms.
     """
     d, order = len(box), len(parts[0]) - 1
     beta = np.concatenate([np.array(homogeneous(d, degree), dtype=np.intp) for degree in range(order + 1)])
@@ -150,7 +149,7 @@ def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float
     change = lattice.coefficients(np.prod(lattice.nodes[:, None] ** beta, axis=2))
     coefficients = [np.tensordot(change, np.concatenate(part), axes=1) for part in parts]
     expansions = tuple(Expansion(lattice.alpha, each, box.names) for each in coefficients)
-    error = np.max([TruncationError.of(own.alpha, own.coefficients).least for own in expansions], axis=0)
+    error = np.max([last_terms(own) for own in expansions], axis=0)
     return Piecewise(centers, np.full_like(centers, radius), expansions, error, exact=False)
 
 

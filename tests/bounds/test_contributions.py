@@ -146,3 +146,10 @@ def test_taylor_of_the_double_pendulum_contributes_as_runs_do():
     width = np.ptp(runs["x2"], axis=0)
     k = found.names.index("x2")
     assert (np.abs(found.alone[:, k, 0] - width) <= found.estimate[:, k] + 1e-3 * width.max()).all()
+
+
+@pytest.mark.parametrize("method", [mb.Taylor(1), mb.PolynomialChaos(order=1), mb.PolynomialChaos.paper(1)], ids=repr)
+def test_contributions_of_first_order(method):
+    scene = double_pendulum.scene()
+    found = mb.propagate(scene, method, mb.Box(l1=(0.999, 1.001))).contributions()
+    assert np.allclose(found.alone[..., 0], found.width, atol=2 * found.estimate.max())

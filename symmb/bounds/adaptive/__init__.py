@@ -4,4 +4,3 @@ Tensor grids serve few parameters, sparse grids many.
 """
 
 from symmb.bounds.adaptive.adaptive_bounds import adaptive_bounds
-from symmb.bounds.adaptive.error_estimate import TruncationError

@@ -134,6 +134,13 @@ class Piecewise:
         return low, high
 
 
+def last_terms(own: Expansion) -> Array:
+    """Sizes (n_t, n_y) of the terms of the highest degree in any parameter: further terms are hardly larger."""
+    highest = own.alpha.max(axis=0, initial=0)
+    is_last = ((own.alpha == highest) & (highest > 0)).any(axis=1)
+    return np.abs(own.coefficients[is_last]).sum(axis=0)
+
+
 def _in_other_coordinates(
     alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
 ) -> tuple[MultiIndices, Array]:
