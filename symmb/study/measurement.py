@@ -96,7 +96,10 @@ def compare_simulator(
     try:
         for method in methods:
             result = _measured(method, simulator, box, repeats, executor, _labelled(progress, repr(method)))
-            ran.append(result) if isinstance(result, _Measured) else not_run.append(result)
+            if isinstance(result, NotRun):
+                not_run.append(result)
+            else:
+                ran.append(result)
     except KeyboardInterrupt as interrupt:
         if ran:
             not_run += [NotRun(repr(left), "interrupted") for left in methods[len(ran) + len(not_run) :]]

@@ -11,7 +11,7 @@ from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import SparseGrids
-from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
+from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bounds.failures import failed_region
 from symmb.bounds.result import ROUNDING, Bounds
