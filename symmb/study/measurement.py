@@ -128,7 +128,7 @@ def _measured(
         return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
     bounds = doubted(simulator, box, bounds)
     doubts = checked(method, simulator, box, bounds, executor).doubts
-    return _Measured(replace(bounds, surrogate=None), seconds, doubts)
+    return _Measured(bounds, seconds, doubts)
 
 
 def _confronted(
