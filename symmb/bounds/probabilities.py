@@ -293,7 +293,7 @@ class _Samples:
         """The attributes of `Figures`."""
         responses = self._responses
         intervals = tuple(name for name, free in zip(responses.box.names, self._free, strict=True) if free)
-        remarks = self._laws.remarks
+        remarks = (*responses.remarks, *self._laws.remarks)
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
             remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")

@@ -77,7 +77,12 @@ class _Union:
         """Those of all pieces."""
         centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
         error = np.max([piece.largest_error for piece in self.pieces], axis=0)
-        return Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
+        found, runs = (
+            Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error),
+            self.pieces[0].runs,
+        )
+        seen = np.abs(found.values(runs.points) - runs.checks).max(axis=0, initial=0.0)
+        return replace(found, error=np.maximum(error, SAFETY * seen))
 
     def piece_at(self, point: Array) -> Piece:
         """A piece that holds the point."""
