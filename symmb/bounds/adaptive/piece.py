@@ -175,7 +175,8 @@ class Piece:
     def largest_error(self) -> Array:
         """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot."""
         truncation, alpha, c = self.truncation, self.expansion.alpha, self.expansion.coefficients
-        tail = np.abs(c[(alpha > np.maximum(alpha.max(axis=0) - _TAIL, 0)).any(axis=1)]).sum(axis=0)
+        highest = alpha.max(axis=0)
+        tail = np.abs(c[(alpha > np.maximum(highest - _TAIL, highest / 2)).any(axis=1)]).sum(axis=0)
         error = truncation.directions.sum(axis=0) + truncation.least
         error = np.where(truncation.slow.any(axis=0), np.maximum(tail, error), error)
         return error if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), error)
