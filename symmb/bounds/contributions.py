@@ -160,13 +160,13 @@ def contributions_of(responses: Responses) -> Contributions:
     if responses.surrogate is not None and responses.runs is not None and _is_poor(2 * error, alone):
         alone, error, runs = _widths(without, is_alone=True)
     others, of_others, more = _widths(responses, is_alone=False)
-    if responses.surrogate is not None:  # differences of its ranges are more accurate than these
+    whole = width
+    if responses.surrogate is not None:  # differences of its own ranges are more accurate
         low, high, *_ = responses.range(-np.ones(d), np.ones(d))
-        saved = high - low - others
-    else:
-        saved = width - others
-    saved = np.where(responses.box.radius[:, None, None] > 0, np.maximum(saved, 0.0), 0.0)
-    estimates = np.minimum(2 * error, width), np.minimum(2 * (of_others + responses.estimate), width)
+        whole = high - low
+    saved = np.where(responses.box.radius[:, None, None] > 0, np.maximum(whole - others, 0.0), 0.0)
+    of_saved = 2 * (of_others + responses.estimate) + width - whole
+    estimates = np.minimum(2 * error, width), np.minimum(of_saved, width)
     first, total, share_estimate = _shares(responses, width)
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)

@@ -240,10 +240,13 @@ class _Bracket:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What is not decided, if the largest factor is not found."""
+        if self.doubts:
+            return (f"At {self.high / self.low:.4g} times these tolerances the bounds are doubted: {self.doubts[0]}",)
         if self.low * (1 + 4 * _SETTLED) >= self.next_bound:
             return ()
-        why = self.doubts[0] if self.doubts else "The studies that a search may take were not enough."
-        return (f"Up to {self.high / self.low:.3g} times these tolerances is not decided: {why}",)
+        return (
+            f"Up to {self.high / self.low:.3g} times these tolerances is not decided: the studies were not enough.",
+        )
 
     @property
     def next_bound(self) -> float:

@@ -173,12 +173,21 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot."""
-        truncation, alpha, c = self.truncation, self.expansion.alpha, self.expansion.coefficients
+        """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot.
+
+        Extremes are mostly at nodes, where errors are less. Elsewhere the terms of the next degree are expected to be
+        smaller than the last ones by the same ratio as these are than those before; at kinks all of the last degrees
+        count.
+        """
+        alpha, size = self.expansion.alpha, np.abs(self.expansion.coefficients)
         highest = alpha.max(axis=0)
-        tail = np.abs(c[(alpha > np.maximum(highest - _TAIL, highest / 2)).any(axis=1)]).sum(axis=0)
-        error = truncation.directions.sum(axis=0) + truncation.least
-        error = np.where(truncation.slow.any(axis=0), np.maximum(tail, error), error)
+        error = self.truncation.directions.sum(axis=0) + self.truncation.least
+        for of_direction, n in zip(alpha.T, highest, strict=True):
+            before, last = (size[of_direction == n - k].sum(axis=0) for k in (1, 0))
+            ratio = np.divide(last, before, out=np.ones_like(last), where=before > last)
+            error = np.maximum(error, last * np.minimum(ratio / np.maximum(1 - ratio, ratio), 1.0))
+        tail = size[(alpha > np.maximum(highest - _TAIL, highest / 2)).any(axis=1)].sum(axis=0)
+        error = np.where(self.truncation.slow.any(axis=0), np.maximum(tail, error), error)
         return error if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), error)
 
     def values(self, points: Array) -> Array:
