@@ -236,7 +236,8 @@ class Bounds(Answers, Result, files.Saved):
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
         """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
-        cases = worst_cases(runs, places, self.names, self.t, self.lower, self.upper)
+        varied = self.box.names if self.box else tuple(runs.simulator.parameters)
+        cases = worst_cases(runs, places, varied, self.names, self.t, self.lower, self.upper)
         return [
             self._at_extreme(case, place) if case.is_short else case for case, place in zip(cases, places, strict=True)
         ]

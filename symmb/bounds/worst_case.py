@@ -108,6 +108,7 @@ class WorstCase:
     parameters : dict          values of all parameters of the run
     attained : float           value of the output in the run at this time
     width : float              of the bounds at this time
+    varied : tuple of str      the parameters of the box, which are printed
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -118,6 +119,7 @@ class WorstCase:
     parameters: dict[str, float]
     attained: float
     width: float
+    varied: tuple[str, ...]
     simulator: Simulator | None = None
 
     @property
@@ -157,7 +159,7 @@ class WorstCase:
         return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])
 
     def __str__(self) -> str:
-        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
+        values = ", ".join(f"{name} = {self.parameters[name]:.6g}" for name in self.varied)
         word = "least" if self.side == "lower" else "greatest"
         text = f"{word} {self.output} {self.value:.6g} at {self.time:g} s: {values}"
         if self.is_short:
@@ -175,7 +177,8 @@ class WorstCase:
     def of_record(cls, record: Record) -> "WorstCase":
         value, time, attained, width = (record.number(name) for name in ("value", "time", "attained", "width"))
         side, parameters = record.text("side", *SIDES), record.numbers("parameters")
-        return cls(record.text("output"), side, value, time, parameters, attained, width)
+        varied = record.texts("varied", default=tuple(parameters))
+        return cls(record.text("output"), side, value, time, parameters, attained, width, varied)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,9 +189,10 @@ class Worst(Result):
     upper: WorstCase
 
     def __str__(self) -> str:
-        rows = [["worst case", "bound", "at [s]", *self.lower.parameters, "attained"]]
+        varied = self.lower.varied
+        rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
         for case, word in ((self.lower, "least"), (self.upper, "greatest")):
-            numbers = case.value, case.time, *case.parameters.values(), case.attained
+            numbers = case.value, case.time, *(case.parameters[name] for name in varied), case.attained
             rows.append([f"{word} {case.output}", *(f"{number:.6g}" for number in numbers)])
         return "\n".join(aligned(rows))
 
@@ -219,12 +223,19 @@ def row_of(owner: str, t: Array, time: object) -> int:
 
 
 def worst_cases(
-    runs: AttainingRuns, places: Sequence[Place], names: Sequence[str], t: Array, lower: Array, upper: Array
+    runs: AttainingRuns,
+    places: Sequence[Place],
+    varied: tuple[str, ...],
+    names: Sequence[str],
+    t: Array,
+    lower: Array,
+    upper: Array,
 ) -> list[WorstCase]:
-    """The runs that attain bounds lower and upper (n_t, n_y) at places."""
+    """The runs that attain bounds lower and upper (n_t, n_y) of named outputs at places, with the varied parameters."""
     cases = []
     for (side, i, k), sample in zip(places, runs.samples(places), strict=True):
         parameters = dict(zip(runs.simulator.parameters, sample.P[sample.index].tolist(), strict=True))
         value, width = float((lower if side == "lower" else upper)[i, k]), float(upper[i, k] - lower[i, k])
-        cases.append(WorstCase(names[k], side, value, float(t[i]), parameters, sample.value, width, runs.simulator))
+        about = parameters, sample.value, width, varied, runs.simulator
+        cases.append(WorstCase(names[k], side, value, float(t[i]), *about))
     return cases

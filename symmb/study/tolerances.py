@@ -85,7 +85,8 @@ class Tolerances(Result):
         rows = [["parameter", "nominal", "lower", "upper", "factor"]]
         for name, (low, high) in zip(self.box.names, self.box.bounds, strict=True):
             p = self.nominal[name]
-            rows.append([name, f"{p:.6g}", f"{low - p:+.4g}", f"{high - p:+.4g}", f"{self.factors[name]:.4g}"])
+            factor = f"{self.factors[name]:.4g}" if high > low else "fixed"
+            rows.append([name, f"{p:.6g}", f"{low - p:+.4g}", f"{high - p:+.4g}", factor])
         return rows
 
     def __str__(self) -> str:
