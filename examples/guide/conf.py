@@ -138,15 +138,16 @@ def write_gallery() -> set[str]:
     written, rows = set(), []
     for script in sorted(EXAMPLES.glob("*.py")):
         tree = ast.parse(script.read_text(encoding="utf-8"))
-        text, title = ast.get_docstring(tree) or "", script.stem.replace("_", " ").capitalize()
-        pictures = [directive("image", f"/../figures/{name}.png") for name in PICTURES.get(script.stem, [])]
+        text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
+        first, title = " ".join(text.split("\n\n")[0].split()), title.replace("_", " ").capitalize()
+        files = [f"/../figures/{name}.png" for name in PICTURES.get(script.stem, [])]
+        pictures = [directive("image", file, f":alt: {title}") for file in files]
         code = directive("literalinclude", f"/../{script.name}", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
-        written.add(
-            write(f"gallery/{script.stem}", heading(title), f"`examples/{script.name}`\n", text, "", *pictures, code)
-        )
-        rows += [f":doc:`{title} </gallery/{script.stem}>`", "   " + text.splitlines()[0]]
+        page = [heading(title), f"`examples/{script.name}`\n", text, "", *pictures, code]
+        written.add(write(f"gallery/{script.stem}", *page))
+        rows += [f":doc:`{title} </gallery/{script.stem}>`", f"   {first}"]
     about = "These scripts are in `examples`. Each runs by itself, and checks its results against others."
-    pages = directive("toctree", "", ":hidden:", ":glob:", "", "*")
+    pages = directive("toctree", "", ":hidden:", "", *sorted(f"/{page}" for page in written))
     drawn = directive("image", "/../figures/mechanisms.png", ":alt: The mechanisms of the examples, drawn")
     return written | {write("gallery/index", heading("Examples"), about, "", drawn, *rows, "", pages)}
 
@@ -154,6 +155,9 @@ def write_gallery() -> set[str]:
 def write_pages(app) -> None:
     """Write the pages of names and examples, and remove those of names and examples that are gone."""
     written = write_names() | write_gallery()
+    readme = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8").replace("](examples/guide/", "](../")
+    readme = re.sub("</?p>", "", readme).replace('src="examples/', 'src="../../')
+    (HERE / "gallery" / "readme.md").write_text(readme, encoding="utf-8")
     for path in [*(HERE / "api").glob("*.rst"), *(HERE / "gallery").glob("*.rst")]:
         if f"{path.parent.name}/{path.stem}" not in written:
             path.unlink()
@@ -162,8 +166,9 @@ def write_pages(app) -> None:
 def add_contents(app, page: str, source: list[str]) -> None:
     """Build the side bar from the lists of links on the first page."""
     if page == "index":
+        source[0] = source[0].replace("(../../README.md)", "(gallery/readme.md)")
         lists = re.findall(r"^(\S.*):\n\n((?:- .*\n)+)", source[0], re.MULTILINE)
-        links = [(caption, re.findall(r"\]\((\w+)\.md\)", text)) for caption, text in lists]
+        links = [(caption, re.findall(r"\]\(([\w/]+)\.md\)", text)) for caption, text in lists]
         links.append(("Reference", ["api/index", "gallery/index"]))
         for caption, pages in links:
             options = f":caption: {caption}\n" + ":hidden:\n" * (caption != "Reference")
@@ -174,9 +179,9 @@ ENTRIES = {"Parameters", "Attributes", "Returns", "Raises"}
 
 
 def escaped(found: re.Match[str]) -> str:
-    """Code that letters follow, as in `State`s, and bars of absolute values: both are marks of other things."""
+    """Code that letters follow, as in `State`s, bars of absolute values, and dots: all are marks of other things."""
     code, letter = found[1], found[2]
-    return rf"{code}\ {letter}" if letter else code or r"\|"
+    return rf"{code}\ {letter}" if letter else code or {"|": r"\|", "...": "…"}[found[0]]
 
 
 def two_lines(app, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
@@ -186,8 +191,10 @@ def two_lines(app, what: str, name: str, value: object, options: object, lines: 
     """
     if name == "symmb.t":
         lines[:] = ["Time [s], the one independent variable of every law: a symbol of CasADi."]
-    old = [line if ">>>" in line else BARS.sub(escaped, line) for line in lines]
-    section, at = "", 0
+    old, section, at, code = [], "", 0, False
+    for line in lines:
+        code = bool(line) and (code or ">>>" in line)
+        old.append(line if code else MARKS.sub(escaped, line))
     lines.clear()
     while at < len(old):
         line, at = old[at], at + 1
@@ -204,7 +211,7 @@ def two_lines(app, what: str, name: str, value: object, options: object, lines: 
         lines += [head, *(f"    {text.strip()}" for text in (said, *more) if text.strip())]
 
 
-BARS = re.compile(r"(`+[^`]*`+)(\w?)|\|")
+MARKS = re.compile(r"(`+[^`]*`+)(\w?)|\||(?<=, )\.\.\.")
 WRAPPED = 95
 """Characters of a line from which on it goes on in the next one. Shorter ones end with the type."""
 
