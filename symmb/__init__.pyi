@@ -1,5 +1,7 @@
 """The public names, for type checkers and for lazy loading: `__init__.py` reads this file."""
 
+__version__: str
+
 from ._errors import AssemblyError as AssemblyError
 from ._errors import DeclarationError as DeclarationError
 from ._errors import PropagationError as PropagationError
@@ -10,6 +12,7 @@ from .black_boxes.command_simulator import CommandSimulator as CommandSimulator
 from .black_boxes.fmu_simulator import FMUSimulator as FMUSimulator
 from .black_boxes.function_simulator import FunctionSimulator as FunctionSimulator
 from .black_boxes.stored_simulator import StoredSimulator as StoredSimulator
+from .bounds.contributions import Contributions as Contributions
 from .bounds.interval_arithmetic import IntervalArithmetic as IntervalArithmetic
 from .bounds.optimization import Optimization as Optimization
 from .bounds.polynomial_chaos import PolynomialChaos as PolynomialChaos
@@ -138,6 +141,7 @@ from .study.root_locus import RootLocus as RootLocus
 from .study.root_locus import root_locus as root_locus
 from .study.stability import Stability as Stability
 from .study.stability import stability as stability
+from .study.tolerances import Tolerances as Tolerances
 from .study.tolerances import tolerances as tolerances
 from .symbolic.symbols import ddt as ddt
 from .symbolic.symbols import initial as initial

@@ -1,6 +1,7 @@
 """Every signature that scene files and scripts outside this repository rely on, executed."""
 
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 
 import casadi as ca
 import numpy as np
@@ -212,3 +213,10 @@ def test_compare_in_python(scene, tmp_path):
     comparison.save(tmp_path / "c.json")
     comparison.plot(tmp_path / "c.png")
     assert mb.Comparison.load(tmp_path / "c.json").rows[0].evaluations == 9
+
+
+def test_names_that_are_nearly_right_and_the_version():
+    with pytest.raises(AttributeError, match="Did you mean 'PolynomialChaos'"):
+        mb.PolynomalChaos  # noqa: B018
+    assert not hasattr(mb, "__wrapped__")
+    assert mb.__version__ == version("symmb")

@@ -102,18 +102,8 @@ class _Digests:
         elif kind is np.ndarray and not thing.dtype.hasobject:
             yield f"{thing.dtype} {thing.shape}".encode()
             yield np.ascontiguousarray(thing).tobytes()
-        elif isinstance(thing, types.ModuleType):
-            yield thing.__name__.encode()
-            if not _is_installed(thing.__name__) and (file := getattr(thing, "__file__", None)):
-                yield file_digest(Path(file)).encode()
-        elif isinstance(thing, (type, types.FunctionType)) and _has_name(thing):
-            yield f"{thing.__module__}.{thing.__qualname__}".encode()
-        elif isinstance(thing, types.FunctionType):
-            yield from _function_parts(thing)
-        elif isinstance(thing, type):
-            yield thing.__qualname__.encode()
-            yield (thing.__bases__,)
-            yield from _pairs({name: member for name, member in vars(thing).items() if _is_member(name, member)})
+        elif isinstance(thing, types.ModuleType | types.FunctionType | type):
+            yield from _code_parts(thing)
         elif is_dataclass(thing) and kind.__module__.partition(".")[0] == _OURS:
             yield from _pairs({field.name: getattr(thing, field.name) for field in fields(thing)})
         else:
@@ -162,6 +152,21 @@ _PARTS: dict[type, Callable[[Any], Iterable[bytes | tuple[Any]]]] = {
     ca.Function: lambda function: [function.serialize().encode()],
 }
 """Parts of things by their types."""
+
+
+def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator[bytes | tuple[Any]]:
+    if isinstance(thing, types.ModuleType):
+        yield thing.__name__.encode()
+        if not _is_installed(thing.__name__) and (file := getattr(thing, "__file__", None)):
+            yield file_digest(Path(file)).encode()
+    elif _has_name(thing):
+        yield f"{thing.__module__}.{thing.__qualname__}".encode()
+    elif isinstance(thing, types.FunctionType):
+        yield from _function_parts(thing)
+    else:
+        yield thing.__qualname__.encode()
+        yield (thing.__bases__,)
+        yield from _pairs({name: member for name, member in vars(thing).items() if _is_member(name, member)})
 
 
 def _function_parts(f: types.FunctionType) -> Iterator[tuple[Any]]:

@@ -18,6 +18,8 @@ from symmb.simulation import Sweep
 
 _GOOD = 0.25
 """Largest error of a surrogate over the widths at which it is asked: its answers stand beside their errors."""
+_MISSED = 2.0
+"""Largest error over the largest one at verifying runs."""
 
 
 class Answers:
@@ -35,6 +37,10 @@ class Answers:
     surrogate: Piecewise | None
     study: Runs | None
     nominal_parameters: Mapping[str, float]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        raise NotImplementedError
 
     def contributions(self) -> Contributions:
         """What each parameter contributes to the widths and to the variance.
@@ -80,7 +86,7 @@ class Answers:
         PropagationError
             If no polynomials are good enough, and some parameters have no law.
         """
-        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, laws, correlation)
+        return quantiles_of(self._verified("Bounds.quantiles"), output, levels, laws, correlation)
 
     def probability(
         self,
@@ -92,7 +98,7 @@ class Answers:
         correlation: Sequence[Sequence[float]] | Array | None = None,
     ) -> Probability:
         """Probability that an output is above or below a value, at each time and ever; see `quantiles`."""
-        return probability_of(self._responses("Bounds.probability"), output, above, below, laws, correlation)
+        return probability_of(self._verified("Bounds.probability"), output, above, below, laws, correlation)
 
     def samples(
         self,
@@ -105,45 +111,52 @@ class Answers:
 
         They are those of the polynomials that `contributions` uses, or of runs.
         """
-        return samples_of(self._responses("Bounds.samples"), n, laws, correlation, seed, self.nominal_parameters)
+        return samples_of(self._verified("Bounds.samples"), n, laws, correlation, seed, self.nominal_parameters)
 
     def _responses(self, owner: str) -> Responses:
         """What questions about the responses are put to."""
         if self.box is None:
             raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
-        good = self.good_surrogate()
-        if good is not None or self.study is None:
-            if self.surrogate is None:
+        adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
+        surrogate = adaptive.good_surrogate()
+        remarks = [f"The bounds are doubted: {doubt}" for doubt in self.doubts[:1]]
+        if surrogate is None and self.study is None:
+            surrogate = self.surrogate
+            if surrogate is None:
                 raise DeclarationError(
                     f"{owner}: {self.method} leaves no polynomials, and bounds that were read from a file or pickled "
                     "make no runs. Ask the bounds that propagate returns."
                 )
-            return self._asked(self.surrogate)
-        adaptive: Any = self if self.range_of else self.study.adaptive
-        adaptive = replace(adaptive, study=self.study, nominal_parameters=self.nominal_parameters)
-        return adaptive._asked(adaptive.good_surrogate())
+            remarks.append("Polynomials that are not good enough answer here: bounds from a file make no runs.")
+        values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
+        point = self.box.to_unit(np.array(values))
+        outside = ", ".join(n for n, x in zip(self.box.names, point, strict=True) if abs(x) > 1 + 1e-12)
+        if outside:
+            remarks.append(f"Nominal values are outside of the intervals, whose ends stand for them: {outside}.")
+        estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
+        own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
+        made = 0 if adaptive is self else adaptive.evaluations
+        ranges = adaptive.lower, adaptive.upper, estimate, surrogate, self.study
+        return Responses(*own, *ranges, adaptive.method, made, tuple(remarks))
+
+    def _verified(self, owner: str) -> Responses:
+        """Responses whose polynomials agree with some runs all over the box, within an error that these tell."""
+        found = self._responses(owner)
+        if found.surrogate is None or found.runs is None:
+            return found
+        points, Y = found.runs.sample
+        missed = np.abs(found.surrogate.values(points) - Y).max(axis=0, initial=0.0)
+        error = np.maximum(found.surrogate.error, _MISSED * missed)
+        is_good = not is_doubtful(*self._scaled(error), _GOOD).any()
+        return replace(found, surrogate=replace(found.surrogate, error=error) if is_good else None)
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
-        """The surrogate, if its error is small beside the widths of outputs, by their numbers; default: all."""
-        if self.surrogate is None:
+        """The surrogate, if its error is known and small beside the widths of outputs, by numbers; default: all."""
+        if self.surrogate is None or self.estimate is None:
             return None
         is_large: Mask = np.any(is_doubtful(*self._scaled(self.surrogate.error), _GOOD), axis=0)
         asked = range(len(self.names)) if outputs is None else outputs
         return None if any(is_large[k] for k in asked) else self.surrogate
-
-    def _asked(self, surrogate: Piecewise | None) -> Responses:
-        assert self.box is not None
-        values = [
-            self.nominal_parameters.get(name, middle)
-            for name, middle in zip(self.box.names, self.box.center, strict=True)
-        ]
-        nominal = np.clip(self.box.to_unit(np.array(values)), -1.0, 1.0)
-        if self.estimate is not None:
-            estimate = self.estimate
-        else:
-            estimate = np.zeros_like(self.lower) if surrogate is None else surrogate.error
-        own = self.t, self.names, self.units, self.box, nominal, self.lower, self.upper, estimate
-        return Responses(*own, surrogate, self.study, self.method)
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         raise NotImplementedError

@@ -44,7 +44,7 @@ def check_doubts(
     reach bounds that are not its exact range, shows that they are wrong to either side. Disagreements count from a
     share of the width on.
     """
-    if bounds.kind == "enclosure" or bounds.estimate is not None:
+    if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
     most = min(max(_RUNS, bounds.evaluations), _VALUES // max(bounds.lower.size, 1))

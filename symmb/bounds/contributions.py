@@ -52,6 +52,7 @@ class Contributions(Result, files.Saved):
     share_estimate : (n_t, n_y)    estimated error of the indices
     runs : int                     further runs that were made
     method : str                   where the surrogate comes from, or the runs
+    remarks : sentences            what else is known
     """
 
     t: Array
@@ -68,10 +69,12 @@ class Contributions(Result, files.Saved):
     share_estimate: Array
     runs: int
     method: str
+    remarks: tuple[str, ...]
 
     def _head(self) -> str:
         source = f"{self.runs} further runs" if self.runs else "no further runs"
-        return f"Contributions to the bounds by {self.method}, {source}\n  {_WHY}"
+        first = f"Contributions to the bounds by {self.method}, {source}"
+        return "\n".join([first, f"  {_WHY}", *(f"  remark  {remark}" for remark in self.remarks)])
 
     def _rows(self, k: int, i: int) -> list[list[str]]:
         """Those to output number k at time number i, the largest first."""
@@ -128,7 +131,7 @@ class Contributions(Result, files.Saved):
         t, names, parameters = record.times(), record.names("names"), record.names("parameters")
         shape = len(t), len(names)
         read: dict[str, Any] = {"t": t, "names": names, "parameters": parameters, "units": record.texts("units")}
-        read |= {"runs": record.whole("runs"), "method": record.text("method")}
+        read |= {"runs": record.whole("runs"), "method": record.text("method"), "remarks": record.texts("remarks", ())}
         for own in fields(cls):
             if own.name not in read:
                 each = (len(parameters),) if own.name in _EACH else ()
@@ -152,18 +155,24 @@ _EACH = ("alone", "saved", "first", "total")
 
 def contributions_of(responses: Responses) -> Contributions:
     """Ranges over lines and faces through the nominal point, and shares of the variance."""
-    width, without = responses.upper - responses.lower, replace(responses, surrogate=None)
+    d, width, without = len(responses.box), responses.upper - responses.lower, replace(responses, surrogate=None)
     alone, error, runs = _widths(responses, is_alone=True)
     if responses.surrogate is not None and responses.runs is not None and _is_poor(2 * error, alone):
         alone, error, runs = _widths(without, is_alone=True)
     others, of_others, more = _widths(responses, is_alone=False)
-    saved = np.where(responses.box.radius[:, None, None] > 0, np.maximum(width - others, 0.0), 0.0)
+    if responses.surrogate is not None:  # differences of its ranges are more accurate than these
+        low, high, *_ = responses.range(-np.ones(d), np.ones(d))
+        saved = high - low - others
+    else:
+        saved = width - others
+    saved = np.where(responses.box.radius[:, None, None] > 0, np.maximum(saved, 0.0), 0.0)
     estimates = np.minimum(2 * error, width), np.minimum(2 * (of_others + responses.estimate), width)
     first, total, share_estimate = _shares(responses, width)
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
     own = responses.t, responses.names, units, responses.box.names, width, alone, saved, first, total
-    return Contributions(*own, *estimates, share_estimate, runs + more, responses.method)
+    runs += more + responses.made
+    return Contributions(*own, *estimates, share_estimate, runs, responses.method, responses.remarks)
 
 
 def _is_poor(error: Array, alone: Array) -> bool:

@@ -102,6 +102,8 @@ def _law_text(law: Any) -> str:
 
 
 def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
+    if hasattr(law, "freeze"):
+        raise DeclarationError(f"{owner}: the law of {name!r} needs numbers, such as scipy.stats.norm(40, 1.3).")
     if not all(callable(getattr(law, part, None)) for part in ("cdf", "ppf")):
         raise DeclarationError(
             f"{owner}: the law of {name!r} must be a distribution with cdf and ppf, such as scipy.stats.norm(40, 1.3), "
@@ -109,9 +111,15 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         )
     low, high = box.bounds[box.names.index(name)]
     try:
-        below, above = float(law.cdf(low)), float(law.cdf(high))
-    except (TypeError, ValueError) as error:
+        below, above = (
+            float(law.cdf(np.nextafter(low, -np.inf))),
+            float(law.cdf(high)),
+        )  # the end itself may have a mass
+        middle = np.shape(law.ppf(np.array([below, above])))
+    except Exception as error:  # of the user's class
         raise DeclarationError(f"{owner}: the law of {name!r} has no values: {error}.") from error
+    if middle != (2,):
+        raise DeclarationError(f"{owner}: ppf of the law of {name!r} must give a number for each of an array.")
     if not above - below >= _LEAST_MASS:
         raise DeclarationError(
             f"{owner}: the law of {name!r} has a probability of {above - below:.1g} in its interval from {low:g} to "

@@ -225,7 +225,10 @@ def _decision(bounds: OutputBounds, margin: Array, low: float, high: float) -> t
     error = bounds.estimate.max()
     if (margin >= bounds.estimate).all():
         return True, f"The estimated error is at most {error:.1e}."
-    return None, f"The estimated error is up to {error:.1e}: a smaller tolerance decides."
+    return (
+        None,
+        f"The estimated error is up to {error:.1e}: PolynomialChaos(tolerance=...) with a smaller number decides.",
+    )
 
 
 def _ends(owner: str, name: str, pair: object) -> tuple[float, float]:

@@ -155,7 +155,7 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
     k = responses.column(owner, output)
     q = numbers_of([levels] if is_finite_number(levels) else levels)
     if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
-        raise DeclarationError(f"{owner}: levels must be probabilities between 0 and 1, got {shown(levels)}.")
+        raise DeclarationError(f"{owner}: levels must be probabilities above 0 and below 1, got {shown(levels)}.")
     samples = _Samples(owner, responses, k, laws, correlation)
     parts = []
     for _, low, high in samples.over_time():
@@ -193,7 +193,9 @@ def probability_of(
     k = responses.column(owner, output)
     given = [value for value in (above, below) if value is not None]
     if len(given) != 1 or not is_finite_number(given[0]):
-        raise DeclarationError(f"{owner}: give a number for above or for below, got {shown(above)} and {shown(below)}.")
+        raise DeclarationError(
+            f"{owner}: give a number for one of above and below, got {shown(above)} and {shown(below)}."
+        )
     value, sign = float(given[0]), 1.0 if above is not None else -1.0
     samples = _Samples(owner, responses, k, laws, correlation)
     at_times, ever = [], np.zeros((4, _REPLICATES, samples.number // _REPLICATES), dtype=bool)
@@ -293,7 +295,7 @@ class _Samples:
         """The attributes of `Figures`."""
         responses = self._responses
         intervals = tuple(name for name, free in zip(responses.box.names, self._free, strict=True) if free)
-        remarks = self._laws.remarks
+        remarks = (*responses.remarks, *self._laws.remarks)
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
             remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")

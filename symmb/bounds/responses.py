@@ -25,6 +25,9 @@ class Runs(Protocol):
     @property
     def adaptive(self) -> Any: ...
 
+    @property
+    def sample(self) -> tuple[Array, Array]: ...
+
 
 @dataclass(frozen=True, eq=False)
 class Responses:
@@ -41,6 +44,8 @@ class Responses:
     surrogate : Piecewise      None if none is good enough
     runs : Runs                None if no runs can be made
     method : str               where the surrogate comes from
+    made : int                 further runs that were made for it
+    remarks : sentences        what else is known
     """
 
     t: Array
@@ -54,6 +59,8 @@ class Responses:
     surrogate: Piecewise | None
     runs: Runs | None
     method: str
+    made: int
+    remarks: tuple[str, ...]
 
     def column(self, owner: str, output: object) -> int:
         """Number of an output."""

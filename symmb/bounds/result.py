@@ -1,7 +1,7 @@
 """The result of every bounding method."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ from symmb.bounds.result_file import (
     surrogate_entries,
 )
 from symmb.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
-from symmb.bounds.worst_case import SIDES, AttainingRuns, Worst, WorstCase, row_of, worst_cases
+from symmb.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of, worst_cases
 from symmb.model import Box
 from symmb.polynomials import Expansion, Moments, moments
 from symmb.polynomials.ranges import Piecewise
@@ -232,7 +232,30 @@ class Bounds(Answers, Result, files.Saved):
             raise DeclarationError(f"Bounds.worst: {self._why_no_worst(bool(known))}")
         rows = self._extreme_rows(k) if time is None else [row_of("Bounds.worst", self.t, time)] * 2
         places = [(side, row, k) for side, row in zip(SIDES, rows, strict=True)]
-        return Worst(*worst_cases(self.attaining, places, self.names, self.t, self.lower, self.upper))
+        return Worst(*self._cases(self.attaining, places))
+
+    def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
+        """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
+        cases = worst_cases(runs, places, self.names, self.t, self.lower, self.upper)
+        return [
+            self._at_extreme(case, place) if case.is_short else case for case, place in zip(cases, places, strict=True)
+        ]
+
+    def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
+        """The run where the polynomials have their extreme, if it comes closer to the bound."""
+        if self.surrogate is None or self.study is None or self.box is None:
+            return case
+        side, i, k = place
+        one = np.ones(len(self.box))
+        point = self.surrogate.part([i], [k]).range(-one, one)[2][SIDES.index(side), 0]
+        try:
+            attained = float(self.study.values(point)[0, i, k])
+        except PropagationError:
+            return case
+        values = self.box.from_unit(point[0]).tolist()
+        parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
+        found = replace(case, parameters=parameters, attained=attained)
+        return found if found.shortfall < case.shortfall else case
 
     def _why_no_worst(self, knows_some: bool) -> str:
         if knows_some:
@@ -285,7 +308,7 @@ class Bounds(Answers, Result, files.Saved):
         i, (lower, upper) = int(limit.margin.argmin()), self[limit.output]
         side = "lower" if lower[i] - limit.low < limit.high - upper[i] else "upper"
         place = side, i, self.names.index(limit.output)
-        return worst_cases(self.attaining, [place], self.names, self.t, self.lower, self.upper)[0]
+        return self._cases(self.attaining, [place])[0]
 
     def moments(self) -> Moments:
         """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
@@ -349,7 +372,7 @@ class Bounds(Answers, Result, files.Saved):
             return self.worst_cases
         rows = enumerate(map(self._extreme_rows, range(len(self.names))))
         places = [(side, row, k) for k, both in rows for side, row in zip(SIDES, both, strict=True)]
-        return worst_cases(self.attaining, places, self.names, self.t, self.lower, self.upper)
+        return self._cases(self.attaining, places)
 
     def _table(self) -> files.Table:
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from symmb._errors import DeclarationError, PropagationError
 from symmb._progress import shown_runs
 from symmb._types import Array
@@ -13,7 +15,11 @@ from symmb.bounds.reductions import gathered, which_failed
 from symmb.bounds.result import Bounds
 from symmb.integrate import Solver
 from symmb.model import Box, Scene
+from symmb.nodes import Sobol
 from symmb.simulation import DAESimulator
+
+_VERIFYING = 16
+"""Runs that verify polynomials where their values count, and not only their range: more find narrower kinks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +65,15 @@ class Study:
         assert found.estimate is not None
         return found.lower, found.upper, found.estimate, found.evaluations
 
+    @cached_property
+    def sample(self) -> tuple[Array, Array]:
+        """Points (N, d) that are spread over the unit box, and the responses there; none if a run fails."""
+        points = Sobol().points(_VERIFYING, len(self.box), seed=1)
+        try:
+            return points, self.values(points)
+        except PropagationError:
+            return points[:0], np.zeros((0, len(self.simulator.times), len(self.simulator.outputs)))
+
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box.
 
@@ -69,5 +84,8 @@ class Study:
         P = parameter_samples(self.simulator, self.box, points)
         Y, bad = gathered(self.simulator, P, None)
         if which_failed(bad, len(P)).any():
-            raise PropagationError(f"{len(bad)} of {len(P)} runs failed: {bad[0][2]}.")
+            raise PropagationError(
+                f"{len(bad)} of {len(P)} runs failed: {bad[0][2]}. Take a box without failures; "
+                "bounds by MonteCarlo(n, laws=...) leave failed runs out."
+            )
         return Y

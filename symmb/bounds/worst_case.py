@@ -126,6 +126,11 @@ class WorstCase:
         return self.attained - self.value if self.side == "lower" else self.value - self.attained
 
     @property
+    def is_short(self) -> bool:
+        """Whether the run misses the bound by more than pictures show."""
+        return self.shortfall > _SHARE * self.width
+
+    @property
     def scene(self) -> Scene:
         """The scene, with the parameters of this run as its nominal ones.
 
@@ -155,7 +160,7 @@ class WorstCase:
         values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
         word = "least" if self.side == "lower" else "greatest"
         text = f"{word} {self.output} {self.value:.6g} at {self.time:g} s: {values}"
-        if self.shortfall > _SHARE * self.width:
+        if self.is_short:
             text += f"; the run there attains {self.attained:.6g}"
         return text
 

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
@@ -20,6 +20,7 @@ from symmb.cli.scene_file import is_urdf, load_subject
 from symmb.cli.urdf_scene import parameter_name
 from symmb.codegen import SLOW, has_compiler
 from symmb.files import save_json
+from symmb.integrate import Solver
 from symmb.plot import PICTURES
 
 _SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
@@ -41,6 +42,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
         metavar="NAME",
         nargs="+",
         action="extend",
+        default=[],
         help="parameters that get the intervals of --spread, instead of those that the box of the file names; of a "
         "URDF file its numbers, such as forearm.mass elbow.origin.x",
     )
@@ -64,22 +66,10 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
         raise DeclarationError(f"--workers takes a number of processes from 1 on, got {options.workers}.")
     if options.uncertain and options.spread is None:
         raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
-    uncertain = options.uncertain or []
-    subject, box = load_subject(options.scene, uncertain)
-    names = [parameter_name(name) for name in uncertain] if is_urdf(options.scene) else uncertain
-    if (
-        isinstance(subject, mb.Scene)
-        and (solver is None or isinstance(solver, mb.DormandPrince))
-        and not has_compiler()
-    ):
+    subject, own = load_subject(options.scene, options.uncertain)
+    if _is_slow(subject, solver):
         print(_SLOW, file=sys.stderr)
-    if options.spread is not None:
-        box = _with_spread(subject, box, _share(options.spread), names)
-    elif box is None:
-        raise DeclarationError(
-            f"{options.scene} has no box that says which parameters are uncertain. Name them, and how far they are: "
-            "--uncertain NAME --spread 5%."
-        )
+    box = _box(options, subject, own)
     if options.store is not None:
         if isinstance(subject, mb.Scene):
             subject, solver = mb.prepare(subject, solver), None
@@ -114,14 +104,32 @@ def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
         yield client
 
 
-def _with_spread(subject: mb.Scene | Simulator, box: mb.Box | None, spread: float, names: Sequence[str]) -> mb.Box:
-    if box is None and not names:
-        raise DeclarationError(
-            f"--spread: {subject!r} has no box that says which parameters are uncertain. "
-            "Name them by --uncertain, or give its Scene box=mb.Box.around(p, 0.05) or box=mb.Box(name=(lower, upper))."
-        )
+def _is_slow(subject: mb.Scene | Simulator, solver: Solver | None) -> bool:
+    """Whether runs take long for want of a compiler."""
+    return isinstance(subject, mb.Scene) and isinstance(solver, mb.DormandPrince | None) and not has_compiler()
+
+
+def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box | None) -> mb.Box:
+    """The intervals of --spread, or those of the file without it."""
+    if options.spread is None:
+        if own is None:
+            raise DeclarationError(
+                f"{options.scene} has no box that says which parameters are uncertain. Name them, and how far they "
+                "are: --uncertain NAME --spread 5%."
+            )
+        return own
+    spread, names = _share(options.spread), options.uncertain
+    if is_urdf(options.scene):
+        names = [parameter_name(name) for name in names]
+    if not names:
+        if own is None:
+            raise DeclarationError(
+                f"--spread: {subject!r} has no box that says which parameters are uncertain. Name them by --uncertain, "
+                "or give its Scene box=mb.Box.around(p, 0.05) or box=mb.Box(name=(lower, upper))."
+            )
+        names = own.names
     parameters: Mapping[str, float] = (subject.system if isinstance(subject, mb.Scene) else subject).parameters
-    return mb.Box.around(parameters, spread, names or (box.names if box else ()))
+    return mb.Box.around(parameters, spread, names)
 
 
 def _share(text: str) -> float:

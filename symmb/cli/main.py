@@ -186,6 +186,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"{methods}\n\n{solvers}\n\nshipped scenes: {', '.join(shipped_names()) or 'none'}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"symmb {mb.__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name: str, text: str, run, epilog: str = "", usage: str = "[options]") -> argparse.ArgumentParser:

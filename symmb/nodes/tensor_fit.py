@@ -31,6 +31,8 @@ class _Tensors(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("factors", "first_row", "rows", "first_axis")),
         *((name, ctypes.c_void_p) for name in ("lengths", "matrices", "fits")),
     ]
+    arrays: tuple[np.ndarray, ...]
+    """Which the pointers lead to."""
 
 
 def interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
@@ -50,20 +52,7 @@ def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 
 def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
-    matrices = {id(A): A for _, fits, _ in tensors for A in fits}
-    starts = dict(zip(matrices, _ends([A.size for A in matrices.values()])[:-1].tolist(), strict=True))
-    axes = [[A for A in fits if len(A) > 1] for _, fits, _ in tensors]
-    arrays = (
-        np.array([factor for _, _, factor in tensors], dtype=float),
-        _ends([len(some) for some, _, _ in tensors]),
-        np.concatenate([some for some, _, _ in tensors]).astype(np.int32),
-        _ends([len(each) for each in axes]),
-        np.array([len(A) for each in axes for A in each], dtype=int),
-        np.array([starts[id(A)] for each in axes for A in each], dtype=int),
-        np.concatenate([A.ravel() for A in matrices.values()]),
-    )
-    largest = max(len(some) for some, _, _ in tensors)
-    basis = _Tensors(len(tensors), len(rows), largest, *(a.ctypes.data for a in arrays))
+    basis = _packed(tensors, len(rows))
     blocks = [np.ascontiguousarray(Y, dtype=float) for Y in blocks]
     at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]  # addresses
     m = blocks[0].shape[1]
@@ -77,6 +66,27 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
 
     on_threads(work, m, _SECONDS * C.size)
     return C
+
+
+def _packed(tensors: list[Tensor], n: int) -> _Tensors:
+    """The tensors of n nodes. A matrix that several grids share stands once."""
+    rows, fits, factors = zip(*tensors, strict=True)
+    axes = [[A for A in each if len(A) > 1] for each in fits]
+    used = list(itertools.chain(*axes))
+    matrices = {id(A): A for A in used}
+    starts = dict(zip(matrices, _ends([A.size for A in matrices.values()])[:-1].tolist(), strict=True))
+    arrays = (
+        np.array(factors, dtype=float),
+        _ends([len(each) for each in rows]),
+        np.concatenate(rows).astype(np.int32),
+        _ends([len(each) for each in axes]),
+        np.array([len(A) for A in used], dtype=int),
+        np.array([starts[id(A)] for A in used], dtype=int),
+        np.concatenate([np.empty(0), *(A.ravel() for A in matrices.values())]),
+    )
+    packed = _Tensors(len(tensors), n, max(len(each) for each in rows), *(a.ctypes.data for a in arrays))
+    packed.arrays = arrays
+    return packed
 
 
 def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:

@@ -79,8 +79,8 @@ def plot_bounds(
         filled = along(t, band.lower[:, i]), along(t, band.upper[:, i])
         axes.fill_between(abscissa(t), *filled, color=colour, alpha=_TINT, linewidth=0, label=band.label)
         for pair, label, style in pairs:
-            for k, values in enumerate(pair or ()):
-                axes.plot(abscissa(t), along(t, values[:, i]), label=label if k == 0 else None, color=colour, **style)
+            if pair is not None:
+                _draw_pair(axes, t, pair[0][:, i], pair[1][:, i], label=label, color=colour, **style)
         if ax is not None:
             own_legend(axes)
     if ax is None:
@@ -100,11 +100,15 @@ def draw_bounds(
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
         for k, curve in enumerate(curves):
             style: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colour_of(curve.family)}
-            label = f"{curve.label}, {curve.kind}"
-            axes.plot(abscissa(t), along(t, curve.lower[:, i]), label=label, **style)
-            axes.plot(abscissa(t), along(t, curve.upper[:, i]), **style)
+            _draw_pair(axes, t, curve.lower[:, i], curve.upper[:, i], label=f"{curve.label}, {curve.kind}", **style)
         if is_empty:
             axes.set_ylim(*_window(reference, curves, i))
+
+
+def _draw_pair(axes: "Axes", t: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
+    """Two curves over time of one style, with one label."""
+    axes.plot(abscissa(t), along(t, lower), label=label, **style)
+    axes.plot(abscissa(t), along(t, upper), **style)
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """Choice of the solver by pilot runs, with its reason, if none is given."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -47,6 +47,11 @@ class Pilot:
     doubt: str = ""
     drift: float = 0.0
 
+    @property
+    def succeeds(self) -> bool:
+        """Whether it did not fail, and nothing about it is doubtful."""
+        return not (self.message or self.doubt)
+
 
 class Candidates(NamedTuple):
     """Candidates for a scene: the first one, one that may be faster, and those that may not fail."""
@@ -88,27 +93,32 @@ def choose(candidates: Candidates, pilot: Callable[[Solver], Pilot]) -> tuple[So
     run = pilot(first)
     if REASONS[FailureCode.STICKS] in run.message:  # no motion goes on
         return first, _fault(first, run)
-    if not (run.message or run.doubt):
-        if not run.slow or implicit == first:
-            return first, _count(run)
-        other = pilot(implicit)
-        if other.message or other.doubt:
-            return first, f"{_count(run)}; {implicit!r}: {other.message or other.doubt}"
-        times = run.seconds / other.seconds
-        if times > 1:
-            return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
-        return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
-    verdicts = [_fault(first, run)]
-    finished = {} if run.message else {first: run.drift}
-    for solver in dict.fromkeys((*others, implicit)):
-        if solver == first:
-            continue
-        run = pilot(solver)
-        if not (run.message or run.doubt):
-            return solver, "; ".join([*verdicts, _count(run)])
-        verdicts.append(_fault(solver, run))
-        finished |= {} if run.message else {solver: run.drift}
-    return min(finished, key=lambda solver: finished[solver], default=first), "; ".join(verdicts)
+    if not run.succeeds:
+        return _replaced(first, run, (*others, implicit), pilot)
+    if not run.slow or implicit == first:
+        return first, _count(run)
+    other = pilot(implicit)
+    if not other.succeeds:
+        return first, f"{_count(run)}; {implicit!r}: {other.message or other.doubt}"
+    times = run.seconds / other.seconds
+    if times > 1:
+        return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
+    return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
+
+
+def _replaced(
+    failed: Solver, run: Pilot, others: Sequence[Solver], pilot: Callable[[Solver], Pilot]
+) -> tuple[Solver, str]:
+    """The first of the others that succeeds in the place of one that does not, or the one that drifts least."""
+    runs, verdicts = {failed: run}, [_fault(failed, run)]
+    for solver in others:
+        if solver not in runs:
+            run = runs[solver] = pilot(solver)
+            if run.succeeds:
+                return solver, "; ".join([*verdicts, _count(run)])
+            verdicts.append(_fault(solver, run))
+    finished = [solver for solver, run in runs.items() if not run.message]
+    return min(finished, key=lambda solver: runs[solver].drift, default=failed), "; ".join(verdicts)
 
 
 def _fault(solver: Solver, run: Pilot) -> str:

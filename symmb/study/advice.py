@@ -7,7 +7,7 @@ import numpy as np
 from symmb.integrate import STIFF, Stiffness
 from symmb.study.ladders import FIXED
 from symmb.study.standard import Standard
-from symmb.study.trials import LEFT_OUT, Trial, by_reason, named
+from symmb.study.trials import LEFT_OUT, Trial, by_family, by_reason, named
 
 GOOD, STABLE = 1e-3, 0.1
 """Relative errors below which a run is accurate enough for most purposes, and below which it is not useless."""
@@ -87,18 +87,25 @@ def _stiffness(fastest: Stiffness, span: float) -> str:
 
 
 def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
-    largest: dict[str, float] = {}
+    """The largest step of each family of fixed steps that keeps to the motion, and the families without one."""
     fixed = [trial for trial in trials if trial.family in FIXED]
-    for trial in fixed:
-        if is_within(trial, standard, STABLE):
-            largest[trial.family] = max(trial.setting, largest.get(trial.family, 0.0))
+    stable = by_family([trial for trial in fixed if is_within(trial, standard, STABLE)])
+    largest = {family: max(trial.setting for trial in some) for family, some in stable.items()}
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
-    without = dict.fromkeys(t.family for t in fixed if t.family not in largest)
     lines = [f"Largest steps tried that keep to the motion (error below {STABLE:g}): {text}."] if text else []
-    ran = {name: min((t.setting for t in fixed if t.family == name and not t.slow), default=np.inf) for name in without}
-    cut = [name for name in without if any(t.slow and t.setting < ran[name] for t in fixed if t.family == name)]
-    if enough := [f"{name} (down to {ran[name]:.2g} s)" for name in without if name not in cut]:
-        lines.append(f"No step of {', '.join(enough)} was small enough.")
+    return lines + _too_long(by_family([trial for trial in fixed if trial.family not in largest]))
+
+
+def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
+    """Families none of whose steps was small enough, and those whose smaller steps had no time to end."""
+    enough, cut = list[str](), list[str]()
+    for family, trials in families.items():
+        least = min((trial.setting for trial in trials if not trial.slow), default=np.inf)
+        if any(trial.slow and trial.setting < least for trial in trials):
+            cut.append(family)
+        else:
+            enough.append(f"{family} (down to {least:.2g} s)")
+    lines = [f"No step of {', '.join(enough)} was small enough."] if enough else []
     if cut:
         lines.append(
             f"Whether smaller steps of {', '.join(cut)} are small enough is not known: they had no time to end."

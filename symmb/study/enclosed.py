@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -48,27 +49,23 @@ class Limits:
         return replace(limited, uncertainty=np.fmin(reference.uncertainty, error), proved=error, proved_by=self.names)
 
     def faults(
-        self,
-        bounds: Sequence[Bounds],
-        others: Sequence[tuple[str, Array, Array]],
-        yardstick: Yardstick,
-        solver_error: Array | None,
-        times: Array,
-        outputs: Sequence[str],
+        self, bounds: Sequence[Bounds], attained: Reference | None, yardstick: Yardstick, solver_error: Array | None
     ) -> list[str]:
         """Sentences about runs that are outside, and about bounds that are outside by more than their estimates.
 
         Parameters
         ----------
-        others : names and attained bounds (n_t, n_y) of other runs
+        attained : the reference as it was found, if its bounds are values of runs
         yardstick : the reference's
         solver_error : (n_y,) in the norm of `Score.error`; None where it is not known
-        times : (n_t,) [s]
         """
-        error = np.zeros(len(outputs)) if solver_error is None else _SOLVER * solver_error
+        error = np.zeros(len(bounds[0].names)) if solver_error is None else _SOLVER * solver_error
         slack = replace(yardstick, uncertainty=error).slack
+        farthest = partial(self._farthest, slack, bounds[0].t, bounds[0].names)
         by = " and ".join(self.names)
-        runs, estimates = list(others), []
+        runs, estimates = [], []
+        if attained is not None:
+            runs.append((f"the reference {attained.method}", attained.lower, attained.upper))
         for found in bounds:
             if found.inner is not None or found.kind == "sampled":
                 runs.append((found.method, *(found.inner or (found.lower, found.upper))))
@@ -79,17 +76,17 @@ class Limits:
                 f"Runs of {name} are outside of the proved bounds of {by}: {where}. Either the solver is not exact "
                 "enough there, or the runs or the proof are wrong. Try a solver with a smaller tolerance."
                 for name, lower, upper in runs
-                if (where := self._farthest(lower, upper, slack, times, outputs))
+                if (where := farthest(lower, upper))
             ),
             *(
                 f"{name} estimates its error too low. Its bounds are farther outside of the proved bounds of {by} than "
                 f"it says: {where}."
                 for name, lower, upper in estimates
-                if (where := self._farthest(lower, upper, slack, times, outputs))
+                if (where := farthest(lower, upper))
             ),
         ]
 
-    def _farthest(self, lower: Array, upper: Array, slack: Array, times: Array, outputs: Sequence[str]) -> str:
+    def _farthest(self, slack: Array, times: Array, outputs: Sequence[str], lower: Array, upper: Array) -> str:
         """Where bounds are farthest outside by more than a slack (n_y,), over it; empty if they are nowhere."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack

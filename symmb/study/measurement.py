@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -43,6 +43,15 @@ def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
     return tuple(method for method in methods if not method.requires or hasattr(simulator, method.requires))
 
 
+@dataclass(frozen=True)
+class _Measured:
+    """A method that ran: its bounds without polynomials, its run time [s], and what check runs say against them."""
+
+    bounds: Bounds
+    seconds: float
+    doubts: tuple[str, ...]
+
+
 def compare_simulator(
     simulator: Simulator,
     methods: Sequence[Method] | None,
@@ -80,78 +89,81 @@ def compare_simulator(
     exact = simulator if tighter is None else tighter
     runs = affordable_runs(_seconds_a_run(exact)) if reference is None else RUNS
     _LOG.info(_announcement(methods, box, reference, runs, repeats))
-    reference_bounds = find_reference(
+    found = find_reference(
         exact, box, reference, runs=runs, executor=executor, progress=_labelled(progress, "reference")
     )
-    scored: list[tuple[Bounds, float]] = []
-    doubts: list[tuple[str, ...]] = []
-    not_run: list[NotRun] = []
-    for number, method in enumerate(methods):
-        label = _labelled(progress, repr(method))
-        try:
-            bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=label), repeats)
-        except (PropagationError, SimulationError) as error:
-            not_run.append(NotRun(repr(method), str(error).removeprefix(f"{method!r}: ")))
-        except KeyboardInterrupt as interrupt:
-            if scored:
-                not_run += [NotRun(repr(left), "interrupted") for left in methods[number:]]
-                carry(interrupt, _comparison(simulator, box, reference_bounds, scored, not_run, doubts, about))
-            raise
-        else:
-            bounds = doubted(simulator, box, bounds)
-            doubts.append(checked(method, simulator, box, bounds, executor).doubts)
-            scored.append((replace(bounds, surrogate=None), seconds))
-    if not scored:
+    ran, not_run = list[_Measured](), list[NotRun]()
+    try:
+        for method in methods:
+            result = _measured(method, simulator, box, repeats, executor, _labelled(progress, repr(method)))
+            if isinstance(result, NotRun):
+                not_run.append(result)
+            else:
+                ran.append(result)
+    except KeyboardInterrupt as interrupt:
+        if ran:
+            not_run += [NotRun(repr(left), "interrupted") for left in methods[len(ran) + len(not_run) :]]
+            carry(interrupt, _comparison(simulator, box, found, ran, not_run, about))
+        raise
+    if not ran:
         reasons = " ".join(f"{method.name}: {method.reason}" for method in not_run)
         raise PropagationError(f"None of the methods to compare could run. {reasons}".rstrip())
-    difference = _difference(simulator, tighter, box) if tighter is not None else None
-    own = reference_bounds = replace(reference_bounds, noise=_noise(simulator, difference))
-    if reference is None:
-        reference_bounds = reference_bounds.joined([bounds.inner for bounds, _ in scored if bounds.inner is not None])
-    limits = Limits.of([bounds for bounds, _ in scored])
+    difference = None if tighter is None else _difference(simulator, tighter, box)
+    found = replace(found, noise=_noise(simulator, difference))
+    found, about["solver_error"], about["doubts"] = _confronted(found, reference, [x.bounds for x in ran], difference)
+    return _comparison(simulator, box, found, ran, not_run, about)
+
+
+def _measured(
+    method: Method,
+    simulator: Simulator,
+    box: Box,
+    repeats: int,
+    executor: Executor | None,
+    progress: RunProgress | None,
+) -> _Measured | NotRun:
+    try:
+        bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=progress), repeats)
+    except (PropagationError, SimulationError) as error:
+        return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
+    bounds = doubted(simulator, box, bounds)
+    doubts = checked(method, simulator, box, bounds, executor).doubts
+    return _Measured(bounds, seconds, doubts)
+
+
+def _confronted(
+    found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
+) -> tuple[Reference, Array | None, list[str]]:
+    """The reference with what all runs attained if none is given, within proved bounds; the error of the solver, from
+    differences to a tighter one; and what contradicts the proofs."""
+    joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
+    attained = found if given is None or given.kind == "sampled" else None
+    limits = Limits.of(bounds)
     if limits is not None:
-        attained = reference is None or reference.kind == "sampled"
-        reference_bounds = limits.limit(reference_bounds, attained)
-    if difference is not None:
-        about["solver_error"] = reference_bounds.yardstick.relative(difference)
-    if limits is not None:
-        runs_of = [(f"the reference {own.method}", own.lower, own.upper)] if attained else []
-        about["doubts"] = tuple(
-            limits.faults(
-                [bounds for bounds, _ in scored],
-                runs_of,
-                reference_bounds.yardstick,
-                about.get("solver_error"),
-                np.asarray(simulator.times, dtype=float),
-                tuple(simulator.outputs),
-            )
-        )
-    return _comparison(simulator, box, reference_bounds, scored, not_run, doubts, about)
+        joint = limits.limit(joint, attained is not None)
+    solver_error = None if difference is None else joint.yardstick.relative(difference)
+    faults = [] if limits is None else limits.faults(bounds, attained, joint.yardstick, solver_error)
+    return joint, solver_error, faults
 
 
 def _comparison(
     simulator: Simulator,
     box: Box,
     reference: Reference,
-    scored: Sequence[tuple[Bounds, float]],
+    ran: Sequence[_Measured],
     not_run: Sequence[NotRun],
-    found: Sequence[tuple[str, ...]],
     about: Mapping[str, Any],
 ) -> Comparison:
-    """The rows, whose doubts `found` contain what check runs say, and doubts about the rest: it measures errors."""
-    setup_seconds = about.get("setup_seconds")
+    """The rows, whose doubts contain what check runs say, and doubts about the rest: it measures errors."""
     known = tuple(getattr(simulator, "doubts", ()))
-    doubts = *known, *_doubts_of([bounds for bounds, _ in scored], known), *_doubt_of_reference(simulator, reference)
+    doubts = *known, *_doubts_of([each.bounds for each in ran], known), *_doubt_of_reference(simulator, reference)
     about = {**about, "doubts": (*doubts, *about.get("doubts", ()))}
     return Comparison(
         times=np.asarray(simulator.times, dtype=float),
         outputs=tuple(simulator.outputs),
         box=box,
         reference=reference,
-        rows=tuple(
-            _row(bounds, own, reference.yardstick, setup_seconds, seconds)
-            for (bounds, seconds), own in zip(scored, found, strict=True)
-        ),
+        rows=tuple(_row(measured, reference.yardstick, about.get("setup_seconds")) for measured in ran),
         not_run=tuple(not_run),
         **about,
     )
@@ -183,16 +195,15 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
     ]
 
 
-def _row(
-    bounds: Bounds, doubts: tuple[str, ...], yardstick: Yardstick, setup_seconds: float | None, run_seconds: float
-) -> Row:
+def _row(measured: _Measured, yardstick: Yardstick, setup_seconds: float | None) -> Row:
+    bounds = measured.bounds
     return Row(
         name=bounds.method,
         kind=bounds.kind,
         evaluations=bounds.evaluations,
         failed=len(bounds.failed),
         setup_seconds=setup_seconds,
-        run_seconds=run_seconds,
+        run_seconds=measured.seconds,
         lower=bounds.lower,
         upper=bounds.upper,
         estimate=bounds.estimate,
@@ -201,7 +212,7 @@ def _row(
         failure=str(bounds.failed[0]) if bounds.failed else "",
         failed_region=bounds.failed_region,
         caution=bounds.caution,
-        doubts=doubts,
+        doubts=measured.doubts,
     )
 
 

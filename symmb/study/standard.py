@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.study.ladders import CONTROLLED
-from symmb.study.trials import Trial, by_reason
+from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
 """Largest difference of two tolerances, and of two solvers, that confirm each other."""
@@ -60,13 +60,12 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
     with each other.
     """
     trials = [trial for trial in trials if trial.family in CONTROLLED]
-    pairs = [pair for family in dict.fromkeys(t.family for t in trials) for pair in _pairs(trials, family, units)]
+    pairs = _pairs(trials, units)
     reasons = {trial.reason for trial in trials}
     if len(reasons) == 1 and reasons != {""}:  # the scene itself is at fault
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
-    pairs.sort(key=lambda pair: pair.apart)
     confirmed = [pair for pair in pairs if pair.apart <= AGREEMENT and not pair.fine.energy > ENERGY]
     if not confirmed:
         return Standard(fault=_fault(pairs, units))
@@ -78,9 +77,15 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
     return Standard(best.values, units, max(confirmed[0].apart, min(away, default=0.0)))
 
 
-def _pairs(trials: Sequence[Trial], family: str, units: tuple[str, ...]) -> list[_Pair]:
-    done = sorted((t for t in trials if t.family == family and not t.reason), key=lambda t: -t.setting)[-2:]
-    return [_Pair(done[0], done[1], distance(done[0].values, done[1].values, units))] if len(done) == 2 else []
+def _pairs(trials: Sequence[Trial], units: tuple[str, ...]) -> list[_Pair]:
+    """The runs with the two finest tolerances of each solver that finish, those first that agree best."""
+    pairs = list[_Pair]()
+    for some in by_family(trials).values():
+        finished = sorted((trial for trial in some if not trial.reason), key=lambda trial: -trial.setting)
+        if len(finished) > 1:
+            coarse, fine = finished[-2:]
+            pairs.append(_Pair(coarse, fine, distance(coarse.values, fine.values, units)))
+    return sorted(pairs, key=lambda pair: pair.apart)
 
 
 def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:

@@ -28,8 +28,8 @@ _SETTLED = 2e-3
 """Change of the factors over them at which a search ends."""
 _MOST = 16.0
 """Largest factor that is looked for: the box that is given is meant to be of the right size."""
-_STUDIES = 8
-"""Most studies: three are usual."""
+_STUDIES = 16
+"""Most studies: three are usual, more where polynomials are not good."""
 _BEYOND, _FAR = 1.05, 1.5
 """How far beyond the factor on a line the next study is, and beyond one that keeps the limits against such a line."""
 _WIDER, _NARROWER = 1.6, 0.25
@@ -131,7 +131,7 @@ def tolerances(
     box : Box              shape of the intervals, which hold the nominal values; default: that of the scene
     costs : mapping        parameter -> function of its half width, whose sum is least; those that are left out cost
                            the half width in the box over their own. {} is that for all of them. A function is the same
-                           for all
+                           for all. They should fall smoothly: a search finds the least cost near its start
     solver : of a Scene
     executor, progress : as of `propagate`
 
@@ -149,6 +149,9 @@ def tolerances(
     """
     with kept_interrupts(), shown_runs(progress, _OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
+        for name in shape.names:
+            if name not in simulator.parameters:
+                raise DeclarationError(f"{_OWNER}: no parameter {name!r}.{did_you_mean(name, simulator.parameters)}")
         search = _Search(simulator, shape, limit_pairs(_OWNER, limits, simulator.outputs), executor, progress)
         if costs is None:
             factors, bounds = search.largest(np.ones(len(shape)))
@@ -186,12 +189,76 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
     varied = [(k, costs.get(name)) for k, name in enumerate(shape.names) if shape.radius[k] > 0]
 
     def total(factors: Array) -> float:
-        parts = [1 / factors[k] if own is None else own(factors[k] * shape.radius[k]) for k, own in varied]
-        if not all(map(is_finite_number, parts)):
-            raise DeclarationError(f"{_OWNER}: a cost is no finite number at the factors {factors.tolist()}.")
-        return float(sum(map(float, parts)))
+        return sum(1 / factors[k] if own is None else _cost_of(k, own, factors[k]) for k, own in varied)
+
+    def _cost_of(k: int, own: Callable[[float], float], factor: float) -> float:
+        half = float(factor * shape.radius[k])
+        try:
+            value = own(half)
+        except Exception as error:  # of the user's function
+            raise DeclarationError(f"{_OWNER}: the cost of {shape.names[k]!r} fails at {half:g}: {error}.") from error
+        if not is_finite_number(value):
+            raise DeclarationError(
+                f"{_OWNER}: the cost of {shape.names[k]!r} at {half:g} is {shown(value)}, no number."
+            )
+        return float(value)
 
     return total
+
+
+class _Bracket:
+    """Factors that keep the limits and factors that do not, and where the largest of the first is expected.
+
+    Attributes
+    ----------
+    low, high : float      the largest factor that keeps the limits, the least that does not
+    doubts : sentences     why the latter does not, if it is not for a limit
+    """
+
+    def __init__(self) -> None:
+        self.low, self.high, self.doubts = 0.0, np.inf, tuple[str, ...]()
+        self._expected, self._margins, self._is_first = np.inf, [0.0, 0.0], True
+
+    def keeps(self, s: float, margin: float, at_nominal: float) -> None:
+        """A factor keeps the limits with a margin. That at 0 is the nominal one."""
+        slope = (at_nominal - margin) / s
+        self._expected = at_nominal / slope if slope > 0 else np.inf
+        self._far = _BEYOND if self._is_first else _FAR
+        self.low, self._margins, self._is_first = s, [margin, self._margins[1] / 2], False
+
+    def breaks(self, s: float, margin: float, doubts: tuple[str, ...], share: float | None) -> None:
+        """A factor breaks a limit, or is doubted. Good polynomials show the share of it that keeps the limits."""
+        self.fails(s, doubts if margin >= 0 else ())
+        self._expected = np.nan if share is None else share * s
+        self._margins = [self._margins[0] / 2, min(margin, 0.0)]
+
+    def fails(self, s: float, doubts: tuple[str, ...]) -> None:
+        """A study fails."""
+        self.high, self.doubts, self._expected = s, doubts, np.nan
+        self._margins = [self._margins[0], 0.0]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is not decided, if the largest factor is not found."""
+        if self.low * (1 + 4 * _SETTLED) >= self.next_bound:
+            return ()
+        why = self.doubts[0] if self.doubts else "The studies that a search may take were not enough."
+        return (f"Up to {self.high / self.low:.3g} times these tolerances is not decided: {why}",)
+
+    @property
+    def next_bound(self) -> float:
+        """The factor that cannot be exceeded, as far as is known; infinite before any breaks a limit."""
+        return min(self._expected, self.high) if self._expected > self.low and self.high < np.inf else self.high
+
+    def next(self) -> float:
+        """The factor of the next study: by polynomials, by a line between the margins (Illinois), or in the middle."""
+        if self.high == np.inf:
+            return min(max(_BEYOND * self._expected, self._far * self.low), 4 * self.low)
+        if self.low < self._expected < self.high:
+            return self._expected * (1 - _SETTLED / 4)
+        inside, beyond = self._margins
+        share = inside / (inside - beyond) if beyond < 0 < inside else 0.5
+        return self.low + min(max(share, 0.05), 0.95) * (self.high - self.low)
 
 
 class _Search:
@@ -267,39 +334,37 @@ class _Search:
         """The largest factors (d,) along a ray, and bounds over their box, which keep the limits without a doubt.
 
         A line through the margins at 0 and at a factor that keeps the limits shows where to look for one that does not.
-        Its polynomials show the largest factor, which a last study checks.
+        Its polynomials show the largest factor, which a last study checks. Without good polynomials the search goes on
+        between the largest factor that keeps the limits and the least that does not.
         """
-        s, low, high, tolerance, kept = 1.0, 0.0, np.inf, first, None
-        most = float(np.min(_MOST / along))
-        doubts = tuple[str, ...]()
+        bracket, most = _Bracket(), float(np.min(_MOST / along))
+        s, tolerance, kept = 1.0, first, None
         for _ in range(_STUDIES):
-            bounds, margin = self._study(s * along, tolerance)
-            if margin >= 0 and not self._is_doubted(bounds):
-                beyond, low, kept = (_BEYOND if low == 0 else _FAR), s, bounds
+            try:
+                bounds, margin = self._study(s * along, tolerance)
+            except PropagationError as error:
+                if kept is None:
+                    raise
+                bracket.fails(s, (str(error).splitlines()[0],))
             else:
-                beyond, high, doubts = _BEYOND, s, bounds.doubts
-            line = self._expected(bounds, margin, s, along)
-            if low >= most or (
-                tolerance == _TOLERANCES[1] and min(line, high) <= low * (1 + _SETTLED) and high < np.inf
-            ):
+                if margin >= 0 and not self._is_doubted(bounds):
+                    kept = bounds
+                    bracket.keeps(s, margin, self._at_nominal)
+                else:
+                    bracket.breaks(s, margin, bounds.doubts, self._factor_of(bounds, s * along) if margin < 0 else None)
+            is_settled = tolerance == _TOLERANCES[1] and bracket.low * (1 + _SETTLED) >= bracket.next_bound
+            if kept is not None and (bracket.low >= most or is_settled):
                 break
-            if high == np.inf:
-                s = min(max(_BEYOND * line, beyond * s), 4 * s, most)
-            else:
-                s = line * (1 - _SETTLED / 4) if low < line < high else (low + high) / 2
-            tolerance = _TOLERANCES[1]
+            s, tolerance = min(bracket.next(), most), _TOLERANCES[1]
         if kept is None:
-            raise PropagationError(" ".join([f"{_OWNER}: no box was found in {_STUDIES} studies.", *doubts]))
-        if doubts and low * (1 + 4 * _SETTLED) < high:
-            self.remarks = (f"At {high / low:.3g} times these tolerances the bounds are doubted: {doubts[0]}",)
-        return low * along, kept
+            raise PropagationError(" ".join([f"{_OWNER}: no box was found in {_STUDIES} studies.", *bracket.doubts]))
+        self.remarks = () if bracket.low >= most else bracket.remarks
+        return bracket.low * along, kept
 
-    def _expected(self, bounds: Bounds, margin: float, s: float, along: Array) -> float:
-        """The largest factor along a ray, by a study at the factor s."""
-        if margin < 0 and (surrogate := bounds.good_surrogate(self._columns)) is not None:
-            return self._factor_on(surrogate, s * along, s * along) * s
-        slope = (self._at_nominal - margin) / s
-        return self._at_nominal / slope if slope > 0 else np.inf
+    def _factor_of(self, bounds: Bounds, factors: Array) -> float | None:
+        """The largest share of the factors (d,) that keeps the limits, by the polynomials of their study, if good."""
+        surrogate = bounds.good_surrogate(self._columns)
+        return None if surrogate is None else self._factor_on(surrogate, factors, factors)
 
     def _is_doubted(self, bounds: Bounds) -> bool:
         """Whether runs fail, or the error of an output with limits is large."""

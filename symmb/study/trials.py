@@ -30,6 +30,8 @@ _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers whose number of steps is limited."""
 _ENERGY = "the energy"
 """How the reasons begin of runs whose energy is wrong."""
+_TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
+"""Kinds of failures, beside LEFT_OUT."""
 WRONG_ENERGY = 0.5
 """Drift of energy, over the largest kinetic energy, above which a run is a failure: half of the motion is lost, or came
 from nowhere."""
@@ -112,23 +114,39 @@ class Trial:
         """Whether it was not finished for want of time."""
         return self.reason.startswith(SLOW)
 
+    @property
+    def failure(self) -> str:
+        """The kind of its failure, in words; empty if it did not fail."""
+        if not self.reason:
+            return ""
+        if self.slow:
+            return LEFT_OUT if self.reason == LEFT_OUT else _TOO_SLOW
+        return _WRONG_ENERGY if self.reason.startswith(_ENERGY) else _BROKEN
+
 
 def by_reason(trials: Sequence[Trial]) -> str:
     """The families of trials that failed, by the kind of their failure."""
-    broken = [t for t in trials if t.reason and not t.reason.startswith((*SLOW, _ENERGY))]
-    at = [float(time) for t in broken for time in re.findall(r" at t = (\S+) s", t.reason)]
-    kinds = {
-        LEFT_OUT: [t for t in trials if t.reason == LEFT_OUT],
-        "too slow": [t for t in trials if t.slow and t.reason != LEFT_OUT],
-        "wrong energy": [t for t in trials if t.reason.startswith(_ENERGY)],
-        f"breaks down at t = {min(at):.3g} s" if at else "breaks down": broken,
-    }
-    return "; ".join(f"{kind}: {named(some)}" for kind, some in kinds.items() if some)
+    texts = list[str]()
+    for kind in (LEFT_OUT, _TOO_SLOW, _WRONG_ENERGY, _BROKEN):
+        some = [trial for trial in trials if trial.failure == kind]
+        at = [float(time) for trial in some for time in re.findall(r" at t = (\S+) s", trial.reason)]
+        first = f" at t = {min(at):.3g} s" if kind == _BROKEN and at else ""
+        if some:
+            texts.append(f"{kind}{first}: {named(some)}")
+    return "; ".join(texts)
+
+
+def by_family(trials: Sequence[Trial]) -> dict[str, list[Trial]]:
+    """The trials of each family."""
+    families = dict[str, list[Trial]]()
+    for trial in trials:
+        families.setdefault(trial.family, []).append(trial)
+    return families
 
 
 def named(trials: Sequence[Trial]) -> str:
     """The families of trials as a list of words."""
-    return ", ".join(" ".join(reversed(family.split(", "))) for family in dict.fromkeys(t.family for t in trials))
+    return ", ".join(" ".join(reversed(family.split(", "))) for family in by_family(trials))
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,8 @@ def test_monte_carlo_draws_from_laws():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"output": "z"}, "no output 'z'"), ({"levels": 1.5}, "probabilities between 0 and 1"),
-        ({"levels": []}, "probabilities between 0 and 1"), ({"laws": {}}, "distributions by name"),
+        ({"output": "z"}, "no output 'z'"), ({"levels": 1.5}, "above 0 and below 1"),
+        ({"levels": []}, "above 0 and below 1"), ({"laws": {}}, "distributions by name"),
         ({"laws": {"a": 3.0}}, "cdf and ppf"), ({"laws": {"c": st.norm()}}, "'c' is not in the box"),
         ({"laws": {"a": st.norm(99, 1)}}, "probability of 0 in its interval"),
         ({"correlation": [[1, 2], [2, 1]]}, "not positive definite"), ({"correlation": [[1]]}, "2 x 2 matrix"),
@@ -114,7 +114,7 @@ def test_what_is_malformed_is_told_in_a_sentence(change, text):
 
 def test_other_malformed_calls():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
-    with pytest.raises(mb.DeclarationError, match="above or for below"):
+    with pytest.raises(mb.DeclarationError, match="one of above and below"):
         bounds.probability("y", laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="need a law of every parameter"):
         bounds.samples(3, {"a": st.norm()})

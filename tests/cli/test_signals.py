@@ -19,6 +19,7 @@ import symmb as mb
 from symmb import _cleanup
 from symmb._interrupts import kept_interrupts
 from symmb.cli.main import main
+from symmb.study import measurement
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import interrupts
@@ -93,6 +94,20 @@ def test_an_interrupted_comparison_carries_the_methods_so_far():
         ("Scanning(5)", "interrupted"),
     ]
     assert "interrupted" in str(partial)
+
+
+def test_so_does_one_that_is_interrupted_in_its_check_runs(monkeypatch):
+    def interrupted(method, simulator, box, bounds, executor):
+        if isinstance(method, mb.Scanning):
+            raise KeyboardInterrupt
+        return bounds
+
+    monkeypatch.setattr(measurement, "checked", interrupted)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        mb.compare(Interrupted(10**9), [mb.Vertex(), mb.Scanning(5)], BOX, mb.Scanning(3))
+    partial = caught.value.partial
+    assert [row.name for row in partial.rows] == ["Vertex()"]
+    assert [left.name for left in partial.not_run] == ["Scanning(5)"]
 
 
 @contextmanager

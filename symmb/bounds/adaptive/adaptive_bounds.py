@@ -11,7 +11,7 @@ from symmb.black_boxes import Progress, Simulator
 from symmb.bounds.adaptive.clock import Clock
 from symmb.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, rms
 from symmb.bounds.adaptive.sparse_grids import SparseGrids
-from symmb.bounds.adaptive.surrogate import EstimatedRange, Surrogate
+from symmb.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bounds.failures import failed_region
 from symmb.bounds.result import ROUNDING, Bounds
@@ -45,37 +45,23 @@ def adaptive_bounds(
     least the distance of the interpolant's range from what runs attained. Where it exceeds the width that runs
     attained, and of outputs that are noise, the bounds are those attained by runs.
     """
-    d, tensor = len(box), len(box) <= MOST_PARAMETERS
-    first = max(5, 3**d) if tensor else 2 * d + 1
-    numbers = max(len(simulator.times) * len(simulator.outputs), 1)
-    first += probes
+    d, numbers = len(box), max(len(simulator.times) * len(simulator.outputs), 1)
+    first = probes + (max(5, 3**d) if d <= MOST_PARAMETERS else 2 * d + 1)
     most = max(min(MOST_RUNS, MOST_NUMBERS // numbers), 2 * first) if budget is None else budget
     if first > most:
         takes = "and the probes take" if probes else "takes"
         raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
-    is_patient = budget is not None
-    runs, estimated = Runs(simulator, box, most, executor, progress, Clock(seconds), probes), None
-    while estimated is None:
-        try:
-            with one_thread():
-                estimated = _bounded(
-                    TensorGrids(runs, tolerance) if tensor else SparseGrids(runs, tolerance, is_patient)
-                )
-        except OutgrownError:
-            runs = runs.anew()
-            if first > runs.left:
-                raise PropagationError(
-                    f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to "
-                    "begin anew. Take the logarithm as an output, or a larger budget."
-                ) from None
+    runs = Runs(simulator, box, most, executor, progress, Clock(seconds), probes)
+    while (estimated := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
+        runs = runs.anew()
+        if first > runs.left:
+            raise PropagationError(
+                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to "
+                "begin anew. Take the logarithm as an output, or a larger budget."
+            )
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
     lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
-    error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
-    is_reached = estimated.is_enough and bool((runs.noise <= tolerance * runs.rms_widths()).all())
-    cut = (_CUT.format(tolerance=tolerance),) if runs.clock.is_cut and not estimated.is_enough else ()
-    is_far = error > DOUBTFUL
-    remarks = () if is_reached else (_SHORT.format(tolerance=tolerance, error=error), *(() if is_far else cut))
-    remarks = (*remarks, *_of_rounding(runs, is_noise))
+    remarks, doubts = _of_accuracy(runs, tolerance, estimated.is_enough, estimate)
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
         t=simulator.times,
@@ -90,8 +76,8 @@ def adaptive_bounds(
         inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
         failed=runs.failed,
         failed_region=failed_region(box, runs.tried, ~runs.ok),
-        run_doubts=(*(cut if is_far else ()), *_of_noise(runs)),
-        remarks=remarks,
+        run_doubts=(*doubts, *_of_noise(runs)),
+        remarks=(*remarks, *_of_rounding(runs, is_noise)),
         range_of=estimated.surrogate,
     )
     del runs  # the polynomials are as large
@@ -107,11 +93,17 @@ def adaptive_bounds(
     return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
 
 
-def _bounded(surrogate: Surrogate) -> EstimatedRange:
-    """The range of a surrogate that is refined until it is accurate enough."""
-    while (found := surrogate.bounded()) is None:
-        surrogate = surrogate.refined()
-    return found
+def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange | None:
+    """The range of a surrogate that is refined until it is accurate enough; None where the study has to begin anew."""
+    is_tensor = len(runs.box) <= MOST_PARAMETERS
+    try:
+        with one_thread():
+            surrogate = TensorGrids(runs, tolerance) if is_tensor else SparseGrids(runs, tolerance, is_patient)
+            while (found := surrogate.bounded()) is None:
+                surrogate = surrogate.refined()
+            return found
+    except OutgrownError:
+        return None
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
@@ -130,6 +122,20 @@ def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
     return lower, upper, estimate
+
+
+def _of_accuracy(
+    runs: Runs, tolerance: float, is_enough: bool, estimate: Array
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Remarks and doubts where the tolerance was not reached: the range is not accurate enough, or runs are not."""
+    if is_enough and (runs.noise <= tolerance * runs.rms_widths()).all():
+        return (), ()
+    error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
+    short = _SHORT.format(tolerance=tolerance, error=error)
+    if is_enough or not runs.clock.is_cut:
+        return (short,), ()
+    cut = _CUT.format(tolerance=tolerance)
+    return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
 
 
 def _of_noise(runs: Runs) -> tuple[str, ...]:

@@ -20,6 +20,8 @@ So much of the error is left after a rough piece was halved along every paramete
 JUDGED_DEGREE = 16
 """Least degree at which smoothness is judged, twice that on halves, one of which is expected to be rough: less cuts
 smooth responses into pieces, more takes more runs at kinks."""
+_TAIL = 4
+"""Last degrees whose coefficients together are the error at kinks, where they fall slowly: more is safer."""
 SMALL_HALF_WIDTH = 0.05
 """Half width of a rough piece at which a smooth response is nearly linear: more misses more, less takes more runs."""
 TENSOR_RANGE = 1e-5
@@ -172,8 +174,12 @@ class Piece:
     @property
     def largest_error(self) -> Array:
         """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot."""
-        smooth = self.truncation.directions.sum(axis=0) + self.truncation.least
-        return smooth if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), smooth)
+        truncation, alpha, c = self.truncation, self.expansion.alpha, self.expansion.coefficients
+        highest = alpha.max(axis=0)
+        tail = np.abs(c[(alpha > np.maximum(highest - _TAIL, highest / 2)).any(axis=1)]).sum(axis=0)
+        error = truncation.directions.sum(axis=0) + truncation.least
+        error = np.where(truncation.slow.any(axis=0), np.maximum(tail, error), error)
+        return error if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), error)
 
     def values(self, points: Array) -> Array:
         """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""

@@ -64,11 +64,25 @@ class _Union:
             pieces, lower, upper, _select(places, extreme[..., None]), beyond, _select(checkable, extreme), trust
         )
 
+    @property
+    def expected(self) -> Array:
+        """The largest of the errors (n_t, n_y)."""
+        return self.errors.max(axis=0)
+
+    def worst(self, widths: Array) -> Piece:
+        """The piece with the largest error over the widths (n_y,)."""
+        return self.pieces[int(np.argmax([relative_rms(error, widths) for error in self.errors]))]
+
     def polynomials(self) -> Piecewise:
         """Those of all pieces."""
         centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
         error = np.max([piece.largest_error for piece in self.pieces], axis=0)
-        return Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
+        found, runs = (
+            Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error),
+            self.pieces[0].runs,
+        )
+        seen = np.abs(found.values(runs.points) - runs.checks).max(axis=0, initial=0.0)
+        return replace(found, error=np.maximum(error, SAFETY * seen))
 
     def piece_at(self, point: Array) -> Piece:
         """A piece that holds the point."""
@@ -87,7 +101,7 @@ class TensorGrids:
         d = len(runs.box)
         self._runs, self._tolerance = runs, tolerance
         self._pieces = [Piece.of(runs, (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2)))]
-        self._worst, self._parts, self._has_fields = self._pieces[0], list[Part](), False
+        self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
@@ -95,60 +109,69 @@ class TensorGrids:
         The error is small enough if a share of the estimate, which check runs may leave of it, is, and then what they
         leave. Bounds that are doubtful are refined further as long as that takes few runs.
         """
-        runs, tolerance, pieces = self._runs, self._tolerance, self._pieces
+        runs, tolerance, first = self._runs, self._tolerance, self._pieces[0]
         widths, is_field = runs.rms_widths(), self._is_field()
         measure = typical_error if is_field else relative_rms
-        if len(pieces) == 1 and pieces[0].jumps is None:  # no range is needed where errors are large everywhere
-            self._worst = pieces[0]
-            least = (FIELD_TRUST if is_field else TRUST) * pieces[0].truncation.least
-            if measure(least, widths) > tolerance and self._can_refine():
+        if len(self._pieces) == 1 and first.jumps is None:  # no range is needed where errors are large everywhere
+            least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
+            if measure(least, widths) > tolerance and self._chooses(first):
                 return None
-        union = _Union.of(pieces)
-        trust = FIELD_TRUST if is_field else union.trust
-        self._worst = pieces[int(np.argmax([relative_rms(error, widths) for error in union.errors]))]
-        expected = union.errors.max(axis=0)
-        if measure(trust * expected, widths) > tolerance and self._can_refine():
+        union = _Union.of(self._pieces)
+        worst, trusted = union.worst(widths), (FIELD_TRUST if is_field else union.trust) * union.expected
+        if measure(trusted, widths) > tolerance and self._chooses(worst):
             return None
-        runs.tell(relative_rms(expected, widths))
-        inflated, ratio = self._check(union)
+        runs.tell(relative_rms(union.expected, widths))
+        return self._confirmed(union, worst, trusted, is_field)
+
+    def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
+        """The range after check runs, unless these show that the worst piece should be refined.
+
+        They leave at least the trusted error (n_t, n_y), of fields at least the share of the error that they show.
+        """
+        runs, tolerance, expected = self._runs, self._tolerance, union.expected
+        inflated, ratio, worst = self._check(union, worst)
         beyond, widths = runs.beyond(union.lower, union.upper), runs.rms_widths()
-        left = np.maximum(np.maximum(ratio, trust) * expected if is_field else trust * expected, beyond)
-        estimate = np.maximum(inflated, SAFETY * left if is_field else left)
+        if is_field:
+            left = np.maximum(np.maximum(ratio, FIELD_TRUST) * expected, beyond)
+            estimate, error = np.maximum(inflated, SAFETY * left), typical_error(left, widths)
+        else:
+            estimate = np.maximum(inflated, np.maximum(trusted, beyond))
+            error = relative_rms(estimate, widths)
         if (
-            len(pieces) > 1
+            len(union.pieces) > 1
             and len(runs.checks)
-            and relative_rms(beyond, widths) > relative_rms(np.maximum(inflated, trust * expected), widths)
+            and relative_rms(beyond, widths) > relative_rms(np.maximum(inflated, trusted), widths)
         ):
-            self._worst = self._farthest(union)
-        error = measure(left if is_field else estimate, widths)
-        if error > tolerance and self._can_refine():
+            worst = self._farthest(union)
+        if error > tolerance and self._chooses(worst):
             return None
         width, varies = union.upper - union.lower, np.isfinite(widths)
         doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
-        if doubtful[:, varies].any() and self._can_refine(CHEAP_RUNS - len(runs)):
-            return None
         if doubtful[:, varies].any():
+            if self._chooses(worst, CHEAP_RUNS - len(runs)):
+                return None
             estimate = np.maximum(estimate, expected)
-        name = "an interpolant on a tensor grid" if len(pieces) == 1 else f"interpolants on {len(pieces)} tensor grids"
+        n = len(union.pieces)
+        name = "an interpolant on a tensor grid" if n == 1 else f"interpolants on {n} tensor grids"
         is_enough = max(error, TENSOR_RANGE) <= tolerance
         estimate = estimate + TENSOR_RANGE * width
         return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
 
     def refined(self) -> "TensorGrids":
-        """With the worst piece refined or halved, or with measured noise."""
-        runs = self._runs
+        """With the chosen piece refined or halved, or with measured noise."""
+        runs, old = self._runs, self._chosen
         is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
             self._pieces = [replace(piece, widths=runs.rms_widths()) for piece in self._pieces]  # with new errors
         else:
-            old, self._worst = self._worst, self._pieces[0]  # pieces are large
             self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(self._parts, runs)
+        self._chosen = self._pieces[0]  # pieces are large
         return self
 
-    def _can_refine(self, most: int | None = None) -> bool:
-        """Whether the worst piece has parts, and their nodes take as many runs at most as are left."""
-        runs, self._parts = self._runs, self._worst.refined_parts()
+    def _chooses(self, piece: Piece, most: int | None = None) -> bool:
+        """Choose a piece to refine, if it has parts, and their nodes take as many runs at most as are left."""
+        runs, self._chosen, self._parts = self._runs, piece, piece.refined_parts()
         most = runs.left if most is None else min(most, runs.left)
         return bool(self._parts) and self._cost() <= most and not runs.clock.is_late
 
@@ -173,8 +196,8 @@ class TensorGrids:
         beyond = [relative_rms(np.maximum(np.maximum(union.lower - y, y - union.upper), 0.0), widths) for y in checks]
         return union.piece_at(self._runs.points[int(np.argmax(beyond))])
 
-    def _check(self, union: _Union) -> tuple[Array, Array]:
-        """Check runs at some of the extremes, and at quasi-random points. The piece with the largest error is refined.
+    def _check(self, union: _Union, worst: Piece) -> tuple[Array, Array, Piece]:
+        """Check runs at some of the extremes, and at quasi-random points.
 
         A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E.
 
@@ -182,6 +205,7 @@ class TensorGrids:
         -------
         (n_t, n_y) array        the error that check runs show
         (n_y,) array            errors to expect over the estimate: the ratio of their root mean squares at check runs
+        Piece                   with the largest error that they show; the worst one without them
         """
         runs, widths = self._runs, self._runs.rms_widths()
         n_known, d = len(runs.points), len(runs.box)
@@ -205,8 +229,9 @@ class TensorGrids:
                 squares = np.maximum(squares, error * np.square(ratio))
                 seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
                 if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
-                    largest, self._worst = observed, piece
-        return inflated_error(squares), np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
+                    largest, worst = observed, piece
+        ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
+        return inflated_error(squares), ratio, worst
 
 
 def _stacked(arrays: Sequence[Array]) -> Array:

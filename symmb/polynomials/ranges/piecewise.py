@@ -63,7 +63,7 @@ class Piecewise:
         """With other expansions, and another error."""
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
-    def part(self, rows: slice | Indices, outputs: Sequence[int]) -> "Piecewise":
+    def part(self, rows: slice | Indices | Sequence[int], outputs: Sequence[int]) -> "Piecewise":
         """Those of some outputs alone, at some times."""
 
         def of(values: Array) -> Array:
