@@ -55,7 +55,8 @@ GROUPS = {
     "Black boxes": ["black_boxes external_programs fmus stored_runs", "black_boxes"],
     "Results": [
         "results contributions",
-        "bounds.result events linear.result polynomials.expansion simulation.trajectory study.comparison_result",
+        "bounds.contributions bounds.result events linear.result polynomials.expansion simulation.trajectory "
+        "study.comparison_result",
     ],
     "Errors": ["starting", "_errors"],
 }
