@@ -50,6 +50,8 @@ class NonlinearSpring(PairForce):
 class GasSpring:
     """Gas behind a piston, p V^n constant, which pushes two points apart: a law of `NonlinearSpring`.
 
+    Below a hundredth of `volume` the pressure stays constant.
+
     Parameters
     ----------
     pressure : Expr        at `length` [Pa]; the pressure outside is neglected
@@ -58,8 +60,6 @@ class GasSpring:
                            recuperator
     length : Expr          between the points at which pressure and volume are given [m]
     exponent : Expr        n, polytropic exponent: 1 for slow and 1.4 for fast changes of air [-]
-
-    Below a hundredth of `volume` the pressure stays constant.
     """
 
     pressure: Expr
@@ -117,6 +117,8 @@ class Orifice:
 class Soil(ForceElement):
     """Soil under a foot. It pushes along its normal, and springs and dampers hold the foot in the other directions.
 
+    The springs across the normal act even without a normal force: spades and ribs stay in the soil.
+
     Parameters
     ----------
     name : str
@@ -126,8 +128,6 @@ class Soil(ForceElement):
     law : ContactLaw       along the normal, `KelvinVoigt(...)`, or measured: `Tabulated(...)`
     stiffness, damping : scalar or (x, y, z)                          across the normal [N/m], [N s/m]
     rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad], as of a `Bushing`
-
-    The springs across the normal act even without a normal force: spades and ribs stay in the soil.
     """
 
     name: str

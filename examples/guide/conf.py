@@ -1,0 +1,223 @@
+"""The site of symmb: the guide, a page for each public name, and the examples. CONTRIBUTING.md has the command.
+
+Pages of the guide are Markdown files that code hosts show too. Pages of names and of examples are written into `api`
+and `gallery` beside them at each build; git ignores these.
+"""
+
+import ast
+import inspect
+import re
+from itertools import takewhile
+from pathlib import Path
+
+import symmb
+
+HERE = Path(__file__).parent
+EXAMPLES = HERE.parent
+
+project, author, copyright = "symmb", "The symmb authors", "The symmb authors"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+myst_enable_extensions = ["html_image"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build"]
+default_role = "code"
+html_theme = "furo"
+html_title = "symmb"
+html_copy_source = False
+html_show_sphinx = False
+html_search_scorer = str(HERE / "scorer.js")
+add_module_names = False
+autosummary_generate = False
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+python_maximum_signature_line_length = 90
+
+GROUPS = {
+    "Models": ["declaring starting", "model mechanics.parameter mechanics.state mechanics.urdf symbolic"],
+    "Bodies": [
+        "declaring flexible",
+        "mechanics.body mechanics.pose mechanics.rotation mechanics.flexible_body structures",
+    ],
+    "Joints, motors, stops": ["joints", "mechanics.joint mechanics.constraint mechanics.actuator"],
+    "Forces": ["declaring", "mechanics"],
+    "Contact, friction, impacts": [
+        "contact",
+        "mechanics.contact mechanics.contact_law mechanics.friction mechanics.impact",
+    ],
+    "Runs": ["sweeps drawing", "simulation drawing"],
+    "Solvers": ["solvers", "integrate"],
+    "Bounds and their methods": ["methods", "bounds"],
+    "Nodes and polynomials": ["methods", "nodes polynomials"],
+    "Answers": ["tolerances comparisons calibration", "study"],
+    "Linearisation": ["linear", "linear"],
+    "Black boxes": ["black_boxes external_programs fmus stored_runs", "black_boxes"],
+    "Results": [
+        "results contributions",
+        "bounds.contributions bounds.result events linear.result polynomials.expansion simulation.trajectory "
+        "study.comparison_result",
+    ],
+    "Errors": ["starting", "_errors"],
+}
+"""Headings of the page of all names. Each has pages of the guide, and modules that define its names: the longest
+beginning of a module's path decides."""
+
+PICTURES = {
+    "coupler_contributions": ["contributions"],
+    "paper_section_4_2": ["figure7", "figure8"],
+    "slider_tolerances": ["tolerances"],
+}
+"""Pictures in examples/figures, by the script that draws them."""
+
+
+def group_of(module: str) -> str:
+    """The heading of the names that a module defines."""
+    beginnings = [(part, title) for title, (_, parts) in GROUPS.items() for part in parts.split()]
+    return max((len(part), title) for part, title in beginnings if f"{module}.".startswith(f"{part}."))[1]
+
+
+def page_of(name: str) -> str:
+    """Where a public name has its page. Pages of `sweep` and `Sweep` differ on all file systems."""
+    twin = name.islower() and any(other != name and other.lower() == name for other in dir(symmb))
+    return f"api/{name}_function" if twin else f"api/{name}"
+
+
+def write(page: str, *lines: str) -> str:
+    """Write a page, if it has changed; its address."""
+    path, text = HERE / f"{page}.rst", "\n".join([*lines, ""])
+    path.parent.mkdir(exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+    return page
+
+
+def heading(title: str, mark: str = "=") -> str:
+    return f"{title}\n{mark * len(title)}\n"
+
+
+def directive(name: str, argument: str, *lines: str) -> str:
+    return "\n   ".join([f".. {name}:: {argument}", *lines]) + "\n"
+
+
+def explained(title: str) -> str:
+    """Links to pages of the guide."""
+    return f"In the guide: {', '.join(f':doc:`/{page}`' for page in GROUPS[title][0].split())}.\n"
+
+
+def write_names() -> set[str]:
+    """A page for each public name, and one that lists all."""
+    tree = ast.parse((Path(symmb.__file__).with_suffix(".pyi")).read_text(encoding="utf-8"))
+    groups: dict[str, list[str]] = {title: [] for title in GROUPS}
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom):
+            groups[group_of(node.module or "")] += [alias.name for alias in node.names]
+    written = set()
+    for title, name in ((title, name) for title, names in groups.items() for name in names):
+        value = getattr(symmb, name)
+        options, kind = [], "autodata"
+        if inspect.isclass(value):
+            others = ",".join(base.__name__ for base in value.__mro__ if not base.__module__.startswith("symmb"))
+            options, kind = ["   :members:", f"   :inherited-members: {others}"], "autoclass"
+        elif callable(value):
+            kind = "autofunction"
+        else:
+            options = ["   :no-value:"]
+        body = "\n".join([f".. {kind}:: symmb.{name}", *options])
+        written.add(write(page_of(name), heading(name), explained(title), body))
+    sections = [heading("Names"), "All public names, by subject. `import symmb as mb` gives them as `mb.Name`.\n"]
+    for title, names in groups.items():
+        sections += [heading(title, "-"), explained(title)]
+        sections += [directive("autosummary", "", ":nosignatures:", "", *(f"~symmb.{name}" for name in names))]
+    pages = [f"/{page_of(name)}" for names in groups.values() for name in names]
+    sections.append(directive("toctree", "", ":hidden:", "", *pages))
+    return written | {write("api/index", *sections)}
+
+
+def write_gallery() -> set[str]:
+    """A page for each script in examples, and one that lists all."""
+    written, rows = set(), []
+    for script in sorted(EXAMPLES.glob("*.py")):
+        tree = ast.parse(script.read_text(encoding="utf-8"))
+        text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
+        first, title = " ".join(text.split("\n\n")[0].split()), title.replace("_", " ").capitalize()
+        files = [f"/../figures/{name}.png" for name in PICTURES.get(script.stem, [])]
+        pictures = [directive("image", file, f":alt: {title}") for file in files]
+        code = directive("literalinclude", f"/../{script.name}", f":lines: {(tree.body[0].end_lineno or 0) + 2}-")
+        page = [heading(title), f"`examples/{script.name}`\n", text, "", *pictures, code]
+        written.add(write(f"gallery/{script.stem}", *page))
+        rows += [f":doc:`{title} </gallery/{script.stem}>`", f"   {first}"]
+    about = "These scripts are in `examples`. Each runs by itself, and checks its results against others."
+    pages = directive("toctree", "", ":hidden:", "", *sorted(f"/{page}" for page in written))
+    drawn = directive("image", "/../figures/mechanisms.png", ":alt: The mechanisms of the examples, drawn")
+    return written | {write("gallery/index", heading("Examples"), about, "", drawn, *rows, "", pages)}
+
+
+def write_pages(app) -> None:
+    """Write the pages of names and examples, and remove those of names and examples that are gone."""
+    written = write_names() | write_gallery()
+    readme = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8").replace("](examples/guide/", "](../")
+    readme = re.sub("</?p>", "", readme).replace('src="examples/', 'src="../../')
+    (HERE / "gallery" / "readme.md").write_text(readme, encoding="utf-8")
+    for path in [*(HERE / "api").glob("*.rst"), *(HERE / "gallery").glob("*.rst")]:
+        if f"{path.parent.name}/{path.stem}" not in written:
+            path.unlink()
+
+
+def add_contents(app, page: str, source: list[str]) -> None:
+    """Build the side bar from the lists of links on the first page."""
+    if page == "index":
+        source[0] = source[0].replace("(../../README.md)", "(gallery/readme.md)")
+        lists = re.findall(r"^(\S.*):\n\n((?:- .*\n)+)", source[0], re.MULTILINE)
+        links = [(caption, re.findall(r"\]\(([\w/]+)\.md\)", text)) for caption, text in lists]
+        links.append(("Reference", ["api/index", "gallery/index"]))
+        for caption, pages in links:
+            options = f":caption: {caption}\n" + ":hidden:\n" * (caption != "Reference")
+            source[0] += "\n```{toctree}\n" + options + ":maxdepth: 1\n\n" + "\n".join(pages) + "\n```\n"
+
+
+ENTRIES = {"Parameters", "Attributes", "Returns", "Raises"}
+
+
+def escaped(found: re.Match[str]) -> str:
+    """Code that letters follow, as in `State`s, bars of absolute values, and dots: all are marks of other things."""
+    code, letter = found[1], found[2]
+    return rf"{code}\ {letter}" if letter else code or {"|": r"\|", "...": "…"}[found[0]]
+
+
+def two_lines(app, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
+    """Put what docstrings say of a parameter below its name and type, as numpydoc wants it.
+
+    They write `name : type      what it is`, or `name : what it is`, and go on in lines that are indented.
+    """
+    if name == "symmb.t":
+        lines[:] = ["Time [s], the one independent variable of every law: a symbol of CasADi."]
+    old, section, at, code = [], "", 0, False
+    for line in lines:
+        code = bool(line) and (code or ">>>" in line)
+        old.append(line if code else MARKS.sub(escaped, line))
+    lines.clear()
+    while at < len(old):
+        line, at = old[at], at + 1
+        if at < len(old) and old[at].startswith("---"):
+            section = line
+        if section not in ENTRIES or not line or line[0] in " -" or line == section:
+            lines.append(line)
+            continue
+        more = list(takewhile(lambda line: line.startswith(" "), old[at:]))
+        at += len(more)
+        head, _, said = line.partition("  ")
+        if not said and (not more or len(line) > WRAPPED):
+            head, _, said = line.partition(" : ")
+        lines += [head, *(f"    {text.strip()}" for text in (said, *more) if text.strip())]
+
+
+MARKS = re.compile(r"(`+[^`]*`+)(\w?)|\||(?<=, )\.\.\.")
+WRAPPED = 95
+"""Characters of a line from which on it goes on in the next one. Shorter ones end with the type."""
+
+
+def setup(app) -> None:
+    app.connect("builder-inited", write_pages)
+    app.connect("source-read", add_contents)
+    app.connect("autodoc-process-docstring", two_lines, priority=100)

@@ -1,0 +1,123 @@
+"""The site is built without a warning. Its links lead somewhere, and its search answers what new users ask."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+import symmb
+
+pytest.importorskip("furo")
+pytest.importorskip("myst_parser")
+pytest.importorskip("numpydoc")
+SearchEnglish = pytest.importorskip("sphinx.search.en").SearchEnglish
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[1]
+QUESTIONS = [
+    ("How do I put friction in a joint?", "friction joint", "contact"),
+    ("How do I save results to csv?", "save results csv", "results"),
+    ("Which solver should I choose?", "choose solver", "solvers"),
+    ("How do I read a URDF?", "urdf", "urdf"),
+    ("Assembly fails, what now?", "assembly fails", "starting"),
+    ("How do I make a motor?", "motor joint", "joints"),
+    ("How do I bound an FMU?", "fmu bounds", "fmus"),
+    ("How do I run on a SLURM cluster?", "slurm", "clusters"),
+    ("How do I use all cores?", "cores processes", "executors"),
+    ("How do I go on with a study that was killed?", "study killed", "stored_runs"),
+    ("Which tolerance causes it?", "tolerance contribution", "contributions"),
+    ("How do I give a parameter a normal distribution?", "normal distribution", "laws"),
+    ("What is the probability of failure?", "probability quantile", "laws"),
+    ("How do I get natural frequencies?", "frequencies modes", "linear"),
+    ("When does it become unstable?", "critical speed", "linear"),
+    ("How do I make a film?", "film", "drawing"),
+    ("How do I fit parameters to measurements?", "measurements fit", "calibration"),
+    ("How do I get derivatives with respect to parameters?", "derivatives parameters", "sweeps"),
+    ("Which torque does the motor need?", "inverse dynamics", "inverse"),
+    ("How do I make a beam that bends?", "flexible beam", "flexible"),
+    ("How do I bound a program of my own?", "external program", "external_programs"),
+    ("How do I bound a Python function?", "python function bounds", "black_boxes"),
+    ("Which method for many parameters?", "choose method", "methods"),
+    ("How do I use it without Python?", "command line", "command_line"),
+    ("What does the comparison's table mean?", "comparison", "comparisons"),
+    ("How do I make two bodies touch?", "contact bodies", "contact"),
+    ("What is a revolute joint?", "revolute", "api/Revolute"),
+    ("What arguments does PolynomialChaos take?", "PolynomialChaos", "api/PolynomialChaos"),
+    ("How fast is it?", "speed benchmarks", "speed"),
+    ("How do I go from a drawing's tolerances to limits?", "tolerances drawing", "tolerances"),
+]
+"""What a new user asks, the words that they type, and a page that must be among the first three answers."""
+
+
+def listed(files):
+    return files if isinstance(files, list) else [files]
+
+
+def answers(index, query):
+    """Pages in the order of the site's own search: `searchtools.js` of Sphinx, with the scores of `scorer.js`."""
+    language, query = SearchEnglish({}), query.lower()
+    score, titles = {}, index["titles"]
+
+    def found(file, points):
+        score[file] = max(score.get(file, points), points)
+
+    for title, places in index["alltitles"].items():
+        if query in title.lower() and len(query) >= len(title) / 2:
+            for file, _ in places:
+                found(file, round(15 * len(query) / len(title)) + (titles[file] == title))
+    for entry, places in index["indexentries"].items():
+        if query in entry and len(query) >= len(entry) / 2:
+            for file, _, main in places:
+                found(file, round(100 * len(query) / len(entry)) if main else 0)
+    for prefix, objects in index["objects"].items():
+        for file, kind, priority, _, name in objects:
+            last = name.lower().split(".")[-1]
+            about = f"{prefix} {name} {index['objnames'][str(kind)][2]} {titles[file]}".lower()
+            for word in query.split():
+                if word in f"{prefix}.{name}".lower() and all(other in about for other in query.split()):
+                    found(file, {0: 15, 1: 5, 2: -5}[priority] + (11 if word == last else 6 if word in last else 0))
+    words = {language.stem(word) for word in query.split() if word not in language.stopwords}
+    points = {word: {} for word in words}
+    for word in words:
+        for terms, whole, part in ((index["terms"], 5, 2), (index["titleterms"], 15, 7)):
+            matches = [word] if word in terms else [term for term in terms if word in term and len(word) > 2]
+            for file in (file for term in matches for file in listed(terms[term])):
+                points[word][file] = whole if word in terms else part
+    for file in set.intersection(*(set(files) for files in points.values())):
+        found(file, max(files[file] for files in points.values()))
+    pages = index["docnames"]
+    for file in score:
+        score[file] += "/" not in pages[file] and pages[file] not in ("index", "tasks", "changes")
+    return [pages[file] for file in sorted(score, key=lambda file: (-score[file], titles[file].lower()))]
+
+
+def broken_links(site):
+    """Links between pages of the site that lead to no page, or to no place on it."""
+    pages = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+    places = {path: set(re.findall(r'id="([^"]+)"', text)) for path, text in pages.items()}
+    for path, text in pages.items():
+        for file, place in set(re.findall(r'(?:href|src)="([^":#?]*)[^"#:]*#?([^":]*)"', text)):
+            target = (path.parent / unquote(file)).resolve() if file else path
+            if not target.exists() or (place and target in places and place not in places[target]):
+                yield f"{path.relative_to(site)}: {file}#{place}"
+
+
+def test_site(tmp_path):
+    """One test, so that one process builds it."""
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    built = subprocess.run([*command, ROOT / "examples" / "guide", tmp_path], capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
+    assert not list(broken_links(tmp_path))
+
+    text = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
+    index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))
+    pages = {(prefix, row[4]): index["docnames"][row[0]] for prefix, rows in index["objects"].items() for row in rows}
+    of_names = {pages["symmb", name] for name in dir(symmb)}
+    assert len(of_names) == len(dir(symmb)) and all(page.startswith("api/") for page in of_names)
+
+    failed = [(question, page) for question, words, page in QUESTIONS if page not in answers(index, words)[:3]]
+    assert not failed
