@@ -28,12 +28,13 @@ system = mb.System(
     mb.Motion("motor", crank.theta, 2.0 * mb.t),
     parameters=p,
 )
+box = mb.Box.around(p, 0.005)
 scene = mb.Scene(
     system,
     guess={"coupler.theta": 0.7, "rocker.theta": 1.9},
     times=np.linspace(0, 3, 91),
     outputs={"tip_x": coupler.point(1.5, 1.0).x, "tip_y": coupler.point(1.5, 1.0).y},
-    box=mb.Box.around(p, 0.005),
+    box=box,
     name="four-bar",
 )
 bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=1e-3))
@@ -42,7 +43,7 @@ run = mb.simulate(scene)
 
 slopes = mb.sensitivities(scene)
 k = found.names.index("tip_y")
-linear = np.stack([2 * r * np.abs(slopes["tip_y", name]) for name, r in zip(p, scene.box.radius, strict=True)], axis=1)
+linear = np.stack([2 * r * np.abs(slopes["tip_y", name]) for name, r in zip(p, box.radius, strict=True)], axis=1)
 width = found.width[:, k]
 assert np.abs(found.alone[:, k] - linear).max() < 0.02 * width.max()
 shares = np.square(linear) / np.square(linear).sum(axis=1, keepdims=True)
