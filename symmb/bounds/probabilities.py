@@ -274,8 +274,10 @@ class _Samples:
     def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
         """Windows of time, and the least and greatest values (replicates, n, n_t) there."""
         responses, k = self._responses, self._k
-        n_t = len(responses.t)
-        step = n_t if responses.surrogate is None else max(_AT_ONCE // self.number, 1)
+        n_t = step = len(responses.t)
+        if responses.surrogate is not None:  # each window computes all terms at the points again
+            terms = max(len(own.alpha) for own in responses.surrogate.expansions)
+            step = max(_AT_ONCE // self.number, terms)
         for start in range(0, n_t, step):
             window = slice(start, min(start + step, n_t))
             if responses.surrogate is None:
