@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -220,3 +221,4 @@ def test_names_that_are_nearly_right_and_the_version():
         mb.PolynomalChaos  # noqa: B018
     assert not hasattr(mb, "__wrapped__")
     assert mb.__version__ == version("symmb")
+    assert f"version: {mb.__version__}\n" in (Path(__file__).parents[1] / "CITATION.cff").read_text(encoding="utf-8")
