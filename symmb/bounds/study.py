@@ -53,7 +53,8 @@ class Study:
     @cached_property
     def adaptive(self) -> Bounds:
         """Bounds over the box by PolynomialChaos()."""
-        return PolynomialChaos().bounds(self.simulator, self.box)
+        with shown_runs(None, "a study with PolynomialChaos()") as progress:
+            return PolynomialChaos().bounds(self.simulator, self.box, progress=progress)
 
     def range(self, box: Box) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.

@@ -47,8 +47,9 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
     check = bounds.check(limits) if limits else None
-    contributions = None if bounds.kind == "enclosure" else bounds.contributions()
-    print(*filter(None, (bounds, check, contributions)), sep="\n\n")
+    print(*filter(None, (bounds, check)), sep="\n\n")
+    if bounds.range_of:  # other methods would be followed by a study of their own
+        print("", bounds.contributions(), sep="\n")
     if json_file:
         save_json(json_file, bounds.to_json() | ({"limits": check.to_json()} if check else {}))
     if csv_file:
