@@ -75,6 +75,8 @@ class Tolerances(Result):
         if self.cost is not None:
             lines.append(f"  cost      {self.cost:.6g}")
         lines += [f"  remark    {remark}" for remark in self.remarks]
+        if self.check.kept is None:
+            lines.append("  undecided the margin is within the error of the bounds: larger tolerances may do")
         if self.binding is None:
             lines.append("  binding   no limit")
         else:
