@@ -116,12 +116,9 @@ typedef float F __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef int N __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef float H __attribute__((vector_size(4 * W), aligned(4 * W)));
 #define MANY (2 * W)
-#if defined(__AVX512F__)
-static inline F f_smaller(F a, F b) { return _mm512_min_ps(a, b); }
-static inline F f_larger(F a, F b) { return _mm512_max_ps(a, b); }
-#elif defined(__AVX2__)
-static inline F f_smaller(F a, F b) { return _mm256_min_ps(a, b); }
-static inline F f_larger(F a, F b) { return _mm256_max_ps(a, b); }
+#if W >= 4
+BY_INSTRUCTION_2(F, f_smaller, "vminps")
+BY_INSTRUCTION_2(F, f_larger, "vmaxps")
 #else
 static inline F f_blend(N mask, F a, F b) { return (F)(((N)a & mask) | ((N)b & ~mask)); }
 static inline F f_smaller(F a, F b) { return f_blend((N)(a < b), a, b); }
