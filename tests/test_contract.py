@@ -256,5 +256,13 @@ def test_extras_that_texts_name_are_declared_and_all_has_those_of_runs():
     assert extras["all"] == [f"symmb[{','.join(sorted(set(extras) - {'all', 'docs', 'test'}))}]"]
 
 
+def test_help_lists_each_public_name_once_by_subject():
+    text = mb.__doc__.split("by subject:\n\n")[1]
+    names = [
+        name.strip() for line in re.findall(r"^ {4}.*$", text, re.MULTILINE) for name in line.split(",") if name.strip()
+    ]
+    assert sorted(names) == sorted(set(dir(mb)) - {"__version__"})
+
+
 def _parts(version):
     return [int(part) for part in version.split(".")]
