@@ -1,7 +1,46 @@
-"""symmb: symbolic multibody dynamics with interval parameters.
+"""Symbolic multibody dynamics with interval parameters.
 
-The public names stand in `__init__.pyi`; each room is loaded when one of its names is first used.
+Declare bodies, joints and forces; symmb derives the equations, compiles, simulates and bounds them. Write
+`import symmb as mb`, and `help(mb.Body)` for one name. `symmb --help` tells where the guide is. The public names,
+by subject:
+
+Models
+    Parameters, Box, System, Scene, State, t, ddt, initial, load_urdf, compile_dae
+Bodies
+    Body, Ground, Planar, Spatial, Particle, rotation, FlexibleBody, Beam, FiniteElements, Modes, Material, Section
+Joints, motors, stops
+    Revolute, Prismatic, Cylindrical, Spherical, Universal, PlanarJoint, Screw, Weld, Distance, PointOnLine, Gear,
+    Motion, VelocityConstraint, Actuator, Stop
+Forces
+    Gravity, Spring, Damper, SpringDamper, TorsionSpring, Bushing, NonlinearSpring, GasSpring, Force, Torque,
+    Orifice, Soil, Table, Sampled
+Contact, friction, impacts
+    BushContact, Contact, ToothContact, TorsionContact, Flores, HuntCrossley, KelvinVoigt, LankaraniNikravesh,
+    Tabulated, Bristle, Coulomb, Friction, Impact
+Runs
+    simulate, prepare, view, sweep, Sweep, sensitivities, Sensitivities, DAESimulator
+Solvers
+    CVODES, IDAS, Collocation, StabilizedIndex2, EventDriven, DormandPrince, RungeKutta, BDFI3, HHT, NSTIFFSI2,
+    GeneralizedAlpha, Newmark, Rosenbrock, AugmentedLagrangian, Baumgarte, Projection, StateSpace
+Bounds and their methods
+    propagate, PolynomialChaos, Taylor, TaylorModel, MonteCarlo, Scanning, Vertex, Optimization, Swarm,
+    IntervalArithmetic
+Nodes and polynomials
+    ChebyshevGauss, ClenshawCurtis, Gauss, Leja, SparseGrid, LatinHypercube, Random, Sobol, HyperbolicCross,
+    TensorDegree, TotalDegree, Bernstein, Exact, ChebyshevInclusion, LegendreInclusion
+Answers
+    compare, tolerances, Tolerances, calibrate, Calibration, stability, Stability, root_locus, RootLocus
+Linearisation
+    critical, linearize, ModalSimulator
+Black boxes
+    CommandSimulator, FMUSimulator, FunctionSimulator, StoredSimulator
+Results
+    Trajectory, Event, Bounds, Contributions, Expansion, Moments, Comparison, Linearization
+Errors
+    AssemblyError, DeclarationError, PropagationError, SimulationError, SymmbError, SymmbWarning
 """
+
+# The public names stand in `__init__.pyi`; each room is loaded when one of its names is first used.
 
 from typing import Any
 

@@ -92,7 +92,8 @@ class Result:
 
         Raises
         ------
-        ImportError            if xarray is not installed
+        ImportError
+            If xarray is not installed
         """
         return self._labelled().to_xarray()
 
@@ -101,7 +102,8 @@ class Result:
 
         Raises
         ------
-        ImportError            if pandas is not installed
+        ImportError
+            If pandas is not installed
         """
         return self._labelled().to_pandas()
 

@@ -1,5 +1,7 @@
 """Every signature that scene files and scripts outside this repository rely on, executed."""
 
+import re
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -14,6 +16,7 @@ from symmb.cli.specs import method, solver
 
 pytestmark = pytest.mark.slow
 
+ROOT = Path(__file__).parents[1]
 SCENE = '''
 """Planar double pendulum of two homogeneous rods (Wang & Yang 2021, sec. 4.2)."""
 import numpy as np
@@ -221,4 +224,45 @@ def test_names_that_are_nearly_right_and_the_version():
         mb.PolynomalChaos  # noqa: B018
     assert not hasattr(mb, "__wrapped__")
     assert mb.__version__ == version("symmb")
-    assert f"version: {mb.__version__}\n" in (Path(__file__).parents[1] / "CITATION.cff").read_text(encoding="utf-8")
+
+
+def test_the_version_of_the_checkout_is_that_of_the_citation_and_the_newest_of_the_changes():
+    texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "examples/guide/changes.md")}
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert re.findall(r"^version: (.*)$", texts["CITATION.cff"], re.MULTILINE) == [declared]
+    releases = re.findall(r"^## (.*)$", texts["examples/guide/changes.md"], re.MULTILINE)
+    assert releases[0] == declared and releases == sorted(releases, key=_parts, reverse=True)
+
+
+def test_changes_are_dated_sentences_below_their_release():
+    _, *releases = (ROOT / "examples/guide/changes.md").read_text(encoding="utf-8").split("\n## ")
+    days = [day.split("\n", 1) for release in releases for day in release.split("\n### ")[1:]]
+    dates = [date for date, _ in days]
+    assert dates == sorted(set(dates), reverse=True)
+    assert all(re.fullmatch(r"\d{4}-\d\d-\d\d", date) for date in dates)
+    entries = [entry for _, text in days for entry in f"\n{text.strip()}".split("\n- ")[1:]]
+    assert len(entries) > 100
+    assert not [entry for entry in entries if not re.match(r"(?s)(Added|Changed|Fixed): \S.*\.$", entry)]
+
+
+def test_extras_that_texts_name_are_declared_and_all_has_those_of_runs():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    files = [*(ROOT / "symmb").rglob("*.py"), *(ROOT / "examples").rglob("*.md"), ROOT / "README.md", ROOT / ".ci/run"]
+    texts = [path.read_text(encoding="utf-8") for path in files]
+    named = {
+        name for text in texts for found in re.findall(r"(?:symmb|\.)\[([a-z,]+)\]'", text) for name in found.split(",")
+    }
+    assert {"all", "compiler", "data", "fmu"} <= named <= set(extras)
+    assert extras["all"] == [f"symmb[{','.join(sorted(set(extras) - {'all', 'docs', 'test'}))}]"]
+
+
+def test_help_lists_each_public_name_once_by_subject():
+    text = mb.__doc__.split("by subject:\n\n")[1]
+    names = [
+        name.strip() for line in re.findall(r"^ {4}.*$", text, re.MULTILINE) for name in line.split(",") if name.strip()
+    ]
+    assert sorted(names) == sorted(set(dir(mb)) - {"__version__"})
+
+
+def _parts(version):
+    return [int(part) for part in version.split(".")]

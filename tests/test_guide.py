@@ -28,6 +28,15 @@ def test_links(page):
         assert "://" in target or (page.parent / target).exists(), target
 
 
+LISTS = "index", "changes"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.stem not in LISTS], ids=lambda page: page.stem)
+def test_every_page_ends_with_where_to_go_next(page):
+    end = page.read_text(encoding="utf-8").split("\n## ")[-1]
+    assert end.startswith("Where to go next\n") and "](" in end
+
+
 def test_every_page_is_in_the_index():
     index = (ROOT / "examples" / "guide" / "index.md").read_text(encoding="utf-8")
     assert {page.name for page in PAGES} == {"index.md", *re.findall(r"\]\((\w+\.md)\)", index)}

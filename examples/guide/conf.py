@@ -35,33 +35,22 @@ numpydoc_show_class_members = False
 python_maximum_signature_line_length = 90
 
 GROUPS = {
-    "Models": ["declaring starting", "model mechanics.parameter mechanics.state mechanics.urdf symbolic"],
-    "Bodies": [
-        "declaring flexible",
-        "mechanics.body mechanics.pose mechanics.rotation mechanics.flexible_body structures",
-    ],
-    "Joints, motors, stops": ["joints", "mechanics.joint mechanics.constraint mechanics.actuator"],
-    "Forces": ["declaring", "mechanics"],
-    "Contact, friction, impacts": [
-        "contact",
-        "mechanics.contact mechanics.contact_law mechanics.friction mechanics.impact",
-    ],
-    "Runs": ["sweeps drawing", "simulation drawing"],
-    "Solvers": ["solvers", "integrate"],
-    "Bounds and their methods": ["methods", "bounds"],
-    "Nodes and polynomials": ["methods", "nodes polynomials"],
-    "Answers": ["tolerances comparisons calibration", "study"],
-    "Linearisation": ["linear", "linear"],
-    "Black boxes": ["black_boxes external_programs fmus stored_runs", "black_boxes"],
-    "Results": [
-        "results contributions",
-        "bounds.contributions bounds.result events linear.result polynomials.expansion simulation.trajectory "
-        "study.comparison_result",
-    ],
-    "Errors": ["starting", "_errors"],
+    "Models": "declaring starting",
+    "Bodies": "declaring flexible",
+    "Joints, motors, stops": "joints",
+    "Forces": "declaring",
+    "Contact, friction, impacts": "contact",
+    "Runs": "sweeps drawing",
+    "Solvers": "solvers",
+    "Bounds and their methods": "methods",
+    "Nodes and polynomials": "methods",
+    "Answers": "tolerances comparisons calibration",
+    "Linearisation": "linear",
+    "Black boxes": "black_boxes external_programs fmus stored_runs",
+    "Results": "results contributions",
+    "Errors": "starting",
 }
-"""Headings of the page of all names. Each has pages of the guide, and modules that define its names: the longest
-beginning of a module's path decides."""
+"""Pages of the guide for each subject. The names of each stand in the docstring of symmb."""
 
 PICTURES = {
     "coupler_contributions": ["contributions"],
@@ -71,10 +60,10 @@ PICTURES = {
 """Pictures in examples/figures, by the script that draws them."""
 
 
-def group_of(module: str) -> str:
-    """The heading of the names that a module defines."""
-    beginnings = [(part, title) for title, (_, parts) in GROUPS.items() for part in parts.split()]
-    return max((len(part), title) for part, title in beginnings if f"{module}.".startswith(f"{part}."))[1]
+def names_by_subject() -> dict[str, list[str]]:
+    """The public names by subject, as the docstring of symmb lists them."""
+    found = re.findall(r"^(\S.*)\n((?: {4}\S.*\n)+)", symmb.__doc__ or "", re.MULTILINE)
+    return {title: [name.strip() for name in text.split(",")] for title, text in found}
 
 
 def page_of(name: str) -> str:
@@ -102,16 +91,12 @@ def directive(name: str, argument: str, *lines: str) -> str:
 
 def explained(title: str) -> str:
     """Links to pages of the guide."""
-    return f"In the guide: {', '.join(f':doc:`/{page}`' for page in GROUPS[title][0].split())}.\n"
+    return f"In the guide: {', '.join(f':doc:`/{page}`' for page in GROUPS[title].split())}.\n"
 
 
 def write_names() -> set[str]:
     """A page for each public name, and one that lists all."""
-    tree = ast.parse((Path(symmb.__file__).with_suffix(".pyi")).read_text(encoding="utf-8"))
-    groups: dict[str, list[str]] = {title: [] for title in GROUPS}
-    for node in tree.body:
-        if isinstance(node, ast.ImportFrom):
-            groups[group_of(node.module or "")] += [alias.name for alias in node.names]
+    groups = names_by_subject()
     written = set()
     for title, name in ((title, name) for title, names in groups.items() for name in names):
         value = getattr(symmb, name)

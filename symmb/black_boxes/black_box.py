@@ -56,7 +56,8 @@ class BlackBox(ABC):
 
         Raises
         ------
-        SimulationError         if the run fails: the text alone is told. Of other exceptions the kind is told as well
+        SimulationError
+            If the run fails: the text alone is told. Of other exceptions the kind is told as well
         """
 
     def _declare(

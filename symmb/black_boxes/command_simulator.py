@@ -41,29 +41,44 @@ class CommandSimulator(BlackBox):
 
     Parameters
     ----------
-    command : list of str       the program and its arguments; `{name}` stands for a parameter, as in templates
-    parameters : mapping        nominal values by name
-    times : (n_t,)              increasing times of the rows [s]
-    outputs : list of str       n_y names of the columns
-    templates : mapping         files that are written into the folder of a run, by name: a str is the text, a Path a
-                                file that holds it. `{name}` and `{name:format}` are replaced for declared parameters,
-                                without a format by all digits; other braces stay
-    read : str or callable      the file with the results, a .csv, .json or .npz with a column `time` and one for each
-                                output; or a function of the folder that returns (n_t, n_y)
-    timeout : float             longest time of a run [s]; the program and all that it started are ended then
-    files : list of paths       files and folders that are copied into the folder of a run
-    environment : mapping       variables that are added to those of this process
-    retries : int               how often a run that fails is made again
-    interpolate : bool          take other times than the declared ones, and interpolate linearly
-    keep : str                  which folders stay: "failed" (default), "all" or "none". The text of a failed run names
-                                its folder, in which stdout.txt and stderr.txt hold what the program wrote
-    folder : path               where the folders of the runs are made; default: that for temporary files
-    noise : mapping             how far values may be off, by name of the output
+    command : list of str
+        the program and its arguments; `{name}` stands for a parameter, as in templates
+    parameters : mapping
+        nominal values by name
+    times : (n_t,)
+        increasing times of the rows [s]
+    outputs : list of str
+        n_y names of the columns
+    templates : mapping
+        files that are written into the folder of a run, by name: a str is the text, a Path a file that holds it.
+        `{name}` and `{name:format}` are replaced for declared parameters, without a format by all digits; other braces
+        stay
+    read : str or callable
+        the file with the results, a .csv, .json or .npz with a column `time` and one for each output; or a function of
+        the folder that returns (n_t, n_y)
+    timeout : float
+        longest time of a run [s]; the program and all that it started are ended then
+    files : list of paths
+        files and folders that are copied into the folder of a run
+    environment : mapping
+        variables that are added to those of this process
+    retries : int
+        how often a run that fails is made again
+    interpolate : bool
+        take other times than the declared ones, and interpolate linearly
+    keep : str
+        which folders stay: "failed" (default), "all" or "none". The text of a failed run names its folder, in which
+        stdout.txt and stderr.txt hold what the program wrote
+    folder : path
+        where the folders of the runs are made; default: that for temporary files
+    noise : mapping
+        how far values may be off, by name of the output
 
     Raises
     ------
-    DeclarationError            if the program is not found, a template cannot be filled, a parameter stands in no
-                                template and no argument, or an option is out of its range
+    DeclarationError
+        If the program is not found, a template cannot be filled, a parameter stands in no template and no argument, or
+        an option is out of its range
 
     Examples
     --------

@@ -49,27 +49,37 @@ class FMUSimulator(BlackBox):
 
     Parameters
     ----------
-    path : str or Path          the .fmu file. Processes on other computers must find it there too
-    parameters : mapping        nominal values by name of the variable, in its unit in the model description. They are
-                                set before the run starts
-    times : (n_t,)              increasing times of the rows [s]; the run starts at the first of them
-    outputs : list of str       n_y names of variables
-    fmi_type : str              "CoSimulation" or "ModelExchange"; default: co-simulation, if the FMU has it
-    step : float                longest communication step [s]; default: that of the FMU's default experiment, or 1/500
-                                of the time. The FMU stops at all times as well. For model exchange it is the longest
-                                step of the solver, FMPy's CVODE; default: 1/500 of the time
-    timeout : float             longest time of a run [s]
-    noise : mapping             how far values may be off, by name of the output
+    path : str or Path
+        the .fmu file. Processes on other computers must find it there too
+    parameters : mapping
+        nominal values by name of the variable, in its unit in the model description. They are set before the run starts
+    times : (n_t,)
+        increasing times of the rows [s]; the run starts at the first of them
+    outputs : list of str
+        n_y names of variables
+    fmi_type : str
+        "CoSimulation" or "ModelExchange"; default: co-simulation, if the FMU has it
+    step : float
+        longest communication step [s]; default: that of the FMU's default experiment, or 1/500 of the time. The FMU
+        stops at all times as well. For model exchange it is the longest step of the solver, FMPy's CVODE; default:
+        1/500 of the time
+    timeout : float
+        longest time of a run [s]
+    noise : mapping
+        how far values may be off, by name of the output
 
     Attributes
     ----------
-    units : tuple of str        of the outputs, from the model description; '' where it tells none
+    units : tuple of str
+        of the outputs, from the model description; '' where it tells none
 
     Raises
     ------
-    DeclarationError            if the file is no FMU that runs on this computer, has no such variable, or the variable
-                                is no number or cannot be set, or an option is out of its range
-    ImportError                 if FMPy is not installed
+    DeclarationError
+        If the file is no FMU that runs on this computer, has no such variable, or the variable is no number or cannot
+        be set, or an option is out of its range
+    ImportError
+        If FMPy is not installed
 
     Examples
     --------

@@ -48,13 +48,17 @@ class StoredSimulator:
     Parameters
     ----------
     simulator : DAESimulator, FunctionSimulator, CommandSimulator, FMUSimulator, ...
-    path : str or Path      the file, an SQLite database; it is made if there is none
-    version : str           anything that tells apart what the digest does not see
+    path : str or Path
+        the file, an SQLite database; it is made if there is none
+    version : str
+        anything that tells apart what the digest does not see
 
     Raises
     ------
-    DeclarationError        if the simulator does not tell its identity; from a run, if the file is not a run store
-    SimulationError         from a run, if the file cannot be written
+    DeclarationError
+        If the simulator does not tell its identity; from a run, if the file is not a run store
+    SimulationError
+        from a run, if the file cannot be written
 
     Examples
     --------

@@ -73,10 +73,13 @@ class Answers:
         Parameters
         ----------
         output : str
-        levels : float or list         probabilities between 0 and 1
-        laws : mapping                 name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It
-                                       is cut to the interval of the box
-        correlation : (n, n)           correlations of a Gaussian copula, in the order of the laws; default: independent
+        levels : float or list
+            probabilities between 0 and 1
+        laws : mapping
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
+            the box
+        correlation : (n, n)
+            correlations of a Gaussian copula, in the order of the laws; default: independent
 
         Raises
         ------

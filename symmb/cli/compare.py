@@ -18,12 +18,12 @@ from symmb.cli import specs
 from symmb.cli.result_path import result_path
 from symmb.cli.scene_file import is_urdf, load_subject
 from symmb.cli.urdf_scene import parameter_name
-from symmb.codegen import SLOW, has_compiler
+from symmb.codegen import INSTALL, SLOW, has_compiler
 from symmb.files import save_json
 from symmb.integrate import Solver
 from symmb.plot import PICTURES
 
-_SLOW = f"No C compiler found. {SLOW} Install gcc or clang, or set CC."
+_SLOW = f"No C compiler found. {SLOW} {INSTALL}"
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -93,7 +93,7 @@ def _executor(options: argparse.Namespace) -> Iterator[Executor | None]:
     try:
         from dask.distributed import Client
     except ImportError:
-        raise DeclarationError("--dask needs Dask: pip install dask[distributed].") from None
+        raise DeclarationError("--dask needs Dask: pip install 'symmb[dask]'.") from None
     try:
         client = Client(options.dask)
     except (OSError, ValueError) as error:

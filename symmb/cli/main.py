@@ -19,6 +19,7 @@ from symmb.cli import specs
 from symmb.cli.assignments import add_set, scene_and_parameters
 from symmb.cli.bound import add_bound
 from symmb.cli.compare import add_compare
+from symmb.cli.completion import add_completion
 from symmb.cli.equations import equations_text
 from symmb.cli.linearize import add_linearize
 from symmb.cli.result_path import result_path
@@ -30,6 +31,10 @@ from symmb.drawing import FORMATS
 from symmb.files import save_json
 from symmb.plot import PICTURES
 from symmb.simulation import prepare_equations
+
+_PACKAGE = Path(mb.__file__).parent
+_GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
+"""The first page of the guide: in an installed package, and beside it in a checkout."""
 
 _DOUBTFUL = 3
 """Exit status of a command whose result cannot be trusted."""
@@ -183,7 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="symmb",
         description="Symbolic multibody dynamics with interval parameters.",
-        epilog=f"{methods}\n\n{solvers}\n\nshipped scenes: {', '.join(shipped_names()) or 'none'}",
+        epilog=f"{methods}\n\n{solvers}\n\nshipped scenes: {', '.join(shipped_names()) or 'none'}\nguide: {_GUIDE}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"symmb {mb.__version__}")
@@ -212,6 +217,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     cache_command.add_argument("--clear", action="store_true", help="remove them")
     cache_command.set_defaults(run=_cache)
+    add_completion(commands, parser)
     return parser
 
 

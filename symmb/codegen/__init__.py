@@ -6,7 +6,7 @@ The fixed parts of the C are in the folder c; `fallback` does the same work with
 from symmb.codegen import cache
 from symmb.codegen.arrays import Program, programs
 from symmb.codegen.block_switches import Values
-from symmb.codegen.build import SLOW, NoCompilerError, has_compiler, load, with_compiler
+from symmb.codegen.build import INSTALL, SLOW, NoCompilerError, has_compiler, load, with_compiler
 from symmb.codegen.c_source import c_number, c_source
 from symmb.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, ROUNDING, Contacts, PostImpact
 from symmb.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, StepEnds, Tolerances

@@ -3,6 +3,7 @@
 import ctypes
 import functools
 import hashlib
+import importlib.util
 import itertools
 import os
 import platform
@@ -13,7 +14,7 @@ import struct
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,7 @@ int answer(void) { return 42; }
 """
 _ANSWER = 42
 
+INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC."
 SLOW = "Without a C compiler runs take about 30 times as long."
 
 _PROBE_SECONDS = 20.0
@@ -101,19 +103,19 @@ def load(source: str, *names: str) -> ctypes.CDLL:
         try:
             return _loaded(source, compiler, *names)
         except _BuildError as error:
-            _give_up(compiler.path, str(error))
+            _give_up(compiler.command, str(error))
             _compiler.cache_clear()
 
 
-def _give_up(compiler: str, reason: str) -> None:
+def _give_up(compiler: tuple[str, ...], reason: str) -> None:
     """Do without a compiler from now on, and tell so."""
-    _UNUSABLE[os.path.realpath(compiler)] = reason
-    warnings.warn(f"{compiler} is not used: {reason} {SLOW}", SymmbWarning, stacklevel=2)
+    _UNUSABLE[_real(compiler)] = reason
+    warnings.warn(f"{' '.join(compiler)} is not used: {reason} {SLOW}", SymmbWarning, stacklevel=2)
 
 
 @functools.cache
 def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
-    key = _key(source, compiler.path, compiler.version, *compiler.flags)
+    key = _key(source, *compiler.command, compiler.version, *compiler.flags)
     library_in_cache = _opened(cache.find(key), *names)
     if library_in_cache is not None:
         return library_in_cache
@@ -165,7 +167,7 @@ def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
     text.write_text(source, encoding="utf-8")
     seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * len(source) / 1e6
     parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
-    command = [compiler.path, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
+    command = [*compiler.command, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
     if parts > 1:
         command = ["/bin/sh", "-c", _in_parts(text, library_path, compiler, parts)]
     _compile(command, library_path, folder, seconds)
@@ -176,14 +178,14 @@ def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int)
     """A shell script that compiles the parts of a model side by side, as many as there are cores, and joins them."""
     objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
     compile_each = [
-        shlex.join([compiler.path, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
+        shlex.join([*compiler.command, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
         for k, name in enumerate(objects)
     ]
     count = min(cores(), parts)
     lines = [f"({' && '.join(compile_each[k::count])}) & p{k}=$!" for k in range(count)]
     waits = [f"wait $p{k} || exit 1" for k in range(count)]
     return "\n".join(
-        [*lines, *waits, shlex.join([compiler.path, *objects, "-o", str(library_path), *compiler.flags, "-lm"])]
+        [*lines, *waits, shlex.join([*compiler.command, *objects, "-o", str(library_path), *compiler.flags, "-lm"])]
     )
 
 
@@ -216,9 +218,15 @@ class _Compiler:
     path: str
     version: str
     flags: tuple[str, ...]
+    arguments: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """How a command begins that runs it: the path, and arguments that come before all others."""
+        return self.path, *self.arguments
 
 
-_UNUSABLE: dict[str, str] = {}
+_UNUSABLE: dict[tuple[str, ...], str] = {}
 """Real paths of compilers that do not work, and why."""
 
 
@@ -230,52 +238,67 @@ def _compiler() -> _Compiler:
     ------
     NoCompilerError        if none is found that builds the engine
     """
-    for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
-        path = shutil.which(name)
-        if path and os.name == "posix" and os.path.realpath(path) not in _UNUSABLE:
+    for command in _candidates():
+        if os.name == "posix" and _real(command) not in _UNUSABLE:
             try:
-                return _probed(path)
+                return _probed(command)
             except _BuildError as error:
-                _give_up(path, str(error))
-    raise NoCompilerError("No C compiler found. Install gcc or clang, or set CC.")
+                _give_up(command, str(error))
+    raise NoCompilerError(f"No C compiler found. {INSTALL}")
 
 
-def _probed(path: str) -> _Compiler:
+def _candidates() -> Iterator[tuple[str, ...]]:
+    """Commands of compilers that are there: that of CC first, which may have arguments, and ziglang's last."""
+    given = os.environ.get("CC") or ""
+    for command in ([given], given.split(), ["cc"], ["gcc"], ["clang"]):
+        if command and (path := shutil.which(command[0])):
+            yield path, *command[1:]
+    ziglang = importlib.util.find_spec("ziglang")
+    for folder in ziglang.submodule_search_locations or () if ziglang else ():
+        if path := shutil.which(os.path.join(folder, "zig")):
+            yield path, "cc"
+
+
+def _real(command: tuple[str, ...]) -> tuple[str, ...]:
+    return os.path.realpath(command[0]), *command[1:]
+
+
+def _probed(command: tuple[str, ...]) -> _Compiler:
     """A compiler with the flags that it knows.
 
     Raises
     ------
     _BuildError            if it builds nothing that works
     """
-    version, refused = _version(path), ""
+    version, refused = _version(command), ""
     for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
         flags = (*_FLAGS, native, *extra)
         try:
-            _probe(path, version, flags)
+            _probe(command, version, flags)
         except _TimeoutError:
             raise
         except _BuildError as error:
             refused = str(error)
         else:
-            return _Compiler(path, version, flags)
+            return _Compiler(command[0], version, flags, command[1:])
     raise _BuildError(refused)
 
 
-def _probe(compiler: str, version: str, flags: tuple[str, ...]) -> None:
+def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
     """Build a library that uses the lanes, without undefined symbols, and call it. A success is noted in the cache.
 
     Raises
     ------
     _BuildError            if this fails
     """
-    key = _key(_PROBE, c_source("lanes"), compiler, version, *flags)
+    key = _key(_PROBE, c_source("lanes"), *compiler, version, *flags)
     if cache.is_noted(key):
         return
     try:
         with temporary_folder() as folder:
             text, library_path = folder / "probe.c", folder / "probe.so"
             text.write_text(_PROBE, encoding="utf-8")
-            command = [compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
+            command = [*compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
             _compile(command, library_path, folder, _PROBE_SECONDS)
             library = _opened(library_path)  # None in a folder that may not hold programs: the cache may
             if library is not None and library.answer() != _ANSWER:
@@ -291,7 +314,7 @@ def _key(*described: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def _version(compiler: str) -> str:
+def _version(compiler: tuple[str, ...]) -> str:
     """The version of the compiler, and its real path.
 
     Raises
@@ -299,12 +322,12 @@ def _version(compiler: str) -> str:
     _BuildError            if it cannot be started, or does not answer
     """
     try:
-        _, said = run_program([compiler, "--version"], _PROBE_SECONDS)
+        _, said = run_program([*compiler, "--version"], _PROBE_SECONDS)
     except subprocess.TimeoutExpired:
         raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to tell its version.") from None
     except OSError as error:
         raise _BuildError(f"it cannot be started ({error.strerror}).") from None
-    return f"{said}{os.path.realpath(compiler)}"
+    return f"{said}{os.path.realpath(compiler[0])}"
 
 
 def _processor() -> str:

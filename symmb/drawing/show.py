@@ -30,20 +30,24 @@ def view(
 
     Parameters
     ----------
-    subject : Scene, Trajectory or Bounds      a Scene, or one of `prepare`, is simulated at its nominal
-                                               parameters; with Bounds, the runs that attain them are drawn as well
-    path : str or Path                         .html: a page to play, turn and look into, which needs no network;
-                                               .png, .svg: a still; .gif, .mp4: a film; .mp4 needs the program ffmpeg
-    output : str                               of Bounds: whose least and largest value runs attain; default: the
-                                               widest
-    time : float                               of a still, and when the bounds are attained [s]; default: the start,
-                                               and where the output's bounds are widest
-    point : Point                              whose path is drawn, and with Bounds where it gets over the box
+    subject : Scene, Trajectory or Bounds
+        a Scene, or one of `prepare`, is simulated at its nominal parameters; with Bounds, the runs that attain them are
+        drawn as well
+    path : str or Path
+        .html: a page to play, turn and look into, which needs no network; .png, .svg: a still; .gif, .mp4: a film; .mp4
+        needs the program ffmpeg
+    output : str
+        of Bounds: whose least and largest value runs attain; default: the widest
+    time : float
+        of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest
+    point : Point
+        whose path is drawn, and with Bounds where it gets over the box
 
     Raises
     ------
-    DeclarationError       if the suffix is another one, bounds cannot be drawn, the time is outside of the run, or the
-                           point is of no body of the scene
+    DeclarationError
+        If the suffix is another one, bounds cannot be drawn, the time is outside of the run, or the point is of no body
+        of the scene
 
     Examples
     --------

@@ -32,12 +32,18 @@ class Event:
 
     Attributes
     ----------
-    time : float             [s]
-    name : str               of the Impact
-    what : str               "impact", or "closes" and "opens" of a contact that stays closed
-    before, after : float    rates of the gap [m/s, rad/s]
-    work : float             of the impulse [J], what is lost being negative
-    depends_on_order : bool  whether impacts of the same instant would end otherwise in another order
+    time : float
+        [s]
+    name : str
+        of the Impact
+    what : str
+        "impact", or "closes" and "opens" of a contact that stays closed
+    before, after : float
+        rates of the gap [m/s, rad/s]
+    work : float
+        of the impulse [J], what is lost being negative
+    depends_on_order : bool
+        whether impacts of the same instant would end otherwise in another order
     """
 
     time: float

@@ -35,8 +35,10 @@ class Saved:
 
         Raises
         ------
-        DeclarationError       if the name has another suffix
-        FileError              if the file cannot be written; the previous one is kept
+        DeclarationError
+            If the name has another suffix
+        FileError
+            If the file cannot be written; the previous one is kept
         """
         table = self._table if _has_table(type(self)) else None
         if require_suffix(path, ".npz", ".json", *([".csv"] if table else [])) == ".json":
@@ -50,8 +52,10 @@ class Saved:
 
         Raises
         ------
-        DeclarationError       if the file is damaged or has other contents
-        FileError              if it cannot be read
+        DeclarationError
+            If the file is damaged or has other contents
+        FileError
+            If it cannot be read
         """
         return load(
             path, f"what {cls.__name__}.save writes", cls._of_record, cls._of_table if _has_table(cls) else None

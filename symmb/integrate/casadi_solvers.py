@@ -70,9 +70,12 @@ class IDAS(_Multistep):
 
     Parameters
     ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
-    stabilization            None, Baumgarte(...) or Projection()
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    stabilization
+        None, Baumgarte(...) or Projection()
     """
 
     plugin: ClassVar[str] = "idas"
@@ -93,10 +96,14 @@ class CVODES(_Multistep):
 
     Parameters
     ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
-    stiff : bool             BDF with Newton iterations instead of Adams with fixed-point iterations
-    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    stiff : bool
+        BDF with Newton iterations instead of Adams with fixed-point iterations
+    stabilization
+        None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
     """
 
     plugin: ClassVar[str] = "cvodes"
@@ -123,8 +130,10 @@ class StabilizedIndex2(Solver):
 
     Parameters
     ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
     """
 
     keeps_positions: ClassVar[bool] = True
@@ -155,9 +164,12 @@ class Collocation(Solver):
 
     Parameters
     ----------
-    degree : int             collocation points a step, at most 9; the order is 2 degree - 1
-    steps : int              over the whole horizon; at least one for each output time
-    stabilization            None, Baumgarte(...) or Projection()
+    degree : int
+        collocation points a step, at most 9; the order is 2 degree - 1
+    steps : int
+        over the whole horizon; at least one for each output time
+    stabilization
+        None, Baumgarte(...) or Projection()
     """
 
     limits: ClassVar[dict[str, tuple[float, float]]] = {"degree": (1, 9)}

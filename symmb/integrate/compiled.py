@@ -40,10 +40,14 @@ class CompiledSolver(Solver):
 
         Parameters
         ----------
-        times : (n_t,) array     output times [s]
-        y : (x, p, t) -> (n_y,)  outputs; with work, its integral follows them
-        order : int              with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
-        start : Start            compiled too, if it is not large; without it, each run is given its state
+        times : (n_t,) array
+            output times [s]
+        y : (x, p, t) -> (n_y,)
+            outputs; with work, its integral follows them
+        order : int
+            with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
+        start : Start
+            compiled too, if it is not large; without it, each run is given its state
         """
 
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:

@@ -27,8 +27,10 @@ class EventDriven(Explicit):
 
     Parameters
     ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
 
     References
     ----------

@@ -86,9 +86,12 @@ class DormandPrince(Explicit):
 
     Parameters
     ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
-    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    stabilization
+        None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
     References
     ----------
@@ -122,8 +125,10 @@ class RungeKutta(Explicit):
 
     Parameters
     ----------
-    steps : int              over the whole horizon; at least one for each output time
-    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
+    steps : int
+        over the whole horizon; at least one for each output time
+    stabilization
+        None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
     """
 
     begins_anew: ClassVar[bool] = True

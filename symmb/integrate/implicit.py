@@ -96,10 +96,14 @@ class Rosenbrock(_SchemeSolver):
 
     Parameters
     ----------
-    rtol : float             relative tolerance
-    atol : float             absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
-    step : float             a fixed step instead of tolerances, if given [s]
-    stabilization            None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
+    rtol : float
+        relative tolerance
+    atol : float
+        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+    step : float
+        a fixed step instead of tolerances, if given [s]
+    stabilization
+        None, Baumgarte(...), Projection() or AugmentedLagrangian(...)
 
     References
     ----------
@@ -156,9 +160,12 @@ class NSTIFFSI2(_PositionScheme):
 
     Parameters
     ----------
-    step : float             longest step [s]
-    rtol : float             relative tolerance, with step control up to `step`; without it steps are fixed
-    tolerance : float        of Newton's method, largest change of the state over its size
+    step : float
+        longest step [s]
+    rtol : float
+        relative tolerance, with step control up to `step`; without it steps are fixed
+    tolerance : float
+        of Newton's method, largest change of the state over its size
     """
 
     step: float = 5e-3
@@ -184,8 +191,10 @@ class BDFI3(_PositionScheme):
 
     Parameters
     ----------
-    step : float             longest step [s]
-    tolerance : float        of Newton's method, largest displacement over the motion's size
+    step : float
+        longest step [s]
+    tolerance : float
+        of Newton's method, largest displacement over the motion's size
     """
 
     step: float = 1e-3
@@ -212,9 +221,12 @@ class Newmark(_AlphaScheme):
 
     Parameters
     ----------
-    step : float             longest step [s]
-    gamma : float            damping, 1/2 (trapezoidal rule, none) to 1
-    tolerance : float        of Newton's method, largest displacement over the motion's size
+    step : float
+        longest step [s]
+    gamma : float
+        damping, 1/2 (trapezoidal rule, none) to 1
+    tolerance : float
+        of Newton's method, largest displacement over the motion's size
     """
 
     limits: ClassVar = {"gamma": (0.5, 1.0)}
@@ -237,9 +249,12 @@ class GeneralizedAlpha(_AlphaScheme):
 
     Parameters
     ----------
-    step : float             longest step [s]
-    rho : float              spectral radius at infinite frequency, 1 (no damping) to 0
-    tolerance : float        of Newton's method, largest displacement over the motion's size
+    step : float
+        longest step [s]
+    rho : float
+        spectral radius at infinite frequency, 1 (no damping) to 0
+    tolerance : float
+        of Newton's method, largest displacement over the motion's size
     """
 
     limits: ClassVar = {"rho": (0.0, 1.0)}
@@ -259,9 +274,12 @@ class HHT(_AlphaScheme):
 
     Parameters
     ----------
-    step : float             longest step [s]
-    alpha : float            damping, 0 (trapezoidal rule) to 1/3
-    tolerance : float        of Newton's method, largest displacement over the motion's size
+    step : float
+        longest step [s]
+    alpha : float
+        damping, 0 (trapezoidal rule) to 1/3
+    tolerance : float
+        of Newton's method, largest displacement over the motion's size
     """
 
     limits: ClassVar = {"alpha": (0.0, 1 / 3)}

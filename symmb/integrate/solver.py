@@ -78,13 +78,17 @@ class Solver(ABC):
 
         Parameters
         ----------
-        times : (n_t,) array      output times [s]
-        order : int               highest Taylor coefficient along a line of parameters
-        work : bool               whether the power of forces without potential is integrated too [J]
+        times : (n_t,) array
+            output times [s]
+        order : int
+            highest Taylor coefficient along a line of parameters
+        work : bool
+            whether the power of forces without potential is integrated too [J]
 
         Raises
         ------
-        PropagationError          if derivatives are asked for and the solver gives none, or there are too many steps
+        PropagationError
+            If derivatives are asked for and the solver gives none, or there are too many steps
         """
         self.require_affordable(times)
         if order and not self.gives_derivatives:

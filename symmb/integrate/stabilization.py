@@ -16,7 +16,8 @@ class Baumgarte:
 
     Parameters
     ----------
-    alpha, beta : float      rates [1/s]; equal ones damp the drift critically
+    alpha, beta : float
+        rates [1/s]; equal ones damp the drift critically
 
     References
     ----------
@@ -53,9 +54,11 @@ class AugmentedLagrangian:
     Parameters
     ----------
     penalty : float
-    omega, damping : float   rate [1/s] and damping ratio of the feedback of the drift. The rate is multiplied by that
-                             of the motion where it is far from 1/s
-    iterations : int         corrections of lam; 0 is the penalty method
+    omega, damping : float
+        rate [1/s] and damping ratio of the feedback of the drift. The rate is multiplied by that of the motion where it
+        is far from 1/s
+    iterations : int
+        corrections of lam; 0 is the penalty method
 
     References
     ----------

@@ -28,13 +28,17 @@ def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "Criti
 
     Parameters
     ----------
-    scene : Scene              one that starts in equilibrium, or in a steady motion, for every value in the range
-    parameter : str            such as a speed
-    range : (lower, upper)     values that are searched
+    scene : Scene
+        one that starts in equilibrium, or in a steady motion, for every value in the range
+    parameter : str
+        such as a speed
+    range : (lower, upper)
+        values that are searched
 
     Raises
     ------
-    DeclarationError           if there is no such parameter, the range is empty, or stability does not change in it
+    DeclarationError
+        If there is no such parameter, the range is empty, or stability does not change in it
 
     Examples
     --------

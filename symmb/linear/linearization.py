@@ -37,16 +37,23 @@ def linearize(
 
     Parameters
     ----------
-    subject : Scene or Trajectory      a scene that starts in equilibrium or in a steady motion, or a run
-    time : float, optional             an output time of the run [s]; default: its last one
-    parameters : mapping, optional     values in place of the nominal ones, of a scene
-    inputs : names                     of actuators, which get an additional force or torque, or of parameters
-    outputs : names, optional          of outputs; default: all of the scene
+    subject : Scene or Trajectory
+        a scene that starts in equilibrium or in a steady motion, or a run
+    time : float, optional
+        an output time of the run [s]; default: its last one
+    parameters : mapping, optional
+        values in place of the nominal ones, of a scene
+    inputs : names
+        of actuators, which get an additional force or torque, or of parameters
+    outputs : names, optional
+        of outputs; default: all of the scene
 
     Raises
     ------
-    DeclarationError       if a name is unknown, an input moves constraints, or the equations have no derivative there
-    AssemblyError, SimulationError     if the scene does not start
+    DeclarationError
+        If a name is unknown, an input moves constraints, or the equations have no derivative there
+    AssemblyError, SimulationError
+        If the scene does not start
 
     Examples
     --------

@@ -23,12 +23,15 @@ class ModalSimulator(BlackBox):
 
     Parameters
     ----------
-    scene : Scene          one that starts in equilibrium, or in a steady motion
-    count : int            how many modes, from the lowest frequency; at most those that there are
+    scene : Scene
+        one that starts in equilibrium, or in a steady motion
+    count : int
+        how many modes, from the lowest frequency; at most those that there are
 
     Raises
     ------
-    DeclarationError       if the scene has no oscillation, or the equations have no derivative at the start
+    DeclarationError
+        If the scene has no oscillation, or the equations have no derivative at the start
 
     Examples
     --------

@@ -67,19 +67,30 @@ class Linearization(files.Saved):
 
     Attributes
     ----------
-    name : str                     of the scene
+    name : str
+        of the scene
     A, B, C, D : (n, n), (n, n_u), (n_y, n), (n_y, n_u) arrays
-    states : tuple of str          names of independent displacements, velocities and first-order states
+    states : tuple of str
+        names of independent displacements, velocities and first-order states
     inputs, outputs : tuple of str
-    eigenvalues : (n,) complex     by size [1/s]
-    frequencies, damping           of the modes [Hz], [-]
-    modes : tuple of Mode          oscillations by frequency
-    time : float                   [s]
-    parameters : dict              values
-    doubts : tuple of str          what cannot be trusted
-    shapes : (n_b, n) array        displacements of the bodies for the states
-    displacements                  their n_b names
-    origin                         scene and state; None if it was read from a file
+    eigenvalues : (n,) complex
+        by size [1/s]
+    frequencies, damping
+        of the modes [Hz], [-]
+    modes : tuple of Mode
+        oscillations by frequency
+    time : float
+        [s]
+    parameters : dict
+        values
+    doubts : tuple of str
+        what cannot be trusted
+    shapes : (n_b, n) array
+        displacements of the bodies for the states
+    displacements
+        their n_b names
+    origin
+        scene and state; None if it was read from a file
     """
 
     name: str
@@ -151,7 +162,8 @@ class Linearization(files.Saved):
 
         Raises
         ------
-        DeclarationError       if there is no such mode, or the result was read from a file
+        DeclarationError
+            If there is no such mode, or the result was read from a file
         """
         if self.origin is None:
             raise DeclarationError("The scene of this linearisation is not known: it was read from a file.")

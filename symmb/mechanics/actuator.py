@@ -74,9 +74,12 @@ class Actuator(JointForce):
     Parameters
     ----------
     name : str
-    joint : Joint          Revolute, Prismatic, Cylindrical or Screw
-    law : Expr             torque [N m] or force [N]: any expression of coordinates, velocities, states, parameters, `t`
-    coordinate : str       "angle" or "displacement", of joints that have both
+    joint : Joint
+        Revolute, Prismatic, Cylindrical or Screw
+    law : Expr
+        torque [N m] or force [N]: any expression of coordinates, velocities, states, parameters, `t`
+    coordinate : str
+        "angle" or "displacement", of joints that have both
 
     Examples
     --------
@@ -101,11 +104,16 @@ class Stop(JointForce):
     Parameters
     ----------
     name : str
-    joint : Joint               Revolute, Prismatic, Cylindrical or Screw
-    lower, upper : Expr         of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
-    law : ContactLaw            torque [N m] from radians, or force [N] from metres: `KelvinVoigt(...)`, ...
-    restitution : Expr          instead of a law: impacts called `name.lower` and `name.upper`, as those of `Impact`
-    coordinate : str            "angle" or "displacement", of joints that have both
+    joint : Joint
+        Revolute, Prismatic, Cylindrical or Screw
+    lower, upper : Expr
+        of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
+    law : ContactLaw
+        torque [N m] from radians, or force [N] from metres: `KelvinVoigt(...)`, ...
+    restitution : Expr
+        instead of a law: impacts called `name.lower` and `name.upper`, as those of `Impact`
+    coordinate : str
+        "angle" or "displacement", of joints that have both
 
     Examples
     --------

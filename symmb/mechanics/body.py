@@ -87,13 +87,18 @@ class Body(AbstractBody):
 
     Parameters
     ----------
-    name : str             without dots; coordinates are called `name.x`, ...
-    mass : Expr            [kg], not negative; 0 is a massless body. If it changes along the motion, the mass that
-                           joins or leaves has the body's velocity
-    inertia : Expr         about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values
-                           or a symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`
-    pose : Pose            how the body moves
-    com : tuple            centre of mass from the origin of the points, in body axes [m]
+    name : str
+        without dots; coordinates are called `name.x`, ...
+    mass : Expr
+        [kg], not negative; 0 is a massless body. If it changes along the motion, the mass that joins or leaves has the
+        body's velocity
+    inertia : Expr
+        about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a symmetric 3x3
+        matrix in body axes for `Spatial()`, none for `Particle()`
+    pose : Pose
+        how the body moves
+    com : tuple
+        centre of mass from the origin of the points, in body axes [m]
 
     Examples
     --------

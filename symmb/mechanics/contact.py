@@ -51,12 +51,18 @@ class Contact(ForceElement):
     Parameters
     ----------
     name : str
-    point : Point          centre of the sphere
-    plane_point : Point    anywhere on the plane
-    normal : tuple         of the plane, out of its body, in that body's axes
-    law : ContactLaw       `HuntCrossley(...)`, ...
-    radius : Expr          of the sphere [m]; 0 is a point
-    friction : FrictionLaw, optional       `Coulomb(...)` or `Bristle(...)`, at the foot of the sphere on the plane
+    point : Point
+        centre of the sphere
+    plane_point : Point
+        anywhere on the plane
+    normal : tuple
+        of the plane, out of its body, in that body's axes
+    law : ContactLaw
+        `HuntCrossley(...)`, ...
+    radius : Expr
+        of the sphere [m]; 0 is a point
+    friction : FrictionLaw, optional
+        `Coulomb(...)` or `Bristle(...)`, at the foot of the sphere on the plane
     """
 
     name: str
@@ -106,11 +112,16 @@ class BushContact(PairForce):
     Parameters
     ----------
     name : str
-    point_a : Point        on the axis of the bush
-    point_b : Point        on the axis of the pin; it may be anywhere along the bush
-    axis : tuple           of the bush, in the axes of point_a's body
-    clearance : Expr       radius of the bush less that of the pin [m]
-    law : ContactLaw       `HuntCrossley(...)`, ...
+    point_a : Point
+        on the axis of the bush
+    point_b : Point
+        on the axis of the pin; it may be anywhere along the bush
+    axis : tuple
+        of the bush, in the axes of point_a's body
+    clearance : Expr
+        radius of the bush less that of the pin [m]
+    law : ContactLaw
+        `HuntCrossley(...)`, ...
     """
 
     axis: tuple[Expr, ...]
@@ -145,11 +156,16 @@ class ToothContact(PairForce):
     Parameters
     ----------
     name : str
-    point_a : Point        halfway between the flanks
-    point_b : Point        on the tooth
-    direction : tuple      from flank to flank (tangent to the pitch circle), in the axes of point_a's body
-    backlash : Expr        play from flank to flank, half of it to each side [m]
-    law : ContactLaw       of one flank
+    point_a : Point
+        halfway between the flanks
+    point_b : Point
+        on the tooth
+    direction : tuple
+        from flank to flank (tangent to the pitch circle), in the axes of point_a's body
+    backlash : Expr
+        play from flank to flank, half of it to each side [m]
+    law : ContactLaw
+        of one flank
     """
 
     direction: tuple[Expr, ...]
@@ -184,10 +200,14 @@ class TorsionContact(PairTorque):
     ----------
     name : str
     body_a, body_b : Body or Ground
-    backlash : Expr        play from stop to stop, half of it to each side [rad]
-    law : ContactLaw       of one stop, in angles: torque [N m] from radians
-    angle : Expr           of b relative to a, halfway between the stops [rad]
-    axis : tuple           in both bodies' axes
+    backlash : Expr
+        play from stop to stop, half of it to each side [rad]
+    law : ContactLaw
+        of one stop, in angles: torque [N m] from radians
+    angle : Expr
+        of b relative to a, halfway between the stops [rad]
+    axis : tuple
+        in both bodies' axes
     """
 
     backlash: Expr

@@ -94,10 +94,14 @@ class HuntCrossley(_Hertzian):
 
     Parameters
     ----------
-    stiffness : Expr       k [N/m^n]
-    restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr           v of approach when the contact begins [m/s]
-    exponent : Expr        n, 3/2 of Hertz if left out [-]
+    stiffness : Expr
+        k [N/m^n]
+    restitution : Expr
+        e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr
+        v of approach when the contact begins [m/s]
+    exponent : Expr
+        n, 3/2 of Hertz if left out [-]
 
     References
     ----------
@@ -115,10 +119,14 @@ class LankaraniNikravesh(_Hertzian):
 
     Parameters
     ----------
-    stiffness : Expr       k [N/m^n]
-    restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr           v of approach when the contact begins [m/s]
-    exponent : Expr        n, 3/2 of Hertz if left out [-]
+    stiffness : Expr
+        k [N/m^n]
+    restitution : Expr
+        e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr
+        v of approach when the contact begins [m/s]
+    exponent : Expr
+        n, 3/2 of Hertz if left out [-]
 
     References
     ----------
@@ -137,10 +145,14 @@ class Flores(_Hertzian):
 
     Parameters
     ----------
-    stiffness : Expr       k [N/m^n]
-    restitution : Expr     e, above 0 and up to 1 [-]; 1 is a spring without losses
-    speed : Expr           v of approach when the contact begins [m/s]
-    exponent : Expr        n, 3/2 of Hertz if left out [-]
+    stiffness : Expr
+        k [N/m^n]
+    restitution : Expr
+        e, above 0 and up to 1 [-]; 1 is a spring without losses
+    speed : Expr
+        v of approach when the contact begins [m/s]
+    exponent : Expr
+        n, 3/2 of Hertz if left out [-]
 
     References
     ----------
@@ -161,8 +173,10 @@ class KelvinVoigt(ContactLaw):
 
     Parameters
     ----------
-    stiffness : Expr       k [N/m]
-    damping : Expr         c [N s/m]
+    stiffness : Expr
+        k [N/m]
+    damping : Expr
+        c [N s/m]
     """
 
     stiffness: Expr
@@ -192,8 +206,10 @@ class Tabulated(ContactLaw):
 
     Parameters
     ----------
-    table : Table          force [N] over penetration [m]
-    damping : Expr         c [N s/m]
+    table : Table
+        force [N] over penetration [m]
+    damping : Expr
+        c [N s/m]
     """
 
     table: Table

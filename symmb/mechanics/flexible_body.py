@@ -43,9 +43,12 @@ class FlexibleBody(Body):
 
     Parameters
     ----------
-    name : str             without dots
-    modes : Modes          mass, inertia, mode shapes and stiffness, in numbers
-    pose : Pose            `Spatial()`, or `Planar()` for modes that move in the xy plane alone
+    name : str
+        without dots
+    modes : Modes
+        mass, inertia, mode shapes and stiffness, in numbers
+    pose : Pose
+        `Spatial()`, or `Planar()` for modes that move in the xy plane alone
 
     Examples
     --------
@@ -122,7 +125,8 @@ class FlexibleBody(Body):
 
         Raises
         ------
-        DeclarationError       if there is no node of that number
+        DeclarationError
+            If there is no node of that number
         """
         count = len(self.modes.positions)
         if not is_whole(number) or not 0 <= number < count:
@@ -136,7 +140,8 @@ class FlexibleBody(Body):
 
         Raises
         ------
-        DeclarationError       if the place is no number, lies between nodes, or away from a node that has no rotations
+        DeclarationError
+            If the place is no number, lies between nodes, or away from a node that has no rotations
         """
         m = self.modes
         if not all(isinstance(part, Real) for part in (x, y, z)):

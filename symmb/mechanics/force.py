@@ -139,9 +139,12 @@ class SpringDamper(PairForce):
     ----------
     name : str
     point_a, point_b : Point
-    stiffness : Expr       k [N/m]
-    damping : Expr         c [N s/m]
-    length : Expr          without load [m]
+    stiffness : Expr
+        k [N/m]
+    damping : Expr
+        c [N s/m]
+    length : Expr
+        without load [m]
     """
 
     stiffness: Expr = 0.0
@@ -223,10 +226,14 @@ class TorsionSpring(PairTorque):
     ----------
     name : str
     body_a, body_b : Body or Ground
-    stiffness : Expr       [N m/rad]
-    damping : Expr         [N m s/rad]
-    angle : Expr           without load [rad]
-    axis : tuple           in both bodies' axes
+    stiffness : Expr
+        [N m/rad]
+    damping : Expr
+        [N m s/rad]
+    angle : Expr
+        without load [rad]
+    axis : tuple
+        in both bodies' axes
     """
 
     stiffness: Expr
@@ -253,9 +260,10 @@ class Bushing(PairForce):
     ----------
     name : str
     point_a, point_b : Point
-    stiffness, damping : scalar or (x, y, z)                          [N/m], [N s/m]
-    rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad]; for the small
-                           rotation of b relative to a: the sine of its angle about each axis
+    stiffness, damping : scalar or (x, y, z)
+        [N/m], [N s/m]
+    rotational_stiffness, rotational_damping : scalar or (x, y, z)
+        [N m/rad], [N m s/rad]; for the small rotation of b relative to a: the sine of its angle about each axis
     """
 
     stiffness: Expr

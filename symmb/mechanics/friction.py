@@ -31,9 +31,12 @@ class Coulomb(FrictionLaw):
 
     Parameters
     ----------
-    kinetic : Expr         mu_k of sliding [-]
-    speed : Expr           of the transition [m/s]. Smaller ones are closer to Coulomb's law, and stiffer
-    static : Expr          mu_s before sliding [-]; mu_k if left out
+    kinetic : Expr
+        mu_k of sliding [-]
+    speed : Expr
+        of the transition [m/s]. Smaller ones are closer to Coulomb's law, and stiffer
+    static : Expr
+        mu_s before sliding [-]; mu_k if left out
 
     References
     ----------
@@ -72,11 +75,16 @@ class Bristle(FrictionLaw):
 
     Parameters
     ----------
-    kinetic : Expr         mu_k of sliding [-]
-    stiffness : Expr       k of the bristles, for each newton of normal force [1/m]
-    damping : Expr         c of the bristles, for each newton of normal force [s/m]; elastic vibrations decay
-    static : Expr          mu_s of breaking away [-]; mu_k if left out
-    speed : Expr           Stribeck speed, at which mu falls from mu_s to mu_k [m/s]
+    kinetic : Expr
+        mu_k of sliding [-]
+    stiffness : Expr
+        k of the bristles, for each newton of normal force [1/m]
+    damping : Expr
+        c of the bristles, for each newton of normal force [s/m]; elastic vibrations decay
+    static : Expr
+        mu_s of breaking away [-]; mu_k if left out
+    speed : Expr
+        Stribeck speed, at which mu falls from mu_s to mu_k [m/s]
 
     References
     ----------
@@ -136,9 +144,12 @@ class Friction(PairForce):
     ----------
     name : str
     point_a, point_b : Point
-    axis : tuple           of sliding, in the axes of point_a's body
-    normal_force : Expr    between the bodies, not negative [N]
-    law : FrictionLaw      `Coulomb(...)` or `Bristle(...)`
+    axis : tuple
+        of sliding, in the axes of point_a's body
+    normal_force : Expr
+        between the bodies, not negative [N]
+    law : FrictionLaw
+        `Coulomb(...)` or `Bristle(...)`
     """
 
     axis: tuple[Expr, ...]

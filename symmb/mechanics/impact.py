@@ -28,8 +28,10 @@ class Impact(Element):
     Parameters
     ----------
     name : str
-    gap : expression             of coordinates, parameters and `t`, above 0 where open: `ball.y - radius` [m, rad]
-    restitution : expression     coefficient e of parameters, from 0 (nothing rebounds) to 1 (nothing is lost)
+    gap : expression
+        of coordinates, parameters and `t`, above 0 where open: `ball.y - radius` [m, rad]
+    restitution : expression
+        coefficient e of parameters, from 0 (nothing rebounds) to 1 (nothing is lost)
 
     References
     ----------

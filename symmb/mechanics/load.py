@@ -23,8 +23,9 @@ class NonlinearSpring(PairForce):
     ----------
     name : str
     point_a, point_b : Point
-    pull : callable        (length [m], rate [m/s]), both SX, -> force that pulls the points together [N]; such as
-                           `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
+    pull : callable
+        (length [m], rate [m/s]), both SX, -> force that pulls the points together [N]; such as `GasSpring(...)`,
+        `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
     """
 
     pull: Callable[[ca.SX, ca.SX], Expr]
@@ -54,12 +55,16 @@ class GasSpring:
 
     Parameters
     ----------
-    pressure : Expr        at `length` [Pa]; the pressure outside is neglected
-    volume : Expr          at `length` [m^3]
-    area : Expr            of the piston [m^2]; negative if the gas is compressed when the points part, as in a
-                           recuperator
-    length : Expr          between the points at which pressure and volume are given [m]
-    exponent : Expr        n, polytropic exponent: 1 for slow and 1.4 for fast changes of air [-]
+    pressure : Expr
+        at `length` [Pa]; the pressure outside is neglected
+    volume : Expr
+        at `length` [m^3]
+    area : Expr
+        of the piston [m^2]; negative if the gas is compressed when the points part, as in a recuperator
+    length : Expr
+        between the points at which pressure and volume are given [m]
+    exponent : Expr
+        n, polytropic exponent: 1 for slow and 1.4 for fast changes of air [-]
     """
 
     pressure: Expr
@@ -88,13 +93,19 @@ class Orifice:
 
     Parameters
     ----------
-    area : Expr            A of the piston [m^2]
-    opening : Expr         a [m^2], above 0, or a function of (stroke [m], rate [m/s]), both SX: a throttling ring by
-                           `lambda stroke, rate: ring(stroke)` with a `Table`, valves by the rate
-    length : Expr          of the line between the points at stroke 0 [m]
-    density : Expr         rho [kg/m^3]
-    discharge : Expr       Cd [-]
-    speed : Expr           below which the flow is laminar [m/s]
+    area : Expr
+        A of the piston [m^2]
+    opening : Expr
+        a [m^2], above 0, or a function of (stroke [m], rate [m/s]), both SX: a throttling ring by `lambda stroke, rate:
+        ring(stroke)` with a `Table`, valves by the rate
+    length : Expr
+        of the line between the points at stroke 0 [m]
+    density : Expr
+        rho [kg/m^3]
+    discharge : Expr
+        Cd [-]
+    speed : Expr
+        below which the flow is laminar [m/s]
     """
 
     area: Expr
@@ -122,12 +133,18 @@ class Soil(ForceElement):
     Parameters
     ----------
     name : str
-    ground_point : Point   surface of the soil, on the ground or on another body
-    point : Point          foot
-    normal : tuple         out of the soil, in the axes of ground_point's body
-    law : ContactLaw       along the normal, `KelvinVoigt(...)`, or measured: `Tabulated(...)`
-    stiffness, damping : scalar or (x, y, z)                          across the normal [N/m], [N s/m]
-    rotational_stiffness, rotational_damping : scalar or (x, y, z)    [N m/rad], [N m s/rad], as of a `Bushing`
+    ground_point : Point
+        surface of the soil, on the ground or on another body
+    point : Point
+        foot
+    normal : tuple
+        out of the soil, in the axes of ground_point's body
+    law : ContactLaw
+        along the normal, `KelvinVoigt(...)`, or measured: `Tabulated(...)`
+    stiffness, damping : scalar or (x, y, z)
+        across the normal [N/m], [N s/m]
+    rotational_stiffness, rotational_damping : scalar or (x, y, z)
+        [N m/rad], [N m s/rad], as of a `Bushing`
     """
 
     name: str

@@ -17,11 +17,13 @@ class Parameters(Mapping[str, float]):
 
     Parameters
     ----------
-    **nominal : float      nominal value of each parameter, in SI units
+    **nominal : float
+        nominal value of each parameter, in SI units unless expressions convert it
 
     Raises
     ------
-    DeclarationError       if a value is not a finite number, or a name is no identifier or taken by the class itself
+    DeclarationError
+        If a value is not a finite number, or a name is no identifier or taken by the class itself
 
     Examples
     --------

@@ -64,7 +64,8 @@ class Pose(ABC):
 
     Parameters
     ----------
-    modes : int            modal coordinates of a flexible body
+    modes : int
+        modal coordinates of a flexible body
     """
 
     rigid_coordinates: ClassVar[tuple[str, ...]]

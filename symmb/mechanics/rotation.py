@@ -41,7 +41,8 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
 
     Raises
     ------
-    DeclarationError       if a number is not finite, or the axis has no direction
+    DeclarationError
+        If a number is not finite, or the axis has no direction
 
     Examples
     --------

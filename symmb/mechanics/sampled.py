@@ -23,11 +23,13 @@ class Sampled(OwnState):
 
     Parameters
     ----------
-    name : str             without dots
-    period : float         a number [s]
-    law : Expr             of coordinates, velocities, states, parameters and `t`; or a function of the value held so
-                           far, SX, that returns one: it is called once. That value is 0 before the start, or what
-                           `Scene(start=...)` lists
+    name : str
+        without dots
+    period : float
+        a number [s]
+    law : Expr
+        of coordinates, velocities, states, parameters and `t`; or a function of the value held so far, SX, that returns
+        one: it is called once. That value is 0 before the start, or what `Scene(start=...)` lists
 
     Examples
     --------

@@ -44,9 +44,11 @@ class State(OwnState):
 
     Parameters
     ----------
-    name : str             without dots
-    rate : callable        of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other
-                           states, parameters and `t`; it is called once. An expression without z needs no function
+    name : str
+        without dots
+    rate : callable
+        of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other states, parameters and
+        `t`; it is called once. An expression without z needs no function
 
     Examples
     --------

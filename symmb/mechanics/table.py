@@ -26,12 +26,15 @@ class Table:
 
     Parameters
     ----------
-    x : sequence           n >= 2 places, increasing, at most 1,000,000
-    y : sequence           n values
+    x : sequence
+        n >= 2 places, increasing, at most 1,000,000
+    y : sequence
+        n values
 
     Raises
     ------
-    DeclarationError       if the points make no curve
+    DeclarationError
+        If the points make no curve
 
     References
     ----------

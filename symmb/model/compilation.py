@@ -27,9 +27,10 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     Parameters
     ----------
     system : System
-    rows : sequence of int, optional       numbers of the constraint rows to keep, where the others are redundant
-    nullities : (int, int)                 combinations of these rows, and of the position rows among them, that vanish
-                                           wherever the constraints hold
+    rows : sequence of int, optional
+        numbers of the constraint rows to keep, where the others are redundant
+    nullities : (int, int)
+        combinations of these rows, and of the position rows among them, that vanish wherever the constraints hold
 
     Returns
     -------
@@ -37,7 +38,8 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
 
     Raises
     ------
-    DeclarationError       if velocities have neither inertia nor a constraint
+    DeclarationError
+        If velocities have neither inertia nor a constraint
 
     Examples
     --------

@@ -31,26 +31,35 @@ class Scene:
     Parameters
     ----------
     system : System
-    start : mapping        "rod.theta", "rod.vx", "top.rotation", "top.omega", of joints "elbow.angle",
-                           "elbow.angle_rate", "slide.displacement", "slide.displacement_rate", and names of `State`s
-                           -> number or expression of parameters; they hold exactly. The others follow from Phi = 0
-                           and its rate. Relative rates of joints that nothing determines are 0
-    times : (n_t,) array   or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
-    outputs : mapping      name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all
-                           coordinates and velocities
-    box : Box              intervals of the uncertain parameters
-    guess : mapping        first guesses for coordinates of bodies and joints that are not listed in start: they select
-                           the assembly. Modes of flexible bodies start undeformed and at rest, unless they are listed
-                           in start or here
-    name : str             for tables and files
-    equilibrium : bool     start in static equilibrium: coordinates that are not listed in start, modes included, are
-                           solved for, anew for each parameter value
-    coordinates : str      "joint" or "body" for those in which it runs; default: those that need fewer operations
-    restart : Restart      the state from which a scene of `starting_at` goes on
+    start : mapping
+        "rod.theta", "rod.vx", "top.rotation", "top.omega", of joints "elbow.angle", "elbow.angle_rate",
+        "slide.displacement", "slide.displacement_rate", and names of `State`s -> number or expression of parameters;
+        they hold exactly. The others follow from Phi = 0 and its rate. Relative rates of joints that nothing determines
+        are 0
+    times : (n_t,) array
+        or a list; times of the outputs [s], increasing; the first is the start; default: 0 alone
+    outputs : mapping
+        name -> expression of coordinates, velocities, multipliers, parameters and `t`; default: all coordinates and
+        velocities
+    box : Box
+        intervals of the uncertain parameters
+    guess : mapping
+        first guesses for coordinates of bodies and joints that are not listed in start: they select the assembly. Modes
+        of flexible bodies start undeformed and at rest, unless they are listed in start or here
+    name : str
+        for tables and files
+    equilibrium : bool
+        start in static equilibrium: coordinates that are not listed in start, modes included, are solved for, anew for
+        each parameter value
+    coordinates : str
+        "joint" or "body" for those in which it runs; default: those that need fewer operations
+    restart : Restart
+        the state from which a scene of `starting_at` goes on
 
     Raises
     ------
-    DeclarationError       all faults at once
+    DeclarationError
+        all faults at once
     """
 
     system: System
@@ -236,11 +245,13 @@ class Scene:
 
         Parameters
         ----------
-        run : Trajectory       a run of this scene, or of another one of the same elements
+        run : Trajectory
+            a run of this scene, or of another one of the same elements
 
         Raises
         ------
-        DeclarationError       if the run is of another system, or has failed
+        DeclarationError
+            If the run is of another system, or has failed
 
         Examples
         --------

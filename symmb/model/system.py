@@ -40,7 +40,8 @@ class System(Typeset):
 
     Raises
     ------
-    DeclarationError       all faults of the declaration at once, with the declared names and remedies
+    DeclarationError
+        all faults of the declaration at once, with the declared names and remedies
 
     Examples
     --------
@@ -171,7 +172,8 @@ class System(Typeset):
 
         Raises
         ------
-        DeclarationError       if a symbol is unknown, or a multiplier
+        DeclarationError
+            If a symbol is unknown, or a multiplier
 
         Examples
         --------
@@ -297,7 +299,8 @@ class System(Typeset):
 
         Raises
         ------
-        DeclarationError       if there is no such joint between two bodies
+        DeclarationError
+            If there is no such joint between two bodies
         """
         return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
 

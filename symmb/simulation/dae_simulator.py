@@ -53,25 +53,36 @@ class DAESimulator:
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default: pilot runs choose it here, mostly DormandPrince()
+    solver : Solver, optional
+        default: pilot runs choose it here, mostly DormandPrince()
 
     Attributes
     ----------
     scene : Scene
-    parameters : dict              name -> nominal value, in the order of the columns of P
-    times : (n_t,) array           [s]
-    outputs : tuple of str         names of the n_y outputs
-    units : tuple of str           of the outputs, '' where they do not follow from the expression
+    parameters : dict
+        name -> nominal value, in the order of the columns of P
+    times : (n_t,) array
+        [s]
+    outputs : tuple of str
+        names of the n_y outputs
+    units : tuple of str
+        of the outputs, '' where they do not follow from the expression
     solver : Solver
-    reason : str                   why symmb chose this solver and these coordinates; empty if they were given
-    setup_seconds : float          time for deriving, compiling and starting so far [s]
-    threads : int                  CasADi threads for samples; 1 in a pickled copy
-    bodies : Formulation           in coordinates of the bodies
-    doubts : tuple of str          what cannot be trusted about the start and, after `second_look`, about runs at the
-                                   nominal parameters
-    noise : (n_y,) array           how far outputs may be off, by errors of the solver's steps and as far as the nominal
-                                   run is; None before `second_look`
-    nominal : (n_t, n_y) array     outputs of the nominal run; None before `second_look`
+    reason : str
+        why symmb chose this solver and these coordinates; empty if they were given
+    setup_seconds : float
+        time for deriving, compiling and starting so far [s]
+    threads : int
+        CasADi threads for samples; 1 in a pickled copy
+    bodies : Formulation
+        in coordinates of the bodies
+    doubts : tuple of str
+        what cannot be trusted about the start and, after `second_look`, about runs at the nominal parameters
+    noise : (n_y,) array
+        how far outputs may be off, by errors of the solver's steps and as far as the nominal run is; None before
+        `second_look`
+    nominal : (n_t, n_y) array
+        outputs of the nominal run; None before `second_look`
     """
 
     def __init__(self, scene: Scene, solver: Solver | None = None) -> None:
@@ -363,7 +374,8 @@ class DAESimulator:
 
         Raises
         ------
-        SimulationError        if a run breaks down
+        SimulationError
+            If a run breaks down
         """
         with LOCK:
             p0 = require_numbers("jets", "p0", p0, len(self.parameters))
@@ -407,7 +419,8 @@ class DAESimulator:
 
         Raises
         ------
-        PropagationError       if the solver controls its step
+        PropagationError
+            If the solver controls its step
         """
         P = np.ascontiguousarray(checked_samples(self, P, None))
         x0, _ = self.formulation.start.states(P)

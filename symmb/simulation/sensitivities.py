@@ -34,12 +34,17 @@ class Sensitivities(Result, files.Saved):
 
     Attributes
     ----------
-    name : str                     of the scene
-    t : (n_t,)                     times [s]
+    name : str
+        of the scene
+    t : (n_t,)
+        times [s]
     names, units : n_y outputs and their units, '' where they are not known
-    parameters : dict              n_p nominal values by name
-    run : (n_t, n_y)               the nominal run
-    values : (n_t, n_y, n_p)       dy/dp, in units of the output over those of the parameter
+    parameters : dict
+        n_p nominal values by name
+    run : (n_t, n_y)
+        the nominal run
+    values : (n_t, n_y, n_p)
+        dy/dp, in units of the output over those of the parameter
     """
 
     name: str
@@ -97,8 +102,10 @@ class Sensitivities(Result, files.Saved):
 
         Parameters
         ----------
-        outputs : str or list      those to draw; default: all
-        ax : matplotlib Axes       to draw in, in the place of a new figure, one an output
+        outputs : str or list
+            those to draw; default: all
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure, one an output
         """
         changes = 0.01 * self.values * np.array(list(self.parameters.values()))
         return plot.plot_family(
@@ -153,15 +160,21 @@ def sensitivities(
 
     Parameters
     ----------
-    scene : Scene              or a simulator with derivatives
-    parameters : list of str   those with respect to which derivatives are taken; default: all
-    solver, times, outputs     of a scene, in the place of its own
+    scene : Scene
+        or a simulator with derivatives
+    parameters : list of str
+        those with respect to which derivatives are taken; default: all
+    solver, times, outputs
+        of a scene, in the place of its own
 
     Raises
     ------
-    DeclarationError           if a parameter is unknown or named twice, or there is none
-    AssemblyError              if the scene cannot be started
-    SimulationError            if the run breaks down, or the simulator gives values only
+    DeclarationError
+        If a parameter is unknown or named twice, or there is none
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If the run breaks down, or the simulator gives values only
 
     Examples
     --------

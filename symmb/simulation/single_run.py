@@ -99,26 +99,32 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene              or one of `prepare`, which has a solver
-    solver : Solver            default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes;
-                               CVODES with AugmentedLagrangian() if these fail; EventDriven() with impacts.
-                               `trajectory.reason` gives the reason
-    parameters : mapping       values instead of the nominal ones; a list of them makes all these runs side by side
-    check : bool               run a second time in another way: by a solver of another family, and in other
-                               coordinates if the scene has any. `trajectory.error` (n_t, n_y) is the difference, and
-                               the doubts tell from when on digits are lost
-    times, outputs             instead of those of the scene
+    scene : Scene
+        or one of `prepare`, which has a solver
+    solver : Solver
+        default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
+        AugmentedLagrangian() if these fail; EventDriven() with impacts. `trajectory.reason` gives the reason
+    parameters : mapping
+        values instead of the nominal ones; a list of them makes all these runs side by side
+    check : bool
+        run a second time in another way: by a solver of another family, and in other coordinates if the scene has any.
+        `trajectory.error` (n_t, n_y) is the difference, and the doubts tell from when on digits are lost
+    times, outputs
+        instead of those of the scene
 
     Returns
     -------
-    Trajectory                 what is doubtful about it stands in `doubts`, and is a SymmbWarning; for a list of
-                               parameters a Sweep
+    Trajectory
+        what is doubtful about it stands in `doubts`, and is a SymmbWarning; for a list of parameters a Sweep
 
     Raises
     ------
-    DeclarationError           if a parameter is unknown or not finite
-    AssemblyError              if the scene cannot be started
-    SimulationError            if the run breaks down, leaves its constraints, or has an output that is not finite
+    DeclarationError
+        If a parameter is unknown or not finite
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If the run breaks down, leaves its constraints, or has an output that is not finite
 
     Examples
     --------

@@ -110,17 +110,21 @@ def prepare(scene: Scene, solver: Solver | None = None) -> DAESimulator:
     Parameters
     ----------
     scene : Scene
-    solver : Solver, optional      default: pilot runs choose one for many runs, mostly DormandPrince()
+    solver : Solver, optional
+        default: pilot runs choose one for many runs, mostly DormandPrince()
 
     Returns
     -------
-    DAESimulator                   `formulation`, `solver` and `reason` tell what was chosen, `doubts` what is doubtful
-                                   about the run at the nominal parameters
+    DAESimulator
+        `formulation`, `solver` and `reason` tell what was chosen, `doubts` what is doubtful about the run at the
+        nominal parameters
 
     Raises
     ------
-    DeclarationError               if the solver cannot run the scene
-    AssemblyError                  if the scene cannot be started
+    DeclarationError
+        If the solver cannot run the scene
+    AssemblyError
+        If the scene cannot be started
 
     Examples
     --------

@@ -43,15 +43,22 @@ class Sweep(Result, files.Saved):
 
     Attributes
     ----------
-    name : str                 of the scene or simulator
-    t : (n_t,)                 times [s]
+    name : str
+        of the scene or simulator
+    t : (n_t,)
+        times [s]
     names, units : n_y outputs and their units, '' where they are not known
-    parameters : dict          name -> (N,) values, of all parameters
-    grid : dict                name -> values (m,) of which all combinations are run, the last one changing fastest;
-                               empty if the runs are a list
-    values : (N, n_t, n_y)     outputs, nan from a failure on
-    ok : (N,)                  whether a run is valid
-    messages : tuple of str    why each of the others is not, in order
+    parameters : dict
+        name -> (N,) values, of all parameters
+    grid : dict
+        name -> values (m,) of which all combinations are run, the last one changing fastest; empty if the runs are a
+        list
+    values : (N, n_t, n_y)
+        outputs, nan from a failure on
+    ok : (N,)
+        whether a run is valid
+    messages : tuple of str
+        why each of the others is not, in order
     """
 
     name: str
@@ -134,8 +141,10 @@ class Sweep(Result, files.Saved):
 
         Parameters
         ----------
-        outputs : str or list      those to draw; default: all
-        ax : matplotlib Axes       to draw in, in the place of a new figure, one an output
+        outputs : str or list
+            those to draw; default: all
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure, one an output
         """
         by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
         order = np.argsort(values, kind="stable")
@@ -189,7 +198,8 @@ class Sweep(Result, files.Saved):
 
         Raises
         ------
-        ImportError            if xarray is not installed
+        ImportError
+            If xarray is not installed
         """
         whole = self._labelled()
         if not self.grid:
@@ -217,15 +227,19 @@ def sweep(
     Parameters
     ----------
     scene : Scene or simulator
-    values : mapping           name -> (m,) values
-    solver, times, outputs     of a scene, in the place of its own
+    values : mapping
+        name -> (m,) values
+    solver, times, outputs
+        of a scene, in the place of its own
     executor : anything with an ordered `map`, or an executor; default: runs in this process
     progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals
 
     Raises
     ------
-    DeclarationError           if a parameter is unknown, or values are no numbers
-    AssemblyError              if the scene cannot be started
+    DeclarationError
+        If a parameter is unknown, or values are no numbers
+    AssemblyError
+        If the scene cannot be started
 
     Examples
     --------

@@ -24,13 +24,18 @@ class Beam:
 
     Parameters
     ----------
-    points : (p, 3)       corners of the axis through the sections' centroids [m]
-    section : Section     of the whole beam, or p of them, one at each corner: between them √A and I^¼ are
-                          linear, which is exact for similar sections, such as those of a cone
-    material : Material   of the whole beam
-    elements : int        elements between any two neighbouring corners
-    orientation : (3,)    the section's y axis is the part of this vector normal to the beam. The default is horizontal,
-                          z × axis, and y for a beam along z
+    points : (p, 3)
+        corners of the axis through the sections' centroids [m]
+    section : Section
+        of the whole beam, or p of them, one at each corner: between them √A and I^¼ are linear, which is exact for
+        similar sections, such as those of a cone
+    material : Material
+        of the whole beam
+    elements : int
+        elements between any two neighbouring corners
+    orientation : (3,)
+        the section's y axis is the part of this vector normal to the beam. The default is horizontal, z × axis, and y
+        for a beam along z
 
     Raises
     ------

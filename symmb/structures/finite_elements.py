@@ -32,10 +32,14 @@ class FiniteElements:
 
     Parameters
     ----------
-    positions : (k, 3)     nodes [m]
-    K, M : (d, d)          stiffness and mass matrix, SciPy sparse, d = 3 k or 6 k
-    samples : MassSamples      the point masses by which the inertia of the deformed body is integrated
-    axial : AxialForces    of beams, for geometric stiffening
+    positions : (k, 3)
+        nodes [m]
+    K, M : (d, d)
+        stiffness and mass matrix, SciPy sparse, d = 3 k or 6 k
+    samples : MassSamples
+        the point masses by which the inertia of the deformed body is integrated
+    axial : AxialForces
+        of beams, for geometric stiffening
     """
 
     positions: Array
@@ -143,21 +147,26 @@ class FiniteElements:
 
         Parameters
         ----------
-        interfaces : nodes     where joints and forces act
-        count : int            modes in all, the lowest ones; 0 is a rigid body. With interfaces there are 6 shapes a
-                               node (3 without rotations), less 6 if the body is free; the
-                               others are fixed-interface modes. If `count` is smaller than the number of shapes, the
-                               highest reduced modes are left out, and static deformations are approximate
-        cutoff : float         [Hz] take the modes below it (with interfaces: the fixed-interface modes below it, and
-                               all shapes); with `count`, at most so many
-        clamped : int          node that is fixed in the frame of the body, and the origin of this frame. By default the
-                               body is free in a floating frame: its origin is the centre of mass, and the modes
-                               change neither this centre nor the angular momentum (S = 0, G0 = 0)
-        damping : float, (n,)  modal damping ratio ζ, of all modes or of each
-        stiffening : bool      beams shorten when they bend, which needs a clamped node: all loads along them
-                               (centrifugal, of gravity or at their ends) then stiffen or soften them. Without it a
-                               fast rotor becomes too soft
-        planar : bool          only motion in the xy plane, for bodies whose pose is `Planar()`
+        interfaces : nodes
+            where joints and forces act
+        count : int
+            modes in all, the lowest ones; 0 is a rigid body. With interfaces there are 6 shapes a node (3 without
+            rotations), less 6 if the body is free; the others are fixed-interface modes. If `count` is smaller than the
+            number of shapes, the highest reduced modes are left out, and static deformations are approximate
+        cutoff : float
+            [Hz] take the modes below it (with interfaces: the fixed-interface modes below it, and all shapes); with
+            `count`, at most so many
+        clamped : int
+            node that is fixed in the frame of the body, and the origin of this frame. By default the body is free in a
+            floating frame: its origin is the centre of mass, and the modes change neither this centre nor the angular
+            momentum (S = 0, G0 = 0)
+        damping : float, (n,)
+            modal damping ratio ζ, of all modes or of each
+        stiffening : bool
+            beams shorten when they bend, which needs a clamped node: all loads along them (centrifugal, of gravity or
+            at their ends) then stiffen or soften them. Without it a fast rotor becomes too soft
+        planar : bool
+            only motion in the xy plane, for bodies whose pose is `Planar()`
 
         Raises
         ------

@@ -63,20 +63,34 @@ class Modes:
 
     Parameters
     ----------
-    mass : float                  [kg]
-    center : (3,)                 centre of mass of the undeformed body, from the frame's origin [m]
-    J0 : (3, 3)                   inertia of the undeformed body about the frame's origin [kg m^2]
-    J1 : (n, 3, 3)                its first derivative by η [kg^½ m]
-    J2 : (n, n, 3, 3)             its second-order part [1], J2[i, j] = J2[j, i]
-    S, S2 : (3, n), (3, n, n)     first moment's parts by η [kg^½], [1/m]; S is 0 in the floating frame
-    G0, G1 : (3, n), (n, 3, n)    angular momentum about the origin of η̇ [kg^½ m], [1]
-    stiffness : (n,)              ω_j² [1/s^2]
-    damping : (n,)                2 ζ_j ω_j [1/s]
-    origin : (3,)                 of the frame, in the axes of the mesh [m]
-    positions : (k, 3)            nodes of the undeformed body, from the frame's origin [m]
-    shapes : (k, 3, n)            translations of the nodes [kg^-½]
-    rotations : (k, 3, n)         small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
-    shapes2 : (k, 3, n, n)        D of the nodes [1/(kg m)]
+    mass : float
+        [kg]
+    center : (3,)
+        centre of mass of the undeformed body, from the frame's origin [m]
+    J0 : (3, 3)
+        inertia of the undeformed body about the frame's origin [kg m^2]
+    J1 : (n, 3, 3)
+        its first derivative by η [kg^½ m]
+    J2 : (n, n, 3, 3)
+        its second-order part [1], J2[i, j] = J2[j, i]
+    S, S2 : (3, n), (3, n, n)
+        first moment's parts by η [kg^½], [1/m]; S is 0 in the floating frame
+    G0, G1 : (3, n), (n, 3, n)
+        angular momentum about the origin of η̇ [kg^½ m], [1]
+    stiffness : (n,)
+        ω_j² [1/s^2]
+    damping : (n,)
+        2 ζ_j ω_j [1/s]
+    origin : (3,)
+        of the frame, in the axes of the mesh [m]
+    positions : (k, 3)
+        nodes of the undeformed body, from the frame's origin [m]
+    shapes : (k, 3, n)
+        translations of the nodes [kg^-½]
+    rotations : (k, 3, n)
+        small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
+    shapes2 : (k, 3, n, n)
+        D of the nodes [1/(kg m)]
 
     Raises
     ------

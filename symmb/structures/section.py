@@ -16,11 +16,15 @@ class Section:
 
     Parameters
     ----------
-    area : float             A [m^2]
-    Iy, Iz : float           second moments ∫ z² dA and ∫ y² dA [m^4]: bending in the x-z and in the x-y plane
-    J : float                torsion constant [m^4]; Iy + Iz for a circle only
-    shear_y, shear_z : float  effective shear areas κA along y and z [m^2]. Infinite ones (the default) make an
-                             Euler-Bernoulli beam, finite ones a Timoshenko beam
+    area : float
+        A [m^2]
+    Iy, Iz : float
+        second moments ∫ z² dA and ∫ y² dA [m^4]: bending in the x-z and in the x-y plane
+    J : float
+        torsion constant [m^4]; Iy + Iz for a circle only
+    shear_y, shear_z : float
+        effective shear areas κA along y and z [m^2]. Infinite ones (the default) make an Euler-Bernoulli beam, finite
+        ones a Timoshenko beam
 
     Raises
     ------
@@ -86,9 +90,12 @@ class Material:
 
     Parameters
     ----------
-    E : float        Young's modulus [Pa]
-    density : float  [kg/m^3]
-    nu, G : float    Poisson's ratio, or the shear modulus [Pa] itself
+    E : float
+        Young's modulus [Pa]
+    density : float
+        [kg/m^3]
+    nu, G : float
+        Poisson's ratio, or the shear modulus [Pa] itself
 
     Raises
     ------

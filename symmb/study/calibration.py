@@ -41,15 +41,23 @@ class Calibration(Result, files.Saved):
 
     Attributes
     ----------
-    name : str                     of the scene
-    parameters : dict              n_p estimates by name
-    covariance : (n_p, n_p)        of the estimates, for errors of the data that are independent and normal; of
-                                   parameters that the data do not determine inf, and nan with the others
-    noise : dict                   output -> standard deviation of its data, as given or as estimated
-    times, data, residuals : dict  output -> (n,) times [s], values, and values less those of the fitted run
-    degrees : int                  number of values less that of what they determine; 0 if the noise was given
-    undetermined : tuple of str    what the data do not determine, in sentences
-    evaluations : int              runs with derivatives
+    name : str
+        of the scene
+    parameters : dict
+        n_p estimates by name
+    covariance : (n_p, n_p)
+        of the estimates, for errors of the data that are independent and normal; of parameters that the data do not
+        determine inf, and nan with the others
+    noise : dict
+        output -> standard deviation of its data, as given or as estimated
+    times, data, residuals : dict
+        output -> (n,) times [s], values, and values less those of the fitted run
+    degrees : int
+        number of values less that of what they determine; 0 if the noise was given
+    undetermined : tuple of str
+        what the data do not determine, in sentences
+    evaluations : int
+        runs with derivatives
     """
 
     name: str
@@ -81,7 +89,8 @@ class Calibration(Result, files.Saved):
 
         Raises
         ------
-        DeclarationError    if the data do not determine the parameters
+        DeclarationError
+            If the data do not determine the parameters
         """
         from scipy.stats import norm
 
@@ -96,7 +105,8 @@ class Calibration(Result, files.Saved):
 
         Raises
         ------
-        DeclarationError    if the level is not between 0 and 1, or the data do not determine the parameters
+        DeclarationError
+            If the level is not between 0 and 1, or the data do not determine the parameters
         """
         from scipy.stats import norm, t
 
@@ -204,22 +214,28 @@ def calibrate(
     Parameters
     ----------
     scene : Scene
-    data : mapping             output -> values (n_t,) at the times of the scene, or a pair (times, values) of its own;
-                               values that are nan are left out
-    parameters : list of str   those to estimate; default: all
-    solver : Solver            default: chosen by pilot runs
-    noise : mapping            output -> standard deviation of its data
+    data : mapping
+        output -> values (n_t,) at the times of the scene, or a pair (times, values) of its own; values that are nan are
+        left out
+    parameters : list of str
+        those to estimate; default: all
+    solver : Solver
+        default: chosen by pilot runs
+    noise : mapping
+        output -> standard deviation of its data
 
     Returns
     -------
-    Calibration                combinations that the data do not determine are a SymmbWarning, and stay as close to
-                               the nominal values as the data allow, in shares of these
+    Calibration
+        combinations that the data do not determine are a SymmbWarning, and stay as close to the nominal values as the
+        data allow, in shares of these
 
     Raises
     ------
-    DeclarationError           if an output or a parameter is unknown or named twice, or there are fewer values than
-                               parameters
-    SimulationError            if no run near the nominal parameters succeeds, or the fit does not end
+    DeclarationError
+        If an output or a parameter is unknown or named twice, or there are fewer values than parameters
+    SimulationError
+        If no run near the nominal parameters succeeds, or the fit does not end
 
     Examples
     --------

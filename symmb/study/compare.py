@@ -35,25 +35,35 @@ def compare(
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
-    methods : Method or several      default: several settings of each suitable method
-    box : Box                        default: the scene's
-    reference : Method or Bounds     for errors; default: scanning at two resolutions, with a ten times more accurate
-                                     solver
-    solver : Solver                  of all methods, for a Scene; default: chosen by pilot runs
-    times, outputs                   instead of those of the scene
-    executor : anything with `map`   runs blocks of samples
-    progress : callable              called with the label of the work, the finished runs and all its runs; default: a
-                                     bar, in notebooks and terminals
+    methods : Method or several
+        default: several settings of each suitable method
+    box : Box
+        default: the scene's
+    reference : Method or Bounds
+        for errors; default: scanning at two resolutions, with a ten times more accurate solver
+    solver : Solver
+        of all methods, for a Scene; default: chosen by pilot runs
+    times, outputs
+        instead of those of the scene
+    executor : anything with `map`
+        runs blocks of samples
+    progress : callable
+        called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
+        terminals
 
     Returns
     -------
-    Comparison                       print it, plot it, save it
+    Comparison
+        print it, plot it, save it
 
     Raises
     ------
-    DeclarationError                 if there is no box, or an argument is not a method, a box or a solver
-    PropagationError                 if no method can run
-    KeyboardInterrupt                if it is interrupted: `partial` then holds the Comparison of the methods so far
+    DeclarationError
+        If there is no box, or an argument is not a method, a box or a solver
+    PropagationError
+        If no method can run
+    KeyboardInterrupt
+        If it is interrupted: `partial` then holds the Comparison of the methods so far
 
     Examples
     --------

@@ -38,16 +38,23 @@ class RootLocus(files.Saved):
     Attributes
     ----------
     name, parameter : str
-    values : (n,)                       of the parameter
-    eigenvalues : (n, m) complex        all, by size [1/s]
-    modes : (n, k) complex              oscillations with positive imaginary part, each followed by its shape; nan where
-                                        it does not oscillate [1/s]
-    bands : dict                        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the
-                                        box, nan where the oscillation ends inside the box; empty without a box
-    box : Box                           of the other parameters, or None
-    method, evaluations : str, int      of the bands
-    remarks : tuple of str              where frequencies cross, and where shapes are exchanged
-    doubts : tuple of str               what cannot be trusted
+    values : (n,)
+        of the parameter
+    eigenvalues : (n, m) complex
+        all, by size [1/s]
+    modes : (n, k) complex
+        oscillations with positive imaginary part, each followed by its shape; nan where it does not oscillate [1/s]
+    bands : dict
+        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the box, nan where the oscillation
+        ends inside the box; empty without a box
+    box : Box
+        of the other parameters, or None
+    method, evaluations : str, int
+        of the bands
+    remarks : tuple of str
+        where frequencies cross, and where shapes are exchanged
+    doubts : tuple of str
+        what cannot be trusted
     """
 
     name: str
@@ -109,8 +116,10 @@ class RootLocus(files.Saved):
 
         Parameters
         ----------
-        path : optional            where to write the picture
-        ax : matplotlib Axes       to draw in, in the place of a new figure: up to three, for these diagrams
+        path : optional
+            where to write the picture
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure: up to three, for these diagrams
         """
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
         return plot.plot_root_locus(
@@ -177,18 +186,27 @@ def root_locus(
 
     Parameters
     ----------
-    scene : Scene              one that starts in equilibrium, or in a steady motion, for every value in the range
-    parameter : str            such as a speed
-    range : (lower, upper)     values that are looked at
-    method : optional          of the bands; default: PolynomialChaos()
-    box : Box, optional        of the other parameters; default: that of the scene
-    count : int                how many values, evenly spaced
+    scene : Scene
+        one that starts in equilibrium, or in a steady motion, for every value in the range
+    parameter : str
+        such as a speed
+    range : (lower, upper)
+        values that are looked at
+    method : optional
+        of the bands; default: PolynomialChaos()
+    box : Box, optional
+        of the other parameters; default: that of the scene
+    count : int
+        how many values, evenly spaced
 
     Raises
     ------
-    DeclarationError           if there is no such parameter, or the range is empty
-    SimulationError            if the scene does not start at one of the values
-    PropagationError           if too many samples of the box fail
+    DeclarationError
+        If there is no such parameter, or the range is empty
+    SimulationError
+        If the scene does not start at one of the values
+    PropagationError
+        If too many samples of the box fail
 
     Examples
     --------

@@ -59,10 +59,13 @@ class Stability(files.Saved):
     scene : str
     times : (n_t,) array
     trials, stress : runs of the scene, and of its harder variants
-    errors : dict              key of a trial -> root mean square error, over that of the deviation from the mean; none
-                               where there is no reference, on which two tolerances of a solver agree
-    uncertainty : float        of the reference of the scene, in the same measure; nan if there is none
-    corners : dict             relative half width of the box -> (corners that fail, corners)
+    errors : dict
+        key of a trial -> root mean square error, over that of the deviation from the mean; none where there is no
+        reference, on which two tolerances of a solver agree
+    uncertainty : float
+        of the reference of the scene, in the same measure; nan if there is none
+    corners : dict
+        relative half width of the box -> (corners that fail, corners)
     advice : str
     """
 
@@ -149,8 +152,10 @@ class Stability(files.Saved):
 
         Parameters
         ----------
-        path : optional            where to write the picture
-        ax : matplotlib Axes       to draw in, in the place of a new figure: up to three, for these diagrams
+        path : optional
+            where to write the picture
+        ax : matplotlib Axes
+            to draw in, in the place of a new figure: up to three, for these diagrams
         """
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
@@ -188,16 +193,22 @@ def stability(
     Parameters
     ----------
     scene : Scene
-    progress : callable, optional      called with the label of the work, the finished runs and all its runs; default: a
-                                       bar, in notebooks and terminals
-    seconds : float                    time after which no run begins [s]; one run may take 3/70 of it
+    progress : callable, optional
+        called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
+        terminals
+    seconds : float
+        time after which no run begins [s]; one run may take 3/70 of it
 
     Raises
     ------
-    DeclarationError           if seconds is not above 0
-    AssemblyError              if the scene cannot be started
-    SimulationError            if there is nothing to integrate, there are impacts, or no solver finishes
-    KeyboardInterrupt          if it is interrupted: `partial` then holds the Stability of the runs so far
+    DeclarationError
+        If seconds is not above 0
+    AssemblyError
+        If the scene cannot be started
+    SimulationError
+        If there is nothing to integrate, there are impacts, or no solver finishes
+    KeyboardInterrupt
+        If it is interrupted: `partial` then holds the Stability of the runs so far
     """
     scene = scene_of(scene)
     require_positive("stability", "seconds", seconds)

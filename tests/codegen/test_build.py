@@ -341,6 +341,29 @@ def let_hang_briefly(monkeypatch, *words):
     monkeypatch.setattr(build, "run_program", hurried)
 
 
+@pytest.mark.skipif(shutil.which("cc") is None, reason="wraps cc")
+@pytest.mark.parametrize("name, arguments", [("my cc", ""), ("mycc", " cc -DOTHER")], ids=["blank", "arguments"])
+def test_cc_is_a_path_or_a_path_with_arguments(folder, compilers, tmp_path, monkeypatch, name, arguments):
+    compiler = tmp_path / name
+    compiler.write_text(f'#!/bin/sh\n[ "$1" = cc ] && shift\nexec {shutil.which("cc")} "$@"\n')
+    compiler.chmod(0o700)
+    monkeypatch.setenv("CC", f"{compiler}{arguments}")
+    assert build._compiler().command == (str(compiler), *arguments.split())
+    assert build.load(ANSWER, "answer").answer() == 42
+
+
+def test_without_another_compiler_that_of_ziglang_builds(folder, compilers, monkeypatch):
+    """Its first library takes seconds: it builds parts of the C library for itself."""
+    pytest.importorskip("ziglang")
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    path, *arguments = build._compiler().command
+    assert Path(path).parent.name == "ziglang" and arguments == ["cc"]
+    scene = double_pendulum(np.linspace(0.0, 1.0, 5), box=mb.Box(l1=(0.95, 1.05)))
+    compiled = mb.propagate(scene, mb.Vertex(), solver=mb.DormandPrince(rtol=1e-9)).lower
+    np.testing.assert_allclose(compiled, mb.propagate(scene, mb.Vertex(), solver=mb.CVODES(rtol=1e-9)).lower, atol=1e-6)
+
+
 BAD = {
     "is no program": ("no program", "cannot be started"),
     "only reports success": ("#!/bin/sh\nexit 0", "reports success, but writes no library"),

@@ -35,6 +35,7 @@ SWING = ca.vertcat(X[1], -ca.sin(X[0]) - P * X[0] ** 3 + ca.cos(T) / 3)
 @pytest.fixture
 def no_compiler(monkeypatch):
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "ziglang", None)
     monkeypatch.delenv("CC", raising=False)
     build._compiler.cache_clear()
     yield
@@ -196,7 +197,8 @@ def test_the_command_line_says_that_runs_are_slow(no_compiler, tmp_path, capsys)
         "                    {'v': ball.vx}, box=mb.Box(c=(0.3, 0.5)))\n"
     )
     told = (
-        "No C compiler found. Without a C compiler runs take about 30 times as long. Install gcc or clang, or set CC.\n"
+        "No C compiler found. Without a C compiler runs take about 30 times as long. "
+        "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC.\n"
     )
     assert main(["compare", str(file), "--methods", "vertex"]) == 0
     assert capsys.readouterr().err.startswith(told)

@@ -1,5 +1,7 @@
 """Steps end at switches of time and state: against closed forms, and against SciPy, which restarts at each event."""
 
+import sys
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ def engine(request, monkeypatch):
     if request.param == "NumPy":
         monkeypatch.setenv("CC", "/nonexistent")
         monkeypatch.setenv("PATH", "/nonexistent")
+        monkeypatch.setitem(sys.modules, "ziglang", None)
         build._compiler.cache_clear()
     yield Engine if request.param == "compiled" else ArrayEngine
     monkeypatch.undo()

@@ -1,5 +1,7 @@
 """What a wrong declaration is told: all faults at once, declared names, what was expected, the remedy."""
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -61,6 +63,10 @@ FAULTS = {
     "a NaN in a law": (
         lambda: [mb.Force("push", ROD1.point(0, 0), (np.nan, 0))],
         "Force 'push': force: contains NaN or infinity",
+    ),
+    "a function of Python's math": (
+        lambda: [mb.Force("push", ROD1.point(0, 0), (math.sin(mb.t), 0))],
+        r"Force 'push': force: contains NaN or infinity\. Python's math gives NaN .* use casadi\.sin\(mb\.t\)",
     ),
     "an infinite stiffness": (
         lambda: [mb.Spring("s", GROUND.point(0, 0), ROD1.point(0, 0), np.inf)],

@@ -1,5 +1,7 @@
 """Searches for extremes, compiled and not, against samples, rigorous enclosures, closed forms and each other."""
 
+import sys
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -26,6 +28,7 @@ def either(request, monkeypatch):
     if request.param == "compiled":
         return
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setitem(sys.modules, "ziglang", None)
     monkeypatch.delenv("CC", raising=False)
     build._compiler.cache_clear()
     request.addfinalizer(build._compiler.cache_clear)

@@ -140,13 +140,16 @@ def load_urdf(
     Parameters
     ----------
     path : str or Path
-    replace : mapping      name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are
-                           "forearm.mass", "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...),
-                           "elbow.origin.x" (.y .z .roll .pitch .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper),
-                           "elbow.damping", "elbow.friction", "elbow.mimic.multiplier" (.offset)
-    fixed_base : bool      whether the link that carries the others stands still; else it moves freely
-    stop : ContactLaw      or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each;
-                           None: limits do not act. Equal lower and upper limits do not act either
+    replace : mapping
+        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are "forearm.mass",
+        "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...), "elbow.origin.x" (.y .z .roll .pitch
+        .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
+        (.offset)
+    fixed_base : bool
+        whether the link that carries the others stands still; else it moves freely
+    stop : ContactLaw
+        or a coefficient of restitution: what happens at the limits of joints, by a `Stop` each; None: limits do not
+        act. Equal lower and upper limits do not act either
 
     Returns
     -------
@@ -154,7 +157,8 @@ def load_urdf(
 
     Raises
     ------
-    DeclarationError       for each fault of the file a sentence that names line and element; unknown names in `replace`
+    DeclarationError
+        for each fault of the file a sentence that names line and element; unknown names in `replace`
 
     Examples
     --------
