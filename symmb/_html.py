@@ -46,6 +46,13 @@ def formula(latex: str) -> str:
     return f'<div class="tex2jax_process mathjax_process" {_SCROLLED}>$$ {escape(latex)} $$</div>'
 
 
+def frame(document: str, title: str) -> str:
+    """A document of its own, which reaches nothing of the page around it."""
+    style = "width: 100%; height: 480px; border: 1px solid #e3e7eb; background: white"
+    inside = f'srcdoc="{escape(document)}" title="{escape(title)}"'
+    return f'<iframe {inside} sandbox="allow-scripts" loading="lazy" style="{style}"></iframe>'
+
+
 def picture(png: bytes) -> str:
     """A PNG file."""
     data = b64encode(png).decode()

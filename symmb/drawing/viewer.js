@@ -452,7 +452,8 @@ const times0 = () => numbers[first.t[0]], span = () => (numbers[first.t[0] + fir
 function drawCurves() {
   const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
   for (const { i, c } of curves) {  // images: a canvas would be laid into the page anew in each picture
-    const w = sheet.width = c.clientWidth * devicePixelRatio, h = sheet.height = c.clientHeight * devicePixelRatio;
+    const w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio;
+    const h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
     const all = [...lines.map(l => l.values), ...(bounds || [])].flat().filter(Number.isFinite);
@@ -466,6 +467,12 @@ function drawCurves() {
       for (let k = t.length - 1; k >= 0; k--) pen.lineTo(x(k), y(bounds[1][k]));
       pen.fillStyle = "#d8e3ee"; pen.fill();
     }
+    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
+    ticks(t[0], t[0] + span()).forEach((tick, k, all) => {
+      const at = (tick - t[0]) / span() * w, text = `${+tick.toPrecision(6)}${k === all.length - 1 ? " s" : ""}`;
+      pen.fillStyle = "#e3e7eb"; pen.fillRect(Math.min(at, w - 1), 0, 1, h);
+      pen.fillStyle = "#4b5563"; pen.fillText(text, Math.min(Math.max(at - pen.measureText(text).width / 2, 0), w - pen.measureText(text).width), h + foot - 3 * devicePixelRatio);
+    });
     if (low < 0 && high > 0) { pen.fillStyle = "#c3cad2"; pen.fillRect(0, y(0), w, 1); }
     for (const { values, tint } of lines) {
       pen.beginPath(); path(values);
@@ -474,10 +481,16 @@ function drawCurves() {
     if (bounds && page.mark.output === i) {
       pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h);
     }
-    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`; pen.fillStyle = "#4b5563";
+    pen.fillStyle = "#4b5563";
     for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
     c.src = sheet.toDataURL();
   }
+}
+
+function ticks(first, last) {  // round times, four to eight of them; the two ends of a time without extent
+  const step = (last - first) / 4, power = 10 ** Math.floor(Math.log10(step)), by = [5, 2, 1].map(f => f * power).find(f => f <= step * (1 + 1e-9));
+  const begin = Math.ceil(first / by - 1e-9), end = Math.floor(last / by + 1e-9);
+  return Array.from({ length: end - begin + 1 }, (_, k) => (begin + k) * by);
 }
 
 const short = v => !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
