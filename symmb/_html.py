@@ -30,9 +30,10 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: st
     """
 
     def row(cells: Sequence[str], tag: str) -> str:
-        sides = ("left" if i in left else "right" for i in range(len(cells)))
+        sides = ("left" if i in left else "right; white-space: nowrap" for i in range(len(cells)))
         return "".join(
-            f'<{tag} style="text-align: {side}">{escape(cell)}</{tag}>' for cell, side in zip(cells, sides, strict=True)
+            f'<{tag} style="padding: 0.1em 0.5em; text-align: {side}">{escape(cell)}</{tag}>'
+            for cell, side in zip(cells, sides, strict=True)
         )
 
     head, *body = rows
