@@ -30,9 +30,10 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: st
     """
 
     def row(cells: Sequence[str], tag: str) -> str:
-        sides = ("left" if i in left else "right" for i in range(len(cells)))
+        sides = ("left" if i in left else "right; white-space: nowrap" for i in range(len(cells)))
         return "".join(
-            f'<{tag} style="text-align: {side}">{escape(cell)}</{tag}>' for cell, side in zip(cells, sides, strict=True)
+            f'<{tag} style="padding: 0.1em 0.5em; text-align: {side}">{escape(cell)}</{tag}>'
+            for cell, side in zip(cells, sides, strict=True)
         )
 
     head, *body = rows
@@ -44,6 +45,13 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,), title: st
 def formula(latex: str) -> str:
     """Displayed mathematics, which notebooks typeset."""
     return f'<div class="tex2jax_process mathjax_process" {_SCROLLED}>$$ {escape(latex)} $$</div>'
+
+
+def frame(document: str, title: str) -> str:
+    """A document of its own, which reaches nothing of the page around it."""
+    style = "width: 100%; height: 480px; border: 1px solid #e3e7eb; background: white"
+    inside = f'srcdoc="{escape(document)}" title="{escape(title)}"'
+    return f'<iframe {inside} sandbox="allow-scripts" loading="lazy" style="{style}"></iframe>'
 
 
 def picture(png: bytes) -> str:

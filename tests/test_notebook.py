@@ -1,8 +1,10 @@
 """The README's example in a notebook: every result shows as a table, as typeset equations, or as a picture."""
 
 import re
+from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import symmb as mb
@@ -27,6 +29,13 @@ CELLS = {
     "run": "run",
     "bounds": "bounds",
     "comparison": "comparison = mb.compare(scene, [mb.PolynomialChaos(), mb.Vertex()]); comparison",
+    "box": "scene.box",
+    "parameters": "p",
+    "worst cases": 'bounds.worst("tip_y")',
+    "a worst case": 'bounds.worst("tip_y").lower',
+    "moments": "mb.propagate(scene, mb.PolynomialChaos(order=3)).moments()",
+    "expansion": "mb.propagate(scene, mb.PolynomialChaos(order=3)).expansion",
+    "drawing": "mb.view(bounds, point=tip)",
     "figure": 'run.plot(outputs="tip_y")',
     "figure of bounds": "bounds.plot()",
     "figure of a comparison": "comparison.plot()",
@@ -75,6 +84,39 @@ def test_results_are_tables(shown, name):
     page = shown(name)["text/html"]
     assert "<table" in page and "tip_y" in page
     assert "data:image/png;base64," in page
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["box", "parameters", "worst cases", "a worst case", "moments", "expansion"])
+def test_small_results_are_tables(shown, name):
+    page = shown(name)["text/html"]
+    assert "<table" in page and "length" in page and "stiffness" in page
+
+
+@pytest.mark.slow
+def test_a_drawing_is_a_page_of_its_own(shown):
+    frame = re.fullmatch(
+        '<iframe srcdoc="([^"<>]*)" title="drawing of rod on a spring"[^<>]*></iframe>', shown("drawing")["text/html"]
+    )
+    assert frame is not None
+    page = unescape(frame[1])
+    assert page.startswith("<!DOCTYPE html>") and "rod on a spring" in page and page.rstrip().endswith("</html>")
+
+
+def test_a_file_is_written_without_a_page(tmp_path):
+    fall = mb.Scene(mb.System(mb.Body("ball", mass=1.0, pose=mb.Particle())), times=np.array([0.0, 1.0]), name="<b>&")
+    assert mb.view(fall, tmp_path / "fall.html") is None
+    page = mb.view(fall)
+    assert page is not None and page.text == (tmp_path / "fall.html").read_text(encoding="utf-8")
+    assert "<b>" not in page._repr_html_() and 'title="drawing of &lt;b&gt;&amp;"' in page._repr_html_()
+
+
+def test_modes_are_a_table():
+    steel = mb.Material(E=2.1e11, density=7850.0, nu=0.3)
+    rod = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.01), steel, elements=4)
+    modes = mb.FiniteElements.beams(rod).modes(count=2)
+    page = modes._repr_html_()
+    assert page.count("<tr>") == 1 + len(modes.stiffness) and f"{modes.frequencies[0]:.6g}" in page
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 import symmb
 
 pytest.importorskip("furo")
-pytest.importorskip("myst_parser")
+pytest.importorskip("myst_nb")
 pytest.importorskip("numpydoc")
 SearchEnglish = pytest.importorskip("sphinx.search.en").SearchEnglish
 pytestmark = pytest.mark.slow
@@ -51,6 +51,16 @@ QUESTIONS = [
     ("How do I go from a drawing's tolerances to limits?", "tolerances drawing", "tolerances"),
 ]
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
+NOTEBOOKS = {
+    "tolerances": ["<iframe srcdoc=", "<table", "data:image/png;base64,", "The largest box that keeps the limits"],
+    "simulators": [
+        "<table",
+        "data:image/png;base64,",
+        "runs of the FMU; its bounds differ from those of the program by",
+    ],
+    "paper": ["<iframe srcdoc=", "<table", "± 20%   paper"],
+}
+"""Pages whose code runs in the build, and what is below their cells."""
 
 
 def listed(files):
@@ -112,6 +122,10 @@ def test_site(tmp_path):
     built = subprocess.run([*command, ROOT / "examples" / "guide", tmp_path], capture_output=True, text=True)
     assert built.returncode == 0, built.stderr
     assert not list(broken_links(tmp_path))
+    for page, shown in NOTEBOOKS.items():
+        text = (tmp_path / f"{page}.html").read_text(encoding="utf-8")
+        outputs = text.split('class="cell_output')[1:]
+        assert len(outputs) >= 3 and all(any(part in output for output in outputs) for part in shown), page
 
     text = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
     index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))

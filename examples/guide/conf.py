@@ -6,6 +6,7 @@ and `gallery` beside them at each build; git ignores these.
 
 import ast
 import inspect
+import os
 import re
 from itertools import takewhile
 from pathlib import Path
@@ -15,10 +16,16 @@ import symmb
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent
 
+os.environ["TQDM_DISABLE"] = "1"  # notebooks show results alone
+
 project, author, copyright = "symmb", "The symmb authors", "The symmb authors"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
 myst_enable_extensions = ["html_image"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_timeout = 120
+nb_execution_raise_on_error = True
 exclude_patterns = ["_build"]
 default_role = "code"
 html_theme = "furo"
@@ -46,7 +53,7 @@ GROUPS = {
     "Nodes and polynomials": "methods",
     "Answers": "tolerances comparisons calibration",
     "Linearisation": "linear",
-    "Black boxes": "black_boxes external_programs fmus stored_runs",
+    "Black boxes": "simulators black_boxes external_programs fmus stored_runs",
     "Results": "results contributions",
     "Errors": "starting",
 }

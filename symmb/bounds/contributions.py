@@ -111,7 +111,12 @@ class Contributions(Result, files.Saved):
         return html.page(html.text(self._head()), *map(html.table, self._tables()), html.picture(plot.png(self.plot())))
 
     def plot(
-        self, path: str | Path | None = None, outputs: str | Sequence[str] | None = None, time: float | None = None
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        time: float | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
     ) -> "Figure":
         """Draw the widths of each parameter alone, stacked over time, or bars at a time; write it to `path` if given.
 
@@ -121,8 +126,12 @@ class Contributions(Result, files.Saved):
             those to draw; default: the first six
         time : float
             the output time [s] that is closest is drawn as bars of `alone` and `saved`
+        figsize : (width, height)
+            of the figure [inch]
+        title : str
+            of the figure
         """
-        return plot.plot_contributions(
+        figure = plot.plot_contributions(
             self.t,
             self.names,
             self.parameters,
@@ -132,8 +141,8 @@ class Contributions(Result, files.Saved):
             units=self.units,
             chosen=plot.columns_of("Contributions.plot", outputs, self.names),
             row=None if time is None else row_of("Contributions.plot", self.t, time),
-            path=path,
         )
+        return plot.finish(figure, "Contributions.plot", path, None, figsize, title)
 
     def _record(self) -> dict[str, Any]:
         return dict(vars(self))

@@ -150,16 +150,27 @@ class LimitCheck(Result):
         parts = html.text(self._head()), html.table(self._rows(), _LEFT), html.picture(plot.png(self.plot()))
         return html.page(*parts)
 
-    def plot(self, path: str | Path | None = None, outputs: str | Sequence[str] | None = None) -> "Figure":
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
         """Draw the bounds of outputs with limits, and these as lines; write the picture to `path` if given.
 
         Without names these are all outputs with limits.
+
+        Parameters
+        ----------
+        figsize : (width, height)  of the figure [inch]
+        title : str                of the figure
         """
         chosen = plot.columns_of("LimitCheck.plot", outputs, [limit.output for limit in self.limits])
         some = self.limits if chosen is None else [self.limits[k] for k in chosen]
         figure = self.draw([limit.output for limit in some])
         plot.add_limits(figure, [(limit.low, limit.high) for limit in some])
-        return plot.save(figure, path)
+        return plot.finish(figure, "LimitCheck.plot", path, None, figsize, title)
 
     def _labelled(self) -> Labelled:
         names = [limit.output for limit in self.limits]

@@ -13,7 +13,7 @@ from symmb import files, plot
 from symmb._errors import DeclarationError, PropagationError
 from symmb._labelled import Labelled, Result
 from symmb._names import did_you_mean
-from symmb._options import require_positive
+from symmb._options import require_positive, require_truth
 from symmb._table import aligned
 from symmb._types import Array
 from symmb.bounds.answers import Answers
@@ -394,17 +394,30 @@ class Bounds(Answers, Result, files.Saved):
         path: str | Path | None = None,
         outputs: str | Sequence[str] | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+        deviation: bool = False,
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
         Without names these are the first six outputs. The filled band lies between lower and upper; dashed lines are
-        ``outer``, dotted ones ``inner`` of bounds that are not sampled.
+        ``outer``, dotted ones ``inner`` of bounds that are not sampled. The thin line is the nominal run.
 
         Parameters
         ----------
         ax : matplotlib Axes to draw in, in the place of a new figure, one an output
+        figsize : (width, height)  of a new figure [inch]
+        title : str                of a new figure, in place of its own
+        deviation : bool           draw deviations from the nominal run: bands may be too narrow to be seen beside it
+
+        Raises
+        ------
+        DeclarationError           if an option is wrong, or deviations are asked for and the nominal run is not known
         """
-        return plot.plot_bounds(
+        require_truth("Bounds.plot", "deviation", deviation)
+        if deviation and self.nominal is None:
+            raise DeclarationError("Bounds.plot: deviation needs the nominal run, which these bounds do not hold.")
+        figure = plot.plot_bounds(
             self.t,
             self.names,
             plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
@@ -413,9 +426,11 @@ class Bounds(Answers, Result, files.Saved):
             chosen=plot.columns_of("Bounds.plot", outputs, self.names),
             outer=None if self.estimate is None else self.outer,
             inner=None if self.kind == "sampled" else self.inner,
-            path=path,
+            nominal=self.nominal,
+            deviation=deviation,
             ax=ax,
         )
+        return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
     def _head(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, texts
 from symmb._options import is_finite_number, shown
@@ -169,6 +170,10 @@ class WorstCase:
     def __repr__(self) -> str:
         return f"WorstCase({self})"
 
+    def _repr_html_(self) -> str:
+        rows = [[name, f"{self.parameters[name]:.6g}"] for name in self.varied]
+        return html.page(html.text(str(self)), html.table([["parameter", "value"], *rows]))
+
     def record(self) -> dict[str, Any]:
         """What files hold."""
         return {name: value for name, value in vars(self).items() if name != "simulator"}
@@ -189,12 +194,18 @@ class Worst(Result):
     upper: WorstCase
 
     def __str__(self) -> str:
+        return "\n".join(aligned(self._rows()))
+
+    def _repr_html_(self) -> str:
+        return html.page(html.table(self._rows()))
+
+    def _rows(self) -> list[list[str]]:
         varied = self.lower.varied
         rows = [["worst case", "bound", "at [s]", *varied, "attained"]]
         for case, word in ((self.lower, "least"), (self.upper, "greatest")):
             numbers = case.value, case.time, *(case.parameters[name] for name in varied), case.attained
             rows.append([f"{word} {case.output}", *(f"{number:.6g}" for number in numbers)])
-        return "\n".join(aligned(rows))
+        return rows
 
     def _labelled(self) -> Labelled:
         cases = self.lower, self.upper

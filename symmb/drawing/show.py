@@ -1,8 +1,10 @@
 """`view`: a scene, a run or bounds, drawn into a file whose suffix chooses the format."""
 
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
+from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb.bounds import Bounds
@@ -18,15 +20,26 @@ from symmb.simulation import DAESimulator, Trajectory, simulate
 FORMATS = (".html", *STILLS, *FILMS)
 
 
+@dataclass(frozen=True)
+class Page:
+    """A drawing that a notebook shows: the text of a page in HTML, which needs no network."""
+
+    name: str
+    text: str = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        return html.frame(self.text, f"drawing of {self.name}")
+
+
 def view(
     subject: Scene | DAESimulator | Trajectory | Bounds,
-    path: str | Path,
+    path: str | Path | None = None,
     *,
     output: str | None = None,
     time: float | None = None,
     point: Point | None = None,
-) -> None:
-    """Draw a mechanism.
+) -> Page | None:
+    """Draw a mechanism, into a file or in a notebook.
 
     Parameters
     ----------
@@ -35,13 +48,18 @@ def view(
         drawn as well
     path : str or Path
         .html: a page to play, turn and look into, which needs no network; .png, .svg: a still; .gif, .mp4: a film; .mp4
-        needs the program ffmpeg
+        needs the program ffmpeg; default: a page that a notebook shows below its cell
     output : str
         of Bounds: whose least and largest value runs attain; default: the widest
     time : float
         of a still, and when the bounds are attained [s]; default: the start, and where the output's bounds are widest
     point : Point
         whose path is drawn, and with Bounds where it gets over the box
+
+    Returns
+    -------
+    Page or None
+        without a path, the page, whose `text` is HTML
 
     Raises
     ------
@@ -59,7 +77,7 @@ def view(
     >>> page.read_text()[:15]
     '<!DOCTYPE html>'
     """
-    suffix = require_suffix(path, *FORMATS)
+    suffix = ".html" if path is None else require_suffix(path, *FORMATS)
     if not isinstance(subject, Scene | DAESimulator | Trajectory | Bounds):
         raise DeclarationError(f"view draws a Scene, a Trajectory or Bounds, got {type(subject).__name__}.")
     if not isinstance(point, Point | None):
@@ -70,6 +88,8 @@ def view(
         raise DeclarationError("view: output= chooses the bounds that runs attain. It goes with Bounds alone.")
     else:
         exhibit = of_run(subject if isinstance(subject, Trajectory) else simulate(subject), time, point)
+    if path is None:
+        return Page(exhibit.drawing.name, page(exhibit))
     with replacement(path) as file:
         if suffix == ".html":
             file.write(page(exhibit).encode())
@@ -77,6 +97,7 @@ def view(
             film(exhibit, file, suffix)
         else:
             still(exhibit, file, suffix)
+    return None
 
 
 def start_picture(scene: Scene) -> bytes:

@@ -28,7 +28,6 @@ const unit = a => times(a, 1 / (length(a) || 1));
 const columns = (x, y, z, r) => [...x, 0, ...y, 0, ...z, 0, ...r, 1];
 const turned = (m, a) => [0, 1, 2].map(i => m[i] * a[0] + m[4 + i] * a[1] + m[8 + i] * a[2]);
 const moved = (m, a) => add(turned(m, a), [m[12], m[13], m[14]]);
-
 function across(axis) {  // two unit vectors that make a right-handed frame with an axis
   const u = unit(cross(Math.abs(axis[2]) > 0.9 * length(axis) ? [1, 0, 0] : Z, axis));
   return [u, unit(cross(axis, u))];
@@ -72,7 +71,6 @@ function surface(rows, columnsOf, point, normal) {  // a grid of points over [0,
       }
   return out;
 }
-
 const circle = u => [Math.cos(2 * Math.PI * u), Math.sin(2 * Math.PI * u)];
 
 function disc(z, n, sides) {
@@ -102,7 +100,6 @@ function faces(polygon) {  // of a flat polygon
   const n = unit(cross(sub(polygon[1], polygon[0]), sub(polygon[2], polygon[0])));
   return polygon.slice(1, -1).flatMap((p, i) => [polygon[0], p, polygon[i + 2]].flatMap(q => [...q, ...n]));
 }
-
 const line = (n, point) => Array.from({ length: n + 1 }, (_, i) => point(i / n));
 
 function cube() {
@@ -237,7 +234,6 @@ const forms = {
     position(run, shape.places[0], Math.round(u * (run.t[1] - 1)))), s[0], 4)),
 };
 const IN_WORLD = new Set(["arrow", "twist", "support"]);  // forms whose direction is in world axes
-
 function position(run, place, k) {
   return moved(frameMatrix(run, run.places[place].frame, k), localPosition(run, place, k, scale));
 }
@@ -423,18 +419,20 @@ function overlay() {
   ["#c62828", "#2e7d32", "#1565c0"].forEach((colour, i) => arrow(...o, 34 * X[i], -34 * Y[i], colour, "xyz"[i]));
   const g = times(unit(first.gravity), 28);
   arrow(122, h - 60, dot(X, g), -dot(Y, g), "#5b6470", length(g) ? "g" : "");
-  const metre = canvas.height / ratio / view.height, most = 140 / metre, power = 10 ** Math.floor(Math.log10(most));
-  const nice = [5, 2, 1].map(f => f * power).find(f => f <= most), x = w - 24 - nice * metre, y = h - 24;
+  const metre = canvas.height / ratio / view.height, nice = roundBelow(140 / metre), x = w - 24 - nice * metre, y = h - 24;
   pen.strokeStyle = pen.fillStyle = "#3b434d"; pen.lineWidth = 1.5;
   pen.beginPath(); pen.moveTo(x, y - 5); pen.lineTo(x, y); pen.lineTo(w - 24, y); pen.lineTo(w - 24, y - 5); pen.stroke();
   pen.textAlign = "center"; pen.fillText(lengthText(nice), (x + w - 24) / 2, y - 6); pen.textAlign = "left";
 }
 
+function roundBelow(most) {  // the largest of 1, 2 and 5 times a power of ten
+  const power = 10 ** Math.floor(Math.log10(most) + 1e-9);
+  return [5, 2, 1].map(f => f * power).find(f => f <= most * (1 + 1e-9));
+}
 const lengthText = a => a >= 1 ? `${+a.toPrecision(3)} m` : a >= 1e-3 ? `${+(1e3 * a).toPrecision(3)} mm` : `${+(1e6 * a).toPrecision(3)} µm`;
 
 // Curves of the outputs
 const curves = [];
-
 function makeCurves() {
   first.outputs.forEach((name, i) => {
     const box = document.createElement("div"), c = document.createElement("img"), cursor = document.createElement("i");
@@ -446,13 +444,11 @@ function makeCurves() {
     curves.push({ i, c, cursor, value });
   });
 }
-
 const times0 = () => numbers[first.t[0]], span = () => (numbers[first.t[0] + first.t[1] - 1] - times0()) || 1;
-
 function drawCurves() {
-  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d");
+  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d"), by = roundBelow(span() / 4);
   for (const { i, c } of curves) {  // images: a canvas would be laid into the page anew in each picture
-    const w = sheet.width = c.clientWidth * devicePixelRatio, h = sheet.height = c.clientHeight * devicePixelRatio;
+    const w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
     const all = [...lines.map(l => l.values), ...(bounds || [])].flat().filter(Number.isFinite);
@@ -466,6 +462,12 @@ function drawCurves() {
       for (let k = t.length - 1; k >= 0; k--) pen.lineTo(x(k), y(bounds[1][k]));
       pen.fillStyle = "#d8e3ee"; pen.fill();
     }
+    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
+    for (let tick = Math.ceil(t[0] / by - 1e-9) * by; tick <= t[0] + span() + 1e-9 * by; tick += by) {
+      const at = (tick - t[0]) / span() * w, text = `${+(Math.round(tick / by) * by).toPrecision(6)}${tick + by > t[0] + span() + 1e-9 * by ? " s" : ""}`, wide = pen.measureText(text).width;
+      pen.fillStyle = "#e3e7eb"; pen.fillRect(Math.min(at, w - 1), 0, 1, h);
+      pen.fillStyle = "#4b5563"; pen.fillText(text, Math.min(Math.max(at - wide / 2, 0), w - wide), h + foot - 3 * devicePixelRatio);
+    }
     if (low < 0 && high > 0) { pen.fillStyle = "#c3cad2"; pen.fillRect(0, y(0), w, 1); }
     for (const { values, tint } of lines) {
       pen.beginPath(); path(values);
@@ -474,17 +476,15 @@ function drawCurves() {
     if (bounds && page.mark.output === i) {
       pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h);
     }
-    pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`; pen.fillStyle = "#4b5563";
+    pen.fillStyle = "#4b5563";
     for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
     c.src = sheet.toDataURL();
   }
 }
-
 const short = v => !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
 
 // Time
 let picture = 0, clock = 0, playing = false, previous = 0, drawn = 0;
-
 function nearest(run, t) {  // the picture whose time is closest
   const at = k => numbers[run.t[0] + k];
   let low = 0, high = run.t[1] - 1;

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import casadi as ca
 import numpy as np
 
+from symmb import _html as html
 from symmb._errors import DeclarationError, NoParameterError
 from symmb._names import did_you_mean, name_fault
 from symmb._options import is_finite_number, shown
@@ -96,3 +97,7 @@ class Parameters(Mapping[str, float]):
 
     def __repr__(self) -> str:
         return f"Parameters({', '.join(f'{n}={v:g}' for n, v in self._nominal.items())})"
+
+    def _repr_html_(self) -> str:
+        rows = [[name, f"{value:.12g}"] for name, value in self._nominal.items()]
+        return html.page(html.table([["parameter", "nominal"], *rows]))

@@ -9,6 +9,7 @@ from typing import SupportsFloat
 
 import numpy as np
 
+from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
@@ -212,6 +213,13 @@ class Box:
             f"{name}=({low:.12g}, {high:.12g})" for name, (low, high) in zip(self.names, self.bounds, strict=True)
         )
         return f"Box({inside})"
+
+    def _repr_html_(self) -> str:
+        ends = zip(self.names, self.bounds, self.center.tolist(), self.radius.tolist(), strict=True)
+        rows = [
+            [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
+        ]
+        return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]))
 
 
 def _interval(name: str, pair: tuple[float, float]) -> tuple[float, float]:

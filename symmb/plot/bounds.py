@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb._types import Array
-from symmb.plot.colours import BAND_COLOUR, colour_of
+from symmb.plot.colours import BAND_COLOUR, RUN_COLOUR, colour_of
 from symmb.plot.curves import Band, PlottedBounds
 from symmb.plot.layout import (
     DASHES,
@@ -17,6 +17,7 @@ from symmb.plot.layout import (
     abscissa,
     along,
     cyclic,
+    flatten,
     given_panels,
     labels,
     n_rows,
@@ -24,6 +25,7 @@ from symmb.plot.layout import (
     new_panels,
     own_legend,
     root,
+    rounding,
     save,
     shared_legend,
 )
@@ -48,6 +50,8 @@ def plot_bounds(
     chosen: Sequence[int] | None = None,
     outer: tuple[Array, Array] | None = None,
     inner: tuple[Array, Array] | None = None,
+    nominal: Array | None = None,
+    deviation: bool = False,
     path: str | Path | None = None,
     ax: "GivenAxes | None" = None,
 ) -> "Figure":
@@ -59,10 +63,15 @@ def plot_bounds(
     chosen : columns to draw           default: the first six outputs, in the caller's axes as many as there are
     outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and what
                                                                runs attained
+    nominal : (n_t, n_y) or None       the nominal run, a thin line
+    deviation                          draw deviations from the nominal run
     """
+    least = rounding(np.stack([band.lower, band.upper]), units)
     every = range(len(names) if ax is not None else min(len(names), MOST_PANELS))
     shown = [*every] if chosen is None else [*chosen]
-    own_names, own_units = [names[i] for i in shown], [units[i] for i in shown] if units else []
+    own_names = [f"{names[i]} − nominal" if deviation else names[i] for i in shown]
+    own_units = [units[i] for i in shown] if units else []
+    origin = nominal if deviation and nominal is not None else np.zeros_like(band.lower)
     colour = colour_of(family)
     pairs: tuple[tuple[tuple[Array, Array] | None, str | None, dict[str, Any]], ...] = (
         ((band.lower, band.upper), None, {"linewidth": 1.1}),
@@ -76,13 +85,18 @@ def plot_bounds(
         panels = given_panels("Bounds.plot", ax, t, own_names, own_units)
         figure = root(panels[0])
     for axes, i in zip(panels, shown, strict=True):
-        filled = along(t, band.lower[:, i]), along(t, band.upper[:, i])
+        filled = along(t, band.lower[:, i] - origin[:, i]), along(t, band.upper[:, i] - origin[:, i])
         axes.fill_between(abscissa(t), *filled, color=colour, alpha=_TINT, linewidth=0, label=band.label)
         for pair, label, style in pairs:
             if pair is not None:
-                _draw_pair(axes, t, pair[0][:, i], pair[1][:, i], label=label, color=colour, **style)
+                ends = (end[:, i] - origin[:, i] for end in pair)
+                _draw_pair(axes, t, *ends, label=label, color=colour, **style)
+        if nominal is not None:
+            run = along(t, nominal[:, i] - origin[:, i])
+            axes.plot(abscissa(t), run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
         if ax is not None:
             own_legend(axes)
+    flatten(panels, least[shown])
     if ax is None:
         shared_legend(figure, panels)
         if chosen is None and len(shown) < len(names):
@@ -91,9 +105,15 @@ def plot_bounds(
 
 
 def draw_bounds(
-    panels: Sequence["Axes"], t: Array, shown: Sequence[int], reference: Band, curves: Sequence[PlottedBounds]
+    panels: Sequence["Axes"],
+    t: Array,
+    shown: Sequence[int],
+    reference: Band,
+    curves: Sequence[PlottedBounds],
+    units: Sequence[str] = (),
 ) -> None:
     """Bounds by several methods over the reference, one panel an output."""
+    least = rounding(np.stack([reference.lower, reference.upper]), units)
     for axes, i in zip(panels, shown, strict=True):
         is_empty = not axes.has_data()
         band = along(t, reference.lower[:, i]), along(t, reference.upper[:, i])
@@ -101,8 +121,9 @@ def draw_bounds(
         for k, curve in enumerate(curves):
             style: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colour_of(curve.family)}
             _draw_pair(axes, t, curve.lower[:, i], curve.upper[:, i], label=f"{curve.label}, {curve.kind}", **style)
-        if is_empty:
+        if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
+    flatten(panels, least[[*shown]])
 
 
 def _draw_pair(axes: "Axes", t: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:

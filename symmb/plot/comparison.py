@@ -87,7 +87,7 @@ def plot_comparison(
     above, below = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
     texts = labels(names, units)
     panels = new_panels(above, t, [texts[i] for i in shown])
-    draw_bounds(panels, t, shown, reference, best)
+    draw_bounds(panels, t, shown, reference, best, units)
     shared_legend(above, panels)
     is_part = chosen is None and len(shown) < len(names)
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
@@ -116,7 +116,7 @@ def _drawn_into(
     shown = range(len(names)) if chosen is None else chosen
     own_units = [units[i] for i in shown] if units else []
     panels = given_panels("Comparison.plot", panels, t, [names[i] for i in shown], own_units)
-    draw_bounds(panels, t, shown, reference, best)
+    draw_bounds(panels, t, shown, reference, best, units)
     for axes in panels:
         own_legend(axes)
     return root(panels[0])

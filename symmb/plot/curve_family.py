@@ -11,6 +11,7 @@ from symmb.plot.layout import (
     ROW_HEIGHT,
     abscissa,
     along,
+    flatten,
     given_panels,
     labels,
     n_rows,
@@ -19,6 +20,7 @@ from symmb.plot.layout import (
     own_legend,
     plain,
     root,
+    rounding,
     save,
     shared_legend,
 )
@@ -49,7 +51,8 @@ def plot_family(
     """
     from matplotlib import colormaps
 
-    columns = range(len(names)) if chosen is None else chosen
+    columns = [*range(len(names))] if chosen is None else [*chosen]
+    least = rounding(curves, units)[columns]
     names, units = [names[i] for i in columns], [units[i] for i in columns] if units else []
     N = len(curves)
     few = N <= len(COLOURS)
@@ -66,6 +69,7 @@ def plot_family(
         for k in range(N):
             label = curve_names[k] if k in named else None
             axes.plot(abscissa(t), along(t, curves[k, :, i]), color=shades[k], linewidth=1.2, label=label)
+    flatten(panels, least)
     if ax is None:
         shared_legend(figure, panels)
     else:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import require_names, shown
+from symmb._options import numbers_of, require_names, shown
 from symmb._types import Array
 from symmb.files import replacement, require_suffix
 
@@ -38,6 +38,12 @@ LEAST_ERROR, LARGEST_ERROR = 1e-16, 10.0
 """Range of drawn errors: rounding, as a share of the width, and a run that has lost the motion, as a share of it."""
 NUMBER_DISTANCE = 16.0
 """Distance from which on a number does not touch others [point]."""
+ROUNDING = 1e-12, 1e-15
+"""Spreads of an output that are rounding: over its own largest value, and over that of all outputs of its unit."""
+_FLAT = 0.05, 50.0
+"""Least room around a spread that is rounding, so that it looks flat: over its middle, and over the rounding."""
+_SIZES = 1.0, 50.0
+"""Least and largest side of a picture [inch]: larger ones need more than a gigabyte."""
 _SCREEN = 80
 """Pixels of a notebook for an inch of a figure."""
 
@@ -72,6 +78,56 @@ def save(figure: "Figure", path: str | Path | None) -> "Figure":
         with replacement(path) as file:
             figure.savefig(file, format=suffix[1:])
     return figure
+
+
+def finish(
+    figure: "Figure",
+    owner: str,
+    path: str | Path | None,
+    ax: "GivenAxes | None" = None,
+    figsize: tuple[float, float] | None = None,
+    title: str | None = None,
+) -> "Figure":
+    """The picture of a result, with the size [inch] and the title that its caller asks for; see `save` for path.
+
+    Raises
+    ------
+    DeclarationError       if the size or the title is none, or the picture is in axes of the caller
+    """
+    for name, given in (("figsize", figsize), ("title", title)):
+        if given is not None and ax is not None:
+            raise DeclarationError(f"{owner}: {name} goes with a new figure, not with ax.")
+    if title is not None and not isinstance(title, str):
+        raise DeclarationError(f"{owner}: title must be a text, got {shown(title)}.")
+    if figsize is not None:
+        sides = numbers_of(figsize)
+        if sides is None or sides.shape != (2,) or not ((_SIZES[0] <= sides) & (sides <= _SIZES[1])).all():
+            ends = "from {:g} to {:g} inches".format(*_SIZES)
+            raise DeclarationError(
+                f"{owner}: figsize must be a width and a height {ends}, such as (8, 5), got {shown(figsize)}."
+            )
+        figure.set_size_inches(*sides.tolist())
+    if title is not None:
+        parts = [part for part in (figure, *figure.subfigs) if part.get_suptitle()] or [figure]
+        parts[0].suptitle(plain(title), fontsize=10)
+    return save(figure, path)
+
+
+def rounding(values: Array, units: Sequence[str] = ()) -> Array:
+    """(n_y,) spreads of outputs (..., n_y) that are rounding; see `ROUNDING`."""
+    size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
+    alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
+    return np.maximum(ROUNDING[0] * size, ROUNDING[1] * np.array(alike or 0.0))
+
+
+def flatten(panels: Sequence["Axes"], least: Array) -> None:
+    """Widen the axes of spreads that are rounding (n,), so that these look flat."""
+    for axes, spread in zip(panels, least.tolist(), strict=True):
+        low, high = axes.dataLim.intervaly
+        if 0 < high - low <= spread:
+            room = max(_FLAT[0] * abs(low + high) / 2, _FLAT[1] * spread)
+            axes.update_datalim([(axes.dataLim.x0, low - room), (axes.dataLim.x0, high + room)])
+            axes.autoscale_view(scalex=False)
 
 
 def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[str]) -> list[int] | None:

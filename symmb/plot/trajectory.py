@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from symmb._types import Array
 from symmb.plot.colours import COLOURS, RUN_COLOUR
 from symmb.plot.layout import (
@@ -12,6 +14,7 @@ from symmb.plot.layout import (
     abscissa,
     along,
     cyclic,
+    flatten,
     given_panels,
     labels,
     n_rows,
@@ -20,6 +23,7 @@ from symmb.plot.layout import (
     own_legend,
     plain,
     root,
+    rounding,
     save,
 )
 
@@ -45,7 +49,8 @@ def plot_trajectory(
 
     In a single one of the caller's axes all outputs are drawn, each with a colour of its own.
     """
-    columns = range(len(names)) if chosen is None else chosen
+    columns = [*range(len(names))] if chosen is None else [*chosen]
+    least = rounding(values, units)[columns]
     names, units = [names[i] for i in columns], [units[i] for i in columns] if units else []
     if ax is None:
         figure = new_figure(HEAD_HEIGHT + ROW_HEIGHT * n_rows(len(names)))
@@ -58,6 +63,7 @@ def plot_trajectory(
     for k, (axes, i) in enumerate(zip(panels, columns, strict=True)):
         colour = cyclic(COLOURS, k) if several else RUN_COLOUR
         axes.plot(abscissa(t), along(t, values[:, i]), color=colour, linewidth=1.2, label=names[k])
+    flatten(panels, np.full(len(panels), least.max()) if several else least)
     if several:
         own_legend(panels[0])
     return save(figure, path)

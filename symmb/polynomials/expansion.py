@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from symmb import _html as html
 from symmb import files
 from symmb._errors import DeclarationError
 from symmb._options import require_names, require_numbers, shown
@@ -14,6 +15,8 @@ from symmb.polynomials.legendre import MultiIndices, basis_values, mean_squares
 
 ROUNDING = 1e-12
 """Share of an output's largest root mean square below which its standard deviation counts as zero."""
+
+_SHARES = "shares of the variance, alone / with others, over all times"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +46,12 @@ class Expansion:
             ("parameters", tuple(names)),
         ):
             object.__setattr__(self, name, value)
+
+    def _repr_html_(self) -> str:
+        n_b, n_t, n_y = self.coefficients.shape
+        rows = [[name, str(degree)] for name, degree in zip(self.parameters, self.alpha.max(axis=0), strict=True)]
+        head = html.text(f"Expansion of {n_y} outputs at {n_t} times in {n_b} products of Legendre polynomials")
+        return html.page(head, html.table([["parameter", "largest degree"], *rows]))
 
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of [-1, 1]^d."""
@@ -120,6 +129,12 @@ class Moments:
         return f"Moments({len(self.names)} outputs x {len(self.t)} times, {len(self.parameters)} parameters)"
 
     def __str__(self) -> str:
+        return "\n".join([_SHARES, *aligned(self._rows())])
+
+    def _repr_html_(self) -> str:
+        return html.page(html.text(_SHARES), html.table(self._rows()))
+
+    def _rows(self) -> list[list[str]]:
         is_known = ~np.isnan(self.first[0])
         limits = np.finfo(float)
         size = np.clip(self.variance, limits.tiny, limits.max)  # it may underflow or overflow
@@ -129,7 +144,7 @@ class Moments:
         for name, whole, *shares in zip(self.names, weights.sum(axis=0).tolist(), alone, along, strict=True):
             texts = [f"{a / whole:.3f} / {b / whole:.3f}" for a, b in zip(*shares, strict=True)] if whole else []
             rows.append([name, *(texts or ["no variance", *[""] * (len(self.parameters) - 1)])])
-        return "\n".join(["shares of the variance, alone / with others, over all times", *aligned(rows)])
+        return rows
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:

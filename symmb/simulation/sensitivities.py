@@ -97,6 +97,8 @@ class Sensitivities(Result, files.Saved):
         path: str | Path | None = None,
         outputs: str | Sequence[str] | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
     ) -> "Figure":
         """Draw the change of outputs over time for 1 % of each parameter; write the picture to `path` if given.
 
@@ -106,20 +108,24 @@ class Sensitivities(Result, files.Saved):
             those to draw; default: all
         ax : matplotlib Axes
             to draw in, in the place of a new figure, one an output
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
         """
         changes = 0.01 * self.values * np.array(list(self.parameters.values()))
-        return plot.plot_family(
+        figure = plot.plot_family(
             self.t,
             np.moveaxis(changes, -1, 0),
             self.names,
             [*self.parameters],
-            path,
             units=self.units,
             chosen=plot.columns_of("Sensitivities.plot", outputs, self.names),
             title=f"{self.name}: change for 1 % of each parameter",
             owner="Sensitivities.plot",
             ax=ax,
         )
+        return plot.finish(figure, "Sensitivities.plot", path, ax, figsize, title)
 
     def _record(self) -> dict[str, Any]:
         return dict(vars(self))

@@ -136,6 +136,8 @@ class Sweep(Result, files.Saved):
         path: str | Path | None = None,
         outputs: str | Sequence[str] | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
     ) -> "Figure":
         """Draw all runs over time, coloured by the first parameter that varies; write the picture to `path` if given.
 
@@ -145,21 +147,25 @@ class Sweep(Result, files.Saved):
             those to draw; default: all
         ax : matplotlib Axes
             to draw in, in the place of a new figure, one an output
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
         """
         by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
         order = np.argsort(values, kind="stable")
-        return plot.plot_family(
+        figure = plot.plot_family(
             self.t,
             self.values[order],
             self.names,
             [f"{by} = {values[k]:g}" for k in order],
-            path,
             units=self.units,
             chosen=plot.columns_of("Sweep.plot", outputs, self.names),
             title=self.name,
             owner="Sweep.plot",
             ax=ax,
         )
+        return plot.finish(figure, "Sweep.plot", path, ax, figsize, title)
 
     def _record(self) -> dict[str, Any]:
         return {**vars(self), "doubts": self.doubts}

@@ -336,6 +336,8 @@ class Trajectory(Result, files.Saved):
         path: str | Path | None = None,
         outputs: str | Sequence[str] | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
     ) -> "Figure":
         """Draw outputs over time, all if none are named; write the picture to `path` if given.
 
@@ -343,10 +345,15 @@ class Trajectory(Result, files.Saved):
         ----------
         ax : matplotlib Axes
             to draw in, in the place of a new figure: one for all outputs, or one each
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
         """
         chosen = figures.columns_of("Trajectory.plot", outputs, self.names)
-        values = self.t, self.values, self.names, path
-        return figures.plot_trajectory(*values, units=self.units, chosen=chosen, title=self.name, ax=ax)
+        values = self.t, self.values, self.names
+        figure = figures.plot_trajectory(*values, units=self.units, chosen=chosen, title=self.name, ax=ax)
+        return figures.finish(figure, "Trajectory.plot", path, ax, figsize, title)
 
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:

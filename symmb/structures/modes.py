@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from symmb import _html as html
 from symmb import files
 from symmb._errors import DeclarationError
 from symmb._types import Array
@@ -141,6 +142,13 @@ class Modes:
     def frequencies(self) -> Array:
         """(n,) natural frequencies in the frame [Hz]."""
         return np.sqrt(self.stiffness) / (2 * np.pi)
+
+    def _repr_html_(self) -> str:
+        omega, nodes = np.sqrt(self.stiffness), len(self.positions)
+        pairs = zip(self.frequencies.tolist(), (self.damping / (2 * omega)).tolist(), strict=True)
+        rows = [[str(k), f"{f:.6g}", f"{zeta:.4g}"] for k, (f, zeta) in enumerate(pairs, 1)]
+        head = html.text(f"Modes of a body of {self.mass:g} kg at {nodes} node{'s' * (nodes != 1)}")
+        return html.page(head, html.table([["mode", "frequency [Hz]", "damping [-]"], *rows]))
 
     @property
     def flexibility(self) -> Flexibility | None:

@@ -147,12 +147,25 @@ class Calibration(Result, files.Saved):
     def _repr_html_(self) -> str:
         return html.page(html.text(self._head()), html.table(self._rows()), html.picture(plot.png(self.plot())))
 
-    def plot(self, path: str | Path | None = None, outputs: str | Sequence[str] | None = None) -> "Figure":
-        """Draw the data and the fitted run over time; write the picture to `path` if given."""
+    def plot(
+        self,
+        path: str | Path | None = None,
+        outputs: str | Sequence[str] | None = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
+        """Draw the data and the fitted run over time; write the picture to `path` if given.
+
+        Parameters
+        ----------
+        figsize : (width, height)  of the figure [inch]
+        title : str                of the figure
+        """
         names = [*self.data]
         chosen = plot.columns_of("Calibration.plot", outputs, names)
         some = names if chosen is None else [names[k] for k in chosen]
-        return plot.plot_fit([(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in some], path)
+        figure = plot.plot_fit([(n, self.times[n], self.data[n], self.data[n] - self.residuals[n]) for n in some])
+        return plot.finish(figure, "Calibration.plot", path, None, figsize, title)
 
     def _labelled(self) -> Labelled:
         names, series = texts([*self.parameters]), ("value",)

@@ -148,6 +148,8 @@ class Comparison(Result, files.Saved):
         path: str | Path | None = None,
         outputs: str | Sequence[str] | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
     ) -> "Figure":
         """Draw bounds over time and error against run time; write the picture to `path` if given.
 
@@ -159,6 +161,10 @@ class Comparison(Result, files.Saved):
         ax : matplotlib Axes
             to draw in, in the place of a new figure: one an output for bounds over time; a single one without outputs
             takes the error against run time
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
         """
         reference = self.reference
         curves = [
@@ -174,7 +180,7 @@ class Comparison(Result, files.Saved):
             )
             for row in self.rows
         ]
-        return plot.plot_comparison(
+        figure = plot.plot_comparison(
             self.times,
             self.outputs,
             plot.Band(f"reference: {reference.method}", reference.lower, reference.upper),
@@ -184,9 +190,9 @@ class Comparison(Result, files.Saved):
             units=self.units,
             chosen=plot.columns_of("Comparison.plot", outputs, self.outputs),
             title=self.scene,
-            path=path,
             ax=ax,
         )
+        return plot.finish(figure, "Comparison.plot", path, ax, figsize, title)
 
     def _head(self) -> list[str]:
         yardstick = self.reference.yardstick

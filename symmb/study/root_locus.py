@@ -111,7 +111,13 @@ class RootLocus(files.Saved):
             bands = [f"bands over {self.box} by {self.method}, {self.evaluations} evaluations"]
         return [*bands, *self.remarks, *(f"doubtful: {doubt}" for doubt in self.doubts)]
 
-    def plot(self, path: str | Path | None = None, ax: "Axes | list[Axes] | None" = None) -> "Figure":
+    def plot(
+        self,
+        path: str | Path | None = None,
+        ax: "Axes | list[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
         """Draw the eigenvalues in the complex plane, and frequency and damping over the parameter (Campbell diagram).
 
         Parameters
@@ -120,11 +126,16 @@ class RootLocus(files.Saved):
             where to write the picture
         ax : matplotlib Axes
             to draw in, in the place of a new figure: up to three, for these diagrams
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
         """
         curves = {"f": self.frequencies, "zeta": self.damping, "re": self.modes.real, "im": self.modes.imag}
-        return plot.plot_root_locus(
-            self.values, self.eigenvalues, curves, self.bands, path, parameter=self.parameter, title=self.name, ax=ax
+        figure = plot.plot_root_locus(
+            self.values, self.eigenvalues, curves, self.bands, parameter=self.parameter, title=self.name, ax=ax
         )
+        return plot.finish(figure, "RootLocus.plot", path, ax, figsize, title)
 
     def _record(self) -> Mapping[str, Any]:
         parts = {"eigenvalues": self.eigenvalues, "modes": self.modes}

@@ -147,7 +147,13 @@ class Stability(files.Saved):
             advice=record.text("advice"),
         )
 
-    def plot(self, path: str | Path | None = None, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+    def plot(
+        self,
+        path: str | Path | None = None,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        figsize: tuple[float, float] | None = None,
+        title: str | None = None,
+    ) -> "Figure":
         """Draw error against run time, the drift of positions over time, and errors of the harder variants.
 
         Parameters
@@ -156,6 +162,10 @@ class Stability(files.Saved):
             where to write the picture
         ax : matplotlib Axes
             to draw in, in the place of a new figure: up to three, for these diagrams
+        figsize : (width, height)
+            of a new figure [inch]
+        title : str
+            of a new figure, in place of its own
         """
         finished = [trial for trial in self.trials if not trial.reason]
         families = dict.fromkeys(trial.family for trial in finished)
@@ -171,7 +181,8 @@ class Stability(files.Saved):
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
             for family in families
         }
-        return plot.plot_stability(self.times, points, drift, stress, path, title=self.scene, ax=ax)
+        figure = plot.plot_stability(self.times, points, drift, stress, title=self.scene, ax=ax)
+        return plot.finish(figure, "Stability.plot", path, ax, figsize, title)
 
     def _far_from_usual(self, trial: Trial) -> float:
         """Orders of magnitude from an error of 1e-4."""

@@ -169,3 +169,16 @@ def test_pages_are_small(pendulum, tmp_path):
     gun = tmp_path / "gun.html"
     mb.view(mb.simulate(load_scene("artillery"), times=np.linspace(0, 14e-3, 200)), gun)
     assert gun.stat().st_size <= 6e6
+
+
+def test_curves_have_a_time_axis(browser, pendulum):
+    browser.open(pendulum[1])
+    ticks = """(() => {
+        const texts = [], fill = CanvasRenderingContext2D.prototype.fillText;
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...at) { texts.push(text); fill.call(this, text, ...at); };
+        dispatchEvent(new Event("resize"));
+        CanvasRenderingContext2D.prototype.fillText = fill;
+        return texts;
+    })()"""  # noqa: E501
+    texts = browser.run(ticks)
+    assert texts[:6] == ["0", "2", "4", "6", "8", "10 s"]

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 import symmb as mb
 from symmb import plot
+from symmb.plot.colours import RUN_COLOUR
 from symmb.study.stability import Stability
 
 BALL = mb.Body("ball", mass=1.0, pose=mb.Particle())
@@ -20,6 +21,7 @@ SCENE = mb.Scene(
     outputs={"x": BALL.x, "vy": BALL.vy, "force": P.stiffness * BALL.x},
     box=mb.Box(stiffness=(36.0, 44.0)),
 )
+RESTING = mb.Scene(SCENE.system, outputs={"x": BALL.x})
 RUN = mb.simulate(SCENE)
 BOUNDS = mb.propagate(SCENE, mb.PolynomialChaos(order=3))
 COMPARISON = mb.compare(SCENE, [mb.Vertex(), mb.PolynomialChaos(), mb.PolynomialChaos.paper(2)])
@@ -105,7 +107,7 @@ def test_what_are_no_axes_is_refused(result):
 
 def test_a_method_has_one_colour_in_every_picture():
     alone = colours(BOUNDS.plot(outputs="x").axes[0])
-    assert alone == {plot.colour_of("PolynomialChaos")}
+    assert alone == {plot.colour_of("PolynomialChaos"), RUN_COLOUR}  # that of the nominal run
     together = colours(COMPARISON.plot(outputs="x").axes[0])
     errors = colours(COMPARISON.plot().axes[-1])
     names = ("PolynomialChaos", "PolynomialChaos.paper", "Vertex")
@@ -147,3 +149,67 @@ def test_figures_show_themselves_and_can_be_pickled():
 def test_malformed_outputs_are_refused(result, outputs):
     with pytest.raises(mb.DeclarationError, match=r"outputs must be a name|no output"):
         result.plot(outputs=outputs)
+
+
+EVERY_PICTURE = {
+    "Trajectory": lambda: RUN,
+    "Bounds": lambda: BOUNDS,
+    "Comparison": lambda: COMPARISON,
+    "Contributions": lambda: BOUNDS.contributions(),
+    "LimitCheck": lambda: BOUNDS.check({"x": (None, 1.0)}),
+    "Sweep": lambda: mb.sweep(SCENE, {"stiffness": [36.0, 44.0]}),
+    "Sensitivities": lambda: mb.sensitivities(SCENE),
+    "Calibration": lambda: mb.calibrate(SCENE, {"x": RUN["x"] + 1e-3 * np.sin(9 * RUN.t)}, ["stiffness"]),
+    "Stability": lambda: Stability("scene", np.array([0.0, 1.0]), (), (), {}, np.nan, {}, "advice"),
+    "RootLocus": lambda: mb.root_locus(RESTING, "stiffness", (36.0, 44.0), count=3),
+}
+
+
+@pytest.fixture(scope="module", params=EVERY_PICTURE)
+def pictured(request):
+    return request.param, EVERY_PICTURE[request.param]()
+
+
+def test_size_and_title_of_every_picture(pictured, tmp_path):
+    _, result = pictured
+    figure = result.plot(tmp_path / "p.png", figsize=(4, 3.5), title="of $x$")
+    assert figure.get_size_inches().tolist() == [4, 3.5]
+    titles = [part.get_suptitle() for part in (figure, *figure.subfigs) if part.get_suptitle()]
+    assert titles == [r"of \$x\$"]
+    assert (tmp_path / "p.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"figsize": 3}, {"figsize": (0, 1)}, {"figsize": (8, 1e6)}, {"figsize": ("a", 1)}, {"title": 3}]
+)
+def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
+    owner, result = pictured
+    with pytest.raises(mb.DeclarationError, match=rf"^{owner}\.plot: {next(iter(wrong))} must be [^\n]*$"):
+        result.plot(**wrong)
+
+
+@RESULTS
+def test_a_size_does_not_go_with_given_axes(result):
+    with pytest.raises(mb.DeclarationError, match="figsize goes with a new figure, not with ax"):
+        result.plot(outputs="x", ax=Figure().subplots(), figsize=(4, 3))
+
+
+def test_the_nominal_run_is_drawn_beside_its_bounds():
+    figure = BOUNDS.plot(outputs="x")
+    line = {line.get_label(): line for line in figure.axes[0].lines}["nominal run"]
+    np.testing.assert_allclose(line.get_ydata(), RUN["x"], atol=1e-9)
+    assert "nominal run" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_deviations_from_the_nominal_run():
+    axes = BOUNDS.plot(outputs="x", deviation=True).axes[0]
+    assert axes.get_title(loc="left") == "x − nominal [m]"
+    lines = [line.get_ydata() for line in axes.lines]
+    np.testing.assert_array_equal(lines[0], BOUNDS.lower[:, 0] - BOUNDS.nominal[:, 0])
+    np.testing.assert_array_equal(lines[1], BOUNDS.upper[:, 0] - BOUNDS.nominal[:, 0])
+    assert not lines[-1].any()
+    unknown = mb.Bounds(RUN.t, ("x",), RUN.values[:, :1], RUN.values[:, :1], "sampled", "Vertex()", 4)
+    with pytest.raises(mb.DeclarationError, match="deviation needs the nominal run"):
+        unknown.plot(deviation=True)
+    with pytest.raises(mb.DeclarationError, match="deviation must be True or False"):
+        BOUNDS.plot(deviation="yes")

@@ -147,6 +147,45 @@ def test_a_single_time_is_a_stretch():
     assert list(axes.get_xticks()) == [2.0]
 
 
+NOISE = np.array([0.0, 1e-17, -1e-17, 1e-17, 0.0])
+ROUNDED = {
+    "about 0, beside an output of its unit": (NOISE, "N", True),
+    "about 0, of an output of another unit": (NOISE, "m", False),
+    "about 3": (3.0 + 1e3 * NOISE, "m", True),
+    "motion about 3": (3.0 + 1e12 * NOISE, "m", False),
+}
+
+
+def share_of_the_height(axes):
+    bottom, top = axes.get_ylim()
+    return np.ptp(axes.lines[0].get_ydata()) / (top - bottom)
+
+
+@pytest.mark.parametrize("name", ROUNDED)
+def test_rounding_looks_flat(name):
+    noise, unit, is_flat = ROUNDED[name]
+    values, units = np.stack([noise, 10.0 * T], axis=1), [unit, "N"]
+    band = plot.Band("reference: best", values - 1e-18, values + 1e-18)
+    figures = [
+        plot.plot_trajectory(T, values, "ab", units=units),
+        plot.plot_family(T, np.stack([values, values]), "ab", ["first", "last"], units=units),
+        plot.plot_bounds(T, "ab", band, units=units),
+        plot.plot_comparison(
+            T,
+            "ab",
+            band,
+            [plot.PlottedBounds("A", "A()", "estimate", band.lower, band.upper, np.zeros(2), 9, 0.1)],
+            measured=np.ones(2, dtype=bool),
+            uncertainty=np.zeros(2),
+            units=units,
+        ),
+    ]
+    for figure in figures:
+        share = share_of_the_height(figure.axes[0])
+        assert share < 0.02 if is_flat else share > 0.5
+        assert share_of_the_height(figure.axes[1]) > 0.5
+
+
 def test_pyplot_is_not_touched(tmp_path):
     code = (
         "import sys, numpy as np; from symmb import plot\n"
